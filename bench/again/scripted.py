@@ -139,7 +139,7 @@ class _ScriptedFlight:
         self, folder: Path, scenario: Scenario, faults: InjectedFaults, on_snapshot: Callable[[Snapshot], None]
     ) -> None:
         self.scenario, self.faults, self.start_us = scenario, faults, scenario.start_us
-        self.on_snapshot = on_snapshot
+        self.on_snapshot, self.frame_shown = on_snapshot, False
         self.t_us = self.start_us + round(TELEMETRY_FROM_S * S)
         """True time."""
         self.mission = _mission(scenario)
@@ -158,9 +158,7 @@ class _ScriptedFlight:
         self.detector = ScriptedDetector()
         pipeline = Pipeline(self.mission, ("first", "second"), lambda link, peer: self.links[link].address(peer))
         fault_log = Faults(self.recorder.folder / "faults.txt")
-        self.fold = FrameLoop(
-            pipeline, self.detector, self.recorder, fault_log, lambda snapshot: None, now_us=self.wall_us
-        )
+        self.fold = FrameLoop(pipeline, self.detector, self.recorder, fault_log, self._show_frame, now_us=self.wall_us)
 
     def wall_us(self, t_us: int | None = None) -> int:
         """Reading of the wall clock at a true time, now by default."""
@@ -186,9 +184,16 @@ class _ScriptedFlight:
     def run_fold(self, frame: Frame | None) -> None:
         """Run the fold once, with the newest frame or None."""
         self.fold.add_packets(self.memory.take_packets(), self.wall_us())
+        before, self.frame_shown = self.fold.latest, False
         self.fold.run_once(frame)
-        if self.fold.latest is not None:
+        # a frame that waits for telemetry shows nothing yet
+        if self.fold.latest is not None and self.fold.latest is not before and not self.frame_shown:
             self.on_snapshot(self.fold.latest)
+
+    def _show_frame(self, snapshot: Snapshot) -> None:
+        """One turn may show several frames that waited."""
+        self.frame_shown = True
+        self.on_snapshot(snapshot)
 
     def close(self) -> Path:
         self.fold.close()

@@ -28,7 +28,7 @@ R = TypeVar("R")
 
 
 @dataclass(slots=True)
-class _Stopwatch:
+class _PartTimes:
     """Seconds that parts took since the last frame: CPU time of the thread, and wall time."""
 
     spent: dict[str, tuple[float, float]] = field(default_factory=dict)
@@ -81,9 +81,9 @@ def _with_errors(scenario: Scenario) -> Scenario:
 
 
 @contextmanager
-def timed_parts() -> Iterator[_Stopwatch]:
+def timed_parts() -> Iterator[_PartTimes]:
     """Within it the time of every tracker and identifier is taken."""
-    clock = _Stopwatch()
+    clock = _PartTimes()
     with (
         patch.object(Tracker, "update", clock.around("tracker", Tracker.update)),
         patch.object(Identifier, "update", clock.around("identifier", Identifier.update)),

@@ -8,7 +8,7 @@ import numpy as np
 
 from assoc.records import CameraState, Observation, VehicleReports
 from gcs.fold.frame_camera import FrameCamera
-from gcs.fold.ground_contact import contact_rays
+from gcs.fold.ground.contact import contact_rays
 from mavlink.fleet.fleet import FleetState, Reports
 from vision.camera.camera import Intrinsics
 from vision.detect.detections import Detections

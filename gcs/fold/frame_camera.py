@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.fold.ground import Ground
+from gcs.fold.ground.surface import GroundSurface
 from mavlink.state import FleetState
 from vision.camera.camera import CameraPose, image_warp, project
 from vision.camera.intrinsics import Intrinsics
@@ -24,7 +24,7 @@ class FrameCamera:
 
     intrinsics: Intrinsics
     pose: CameraPose
-    ground: Ground
+    ground: GroundSurface
     attitude_known: bool
     position_sure: bool
     """False: the UAV doubts its own position."""

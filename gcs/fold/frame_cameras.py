@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from gcs.errors import ConfigError
 from gcs.fold.camera_direction import CameraDirection
 from gcs.fold.frame_camera import FrameCamera
-from gcs.fold.ground import Relief
-from gcs.fold.ground_height import GroundHeight
+from gcs.fold.ground.height import GroundHeight
+from gcs.fold.ground.surface import Relief
 from gcs.fold.optics import Optics
 from gcs.fold.position_steps import StepFilter
 from gcs.mission.mission import Mission

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Alignment", "Boxes", "Lens", "align"]
+__all__ = ["Alignment", "BoxShapes", "Lens", "align"]
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -63,7 +63,7 @@ LEAST_GAIN = 12.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Boxes:
+class BoxShapes:
     """n boxes, of tracks where they are expected or of a frame."""
 
     centre: Floats
@@ -74,7 +74,7 @@ class Boxes:
     """(n,) direction of the longer side, rad modulo π; NaN where no side is clearly longer."""
 
     @classmethod
-    def of(cls, rows: Floats) -> Boxes:
+    def of(cls, rows: Floats) -> BoxShapes:
         """From rows cx cy w h angle, (n, 5)."""
         w, h = rows[:, 2], rows[:, 3]
         axis = rows[:, 4] + np.where(w < h, 0.5 * np.pi, 0.0)
@@ -107,7 +107,7 @@ class Alignment:
 
 
 def align(
-    tracks: Boxes, variance: Floats, boxes: Boxes, *, worth: Floats, reach: Floats, usual_px: float, lens: Lens
+    tracks: BoxShapes, variance: Floats, boxes: BoxShapes, *, worth: Floats, reach: Floats, usual_px: float, lens: Lens
 ) -> Alignment:
     """The common motion that brings tracks onto boxes, if there is evidence for one.
 
@@ -142,7 +142,7 @@ def align(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Pairs:
+class _PairPoints:
     """n tracks and c boxes that each of them may have."""
 
     motion: Floats
@@ -156,9 +156,9 @@ class _Pairs:
     column: Indices
     """(n, c) of the box."""
 
-    def of(self, rows: Indices) -> _Pairs:
+    def of(self, rows: Indices) -> _PairPoints:
         """Of some of the tracks."""
-        return _Pairs(
+        return _PairPoints(
             motion=self.motion[rows],
             variance=self.variance[rows],
             offset=self.offset[rows],
@@ -167,7 +167,9 @@ class _Pairs:
         )
 
 
-def _near(tracks: Boxes, boxes: Boxes, variance: Floats, worth: Floats, reach: Floats, lens: Lens) -> _Pairs:
+def _near(
+    tracks: BoxShapes, boxes: BoxShapes, variance: Floats, worth: Floats, reach: Floats, lens: Lens
+) -> _PairPoints:
     """The nearest compatible boxes of each track."""
     between = boxes.centre - tracks.centre[:, None]
     squared = (between * between).sum(axis=2)
@@ -179,7 +181,7 @@ def _near(tracks: Boxes, boxes: Boxes, variance: Floats, worth: Floats, reach: F
     column = np.argsort(squared, axis=1, kind="stable")[:, :most]
     larger = np.log(boxes.size[column] / tracks.size[:, None]) / SIZE_STD
     rows = np.arange(len(column))[:, None]
-    return _Pairs(
+    return _PairPoints(
         motion=_motion(tracks.centre - lens.middle, lens.focal_px),
         variance=variance,
         offset=between[rows, column],
@@ -188,7 +190,7 @@ def _near(tracks: Boxes, boxes: Boxes, variance: Floats, worth: Floats, reach: F
     )
 
 
-def _best(theta: Floats, pairs: _Pairs, size: Floats, prior: _Prior, boxes: int) -> tuple[Floats, float]:
+def _best(theta: Floats, pairs: _PairPoints, size: Floats, prior: _Prior, boxes: int) -> tuple[Floats, float]:
     """The best of candidates (h, 4) after refinement, and its score; zero if none is clearly better than that."""
     none = np.zeros((1, 4))
     spread = TOLERANCE * size
@@ -233,7 +235,7 @@ _PRECISION = np.diag([1e-9, 1e-9, TURN_STD**-2, ZOOM_STD**-2])
 """Λ of θ in least squares: shifts are free."""
 
 
-def _candidates(pairs: _Pairs, place: Floats) -> Floats:
+def _candidates(pairs: _PairPoints, place: Floats) -> Floats:
     """θ (h, 4) of two tracks each, one of the first and another far from it, with every two boxes that fit."""
     found = [np.empty((0, 4))]
     seen = np.flatnonzero(np.isfinite(pairs.value[:, 0]))
@@ -262,7 +264,7 @@ def _squares(d: Floats, Q: Floats) -> Floats:
     return np.asarray(((d @ Q) * d).sum(axis=1))
 
 
-def _fit(theta: Floats, pairs: _Pairs, variance: Floats) -> Floats:
+def _fit(theta: Floats, pairs: _PairPoints, variance: Floats) -> Floats:
     """How well θ (h, 4) explains each track with each of its boxes, (h, n, c), at least 0."""
     # |offset − A θ|² / variance
     moved = np.tensordot(theta, pairs.motion, axes=(1, 2))[:, :, None]
@@ -270,7 +272,7 @@ def _fit(theta: Floats, pairs: _Pairs, variance: Floats) -> Floats:
     return np.asarray(np.maximum(pairs.value - (x * x + y * y) / variance[:, None], 0.0))
 
 
-def _refined(fit: Floats, pairs: _Pairs) -> Floats:
+def _refined(fit: Floats, pairs: _PairPoints) -> Floats:
     """θ (h, 4) by least squares on the best pair of each track that has one."""
     best = fit.argmax(axis=2)
     rows, A = np.arange(len(pairs.motion)), pairs.motion

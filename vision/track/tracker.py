@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from vision.detect.boxes import prob_iou, prob_iou_pairs, wrap
 from vision.detect.detections import Detections
 from vision.track import kalman
-from vision.track.alignment import Alignment, Boxes, Lens, align
+from vision.track.alignment import Alignment, BoxShapes, Lens, align
 from vision.track.matching import Pairs, assign, one_to_one
 from vision.track.merged_detections import find_merged
 from vision.track.track_state import TrackState
@@ -164,7 +164,7 @@ class Tracker:
         settled = state.hits[voters] >= min(self.params.confirm_hits, state.hits[voters].max())
         if np.count_nonzero(near & settled) > min(int(np.count_nonzero(settled)), count) // 2:
             return
-        seen = Boxes.of(boxes.boxes[chosen])
+        seen = BoxShapes.of(boxes.boxes[chosen])
         found = self._aligned(state, voters, seen, focal_px)
         if self._unwarped is not None and found.share < SURE_SHARE:
             other = self._aligned(self._unwarped, voters, seen, focal_px)
@@ -177,7 +177,7 @@ class Tracker:
         if dt > 0:
             state.x[:, 2:] += VELOCITY_SHARE * (state.x[:, :2] - before) / dt
 
-    def _aligned(self, state: TrackState, voters: Indices, seen: Boxes, focal_px: float | None) -> Alignment:
+    def _aligned(self, state: TrackState, voters: Indices, seen: BoxShapes, focal_px: float | None) -> Alignment:
         params = self.params
         voting = state.select(voters)
         noise = self._noise_of(voting.length)
@@ -186,7 +186,7 @@ class Tracker:
         size = voting.length
         middle = voting.x[:, :2].mean(axis=0) if params.frame_size is None else 0.5 * np.array(params.frame_size)
         return align(
-            Boxes.of(voting.boxes),
+            BoxShapes.of(voting.boxes),
             variance,
             seen,
             worth=params.limit - params.overlap_weight - 2.0 * np.log(variance / floor),

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.support.snapshots import STEP, boxes
 from vision.detect.boxes import wrap
-from vision.track.alignment import Boxes, Lens, align
+from vision.track.alignment import BoxShapes, Lens, align
 from vision.track.tracker import Tracker
 from vision.track.tracks import TrackerParams
 
@@ -28,9 +28,9 @@ def rows(centre, angle=0.0, w=W, h=H):
 def aligned(tracks, seen, *, usual_px=20.0, focal_px=np.inf, reach=120.0):
     n = len(tracks)
     return align(
-        Boxes.of(tracks),
+        BoxShapes.of(tracks),
         np.full(n, 4.0),
-        Boxes.of(seen),
+        BoxShapes.of(seen),
         worth=np.full(n, 22.0),
         reach=np.full(n, reach),
         usual_px=usual_px,

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs.fold.ground_height import GroundHeight
+from gcs.fold.ground.height import GroundHeight
 from mavlink.geodesy import R_ENU_NED, rotation_from_euler
 from tests.support.flights import World
 

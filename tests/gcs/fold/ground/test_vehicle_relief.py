@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gcs.fold.vehicle_relief import VehicleRelief
+from gcs.fold.ground.vehicle_relief import VehicleRelief
 
 N, STEP_S = 6, 0.1
 

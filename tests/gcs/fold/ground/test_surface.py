@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 from gcs.fold.frame_cameras import FrameCameras
-from gcs.fold.ground import Ground
+from gcs.fold.ground.surface import GroundSurface
 from gcs.mission.mission import parse_mission
+from tests.support.board_video import write_geotiff
 from tests.support.flights import World
-from tests.support.geotiff import write_geotiff
 from vision.camera.camera import CameraPose, Mount, camera_pose, ground, project
 from vision.camera.intrinsics import Intrinsics
 
 LENS = Intrinsics(width=1920, height=1080, fx=1400, fy=1400, cx=960, cy=540, distortion=np.zeros(5))
 IDS = np.array([11, 12, 13])
-SLOPE = Ground(at=np.array([10.0, 40.0]), z=3.0, slope=np.array([0.08, -0.05]), std_m=1.0)
+SLOPE = GroundSurface(at=np.array([10.0, 40.0]), z=3.0, slope=np.array([0.08, -0.05]), std_m=1.0)
 NORTH = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
@@ -55,7 +55,7 @@ def test_a_vehicle_on_a_bump_appears_farther_away():
 
 
 def test_level_ground_is_where_it_is():
-    level = Ground(at=np.zeros(2), z=3.0, slope=np.zeros(2), std_m=1.0)
+    level = GroundSurface(at=np.zeros(2), z=3.0, slope=np.zeros(2), std_m=1.0)
     places = np.array([[30.0, 10.0, 3.0], [-5.0, 90.0, 3.0]])
     np.testing.assert_allclose(level.seen_on_level(places, IDS[:2], np.array([0.0, 0.0, 40.0])), places)
     np.testing.assert_allclose(level.below_level(places, np.array([0.0, 0.0, 40.0])), places)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gcs.fold.frame_camera import FrameCamera
-from gcs.fold.ground import Ground
-from gcs.fold.ground_contact import contact_rays
+from gcs.fold.ground.contact import contact_rays
+from gcs.fold.ground.surface import GroundSurface
 from sim.world.boxes import true_boxes
 from sim.world.view import Bodies, CameraView
 from vision.camera.camera import CameraPose, Intrinsics, Mount, camera_pose
@@ -49,7 +49,7 @@ def seen(pitch_deg, height_m, body):
     camera = FrameCamera(
         intrinsics=lens,
         pose=pose,
-        ground=Ground(at=np.zeros(2), z=0.0, slope=np.zeros(2), std_m=1.0),
+        ground=GroundSurface(at=np.zeros(2), z=0.0, slope=np.zeros(2), std_m=1.0),
         attitude_known=True,
         position_sure=True,
     )

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gcs.mission.terrain_file import TerrainFile
 from mavlink.geodesy import LocalFrame
 
-__all__ = ["Ground", "Relief", "Source"]
+__all__ = ["GroundSurface", "HeightSource", "Relief"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -29,7 +29,7 @@ STEPS = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Source:
+class HeightSource:
     """What one source makes of the ground's height."""
 
     name: str
@@ -53,7 +53,7 @@ class Relief:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ground:
+class GroundSurface:
     """What the vehicles drive on: a plane, with the relief of a terrain file upon it where there is one."""
 
     at: FloatArray
@@ -64,7 +64,7 @@ class Ground:
     """(2,) rise per metre east and north."""
     std_m: float
     """1σ of ``z``."""
-    sources: tuple[Source, ...] = ()
+    sources: tuple[HeightSource, ...] = ()
     relief: Relief | None = None
     bumps: Mapping[int, float] = field(default_factory=dict)
     """Of the ground under each vehicle above all that, metres, by system id."""

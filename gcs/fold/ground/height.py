@@ -20,8 +20,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.fold.ground import Ground, Relief, Source
-from gcs.fold.vehicle_relief import VehicleRelief
+from gcs.fold.ground.surface import GroundSurface, HeightSource, Relief
+from gcs.fold.ground.vehicle_relief import VehicleRelief
 from gcs.snapshot import Event
 from mavlink.state import FleetState, UavState
 
@@ -37,7 +37,7 @@ RELIEF_SLOPE_STD = 0.005
 """The same about a terrain file, whose own error is a height that changes over kilometres."""
 FILE_STD_M = 5.0
 """1σ of a terrain file's height against the UAV's altitude: a map's own error, and another sea level or none."""
-FILE = Source(name="the terrain file", z=0.0, std_m=FILE_STD_M)
+FILE = HeightSource(name="the terrain file", z=0.0, std_m=FILE_STD_M)
 TAKEOFF = "the take-off"
 ON_FILE_STD_M = 2.0
 """1σ of the ground, above the relief, by the place of the take-off: a barometer's drift and a file's errors."""
@@ -75,8 +75,8 @@ class GroundHeight:
     """Follows the ground from frame to frame."""
 
     def __init__(self) -> None:
-        self.ground: Ground | None = None
-        self._found: Ground | None = None
+        self.ground: GroundSurface | None = None
+        self._found: GroundSurface | None = None
         self._found_us = 0
         """What was found last, and when; ``ground`` follows it."""
         self._relief: Relief | None = None
@@ -91,12 +91,12 @@ class GroundHeight:
         self._told_m: dict[str, float] = {}
         """By how much a source differed when that was reported."""
 
-    def below(self, uav: UavState) -> Ground:
+    def below(self, uav: UavState) -> GroundSurface:
         """The ground; the plane of the UAV's home while nothing else is known."""
         if self.ground is not None:
             return self.ground
         home_z = float(uav.p_enu[2] - uav.height_m)
-        return Ground(at=uav.p_enu[:2], z=home_z, slope=np.zeros(2), std_m=HOME_ALONE_STD_M)
+        return GroundSurface(at=uav.p_enu[:2], z=home_z, slope=np.zeros(2), std_m=HOME_ALONE_STD_M)
 
     def update(self, state: FleetState, relief: Relief | None = None) -> Sequence[Event]:
         """Take in the altitudes of one moment; returns what an operator should know.
@@ -132,7 +132,7 @@ class GroundHeight:
         uav_en, home_z = uav.p_enu[:2], home_z - float(rise[1])
         measured = [(replace(source, z=source.z - float(rise[0])), uav_en) for source in _below_uav(uav)]
         if relief is not None and self._takeoff_en is not None:
-            measured.append((Source(name=TAKEOFF, z=home_z, std_m=ON_FILE_STD_M), self._takeoff_en))
+            measured.append((HeightSource(name=TAKEOFF, z=home_z, std_m=ON_FILE_STD_M), self._takeoff_en))
         found, ago_us = self._found, state.t_us - self._found_us
         if found is None or not 0 <= ago_us < FIND_EVERY_US or (found.relief is None) != (relief is None):
             found = find_ground(self._moments, std_m, home_z, uav_en, measured, relief)
@@ -158,7 +158,7 @@ class GroundHeight:
         text = "the terrain file has no heights where the fleet is: it is not used there"
         return (Event(t_us=t_us, level="warning", kind="camera", text=text, system_id=uav_id),)
 
-    def _gaps(self, t_us: int, uav_z: float, found: Ground, uav_id: int) -> Sequence[Event]:
+    def _gaps(self, t_us: int, uav_z: float, found: GroundSurface, uav_id: int) -> Sequence[Event]:
         """An event for sources that differ from what is used by more than they may."""
         new = []
         for source in found.sources:
@@ -177,13 +177,13 @@ class GroundHeight:
         return (Event(t_us=t_us, level="warning", kind="camera", text=text, system_id=uav_id),)
 
 
-def _below_uav(uav: UavState) -> tuple[Source, ...]:
+def _below_uav(uav: UavState) -> tuple[HeightSource, ...]:
     """The ground below the UAV as what it carries measures it."""
     # d along the body's vertical axis: the ground is d cos(tilt) lower; R_enu_body[2, 2] = −cos(tilt)
     upright = -float(uav.R_enu_body[2, 2]) if uav.attitude_valid else 1.0
     found = (
-        Source(name="the rangefinder", z=float(uav.p_enu[2]) - uav.range_m * upright, std_m=RANGE_STD_M),
-        Source(
+        HeightSource(name="the rangefinder", z=float(uav.p_enu[2]) - uav.range_m * upright, std_m=RANGE_STD_M),
+        HeightSource(
             name="the autopilot's terrain map",
             z=float(uav.p_enu[2]) - uav.terrain_height_m,
             std_m=TERRAIN_STD_M,
@@ -197,9 +197,9 @@ def find_ground(
     std_m: FloatArray,
     home_z: float,
     uav_en: FloatArray,
-    measured: Sequence[tuple[Source, FloatArray]] = (),
+    measured: Sequence[tuple[HeightSource, FloatArray]] = (),
     relief: Relief | None = None,
-) -> Ground:
+) -> GroundSurface:
     """The most probable ground; all heights are above the relief where there is one.
 
     Args:
@@ -230,19 +230,21 @@ def find_ground(
     cov[0, 0] += UAV_ALTITUDE_STD_M**2
     sources = []
     if len(known):
-        sources.append(Source(name="the vehicles' altitudes", z=float(plane[0]), std_m=math.sqrt(cov[0, 0])))
+        sources.append(HeightSource(name="the vehicles' altitudes", z=float(plane[0]), std_m=math.sqrt(cov[0, 0])))
     for source, place_en in (*measured, *([(FILE, at)] if relief is not None else [])):
         h = np.array([1.0, *(place_en - at)])
         there = float(plane[0] + source.z - h @ plane)
-        sources.append(Source(name=source.name, z=there, std_m=math.hypot(source.std_m, slope_std * np.hypot(*h[1:]))))
+        sources.append(
+            HeightSource(name=source.name, z=there, std_m=math.hypot(source.std_m, slope_std * np.hypot(*h[1:])))
+        )
         plane, cov = _with_height(plane, cov, h, source)
     z, var = float(plane[0]), float(cov[0, 0])
     if TAKEOFF not in [source.name for source in sources]:
-        sources.append(Source(name=TAKEOFF, z=home_z, std_m=float(HOME_STDS_M[0])))
+        sources.append(HeightSource(name=TAKEOFF, z=home_z, std_m=float(HOME_STDS_M[0])))
         z, var = _with_home(z, var, home_z)
     rise = float(relief.heights(at[None])[0]) if relief is not None else 0.0
     said = tuple(replace(source, z=source.z + rise) for source in sources)
-    return Ground(at=at, z=z + rise, slope=plane[1:], std_m=math.sqrt(var), sources=said, relief=relief)
+    return GroundSurface(at=at, z=z + rise, slope=plane[1:], std_m=math.sqrt(var), sources=said, relief=relief)
 
 
 def _near_median(z: FloatArray, home_z: float) -> NDArray[np.bool_]:
@@ -275,7 +277,9 @@ def _fit_plane(
     return covariance @ within[:3, 3], covariance
 
 
-def _with_height(plane: FloatArray, cov: FloatArray, h: FloatArray, source: Source) -> tuple[FloatArray, FloatArray]:
+def _with_height(
+    plane: FloatArray, cov: FloatArray, h: FloatArray, source: HeightSource
+) -> tuple[FloatArray, FloatArray]:
     """Kalman update of the plane (3,) by its height h·plane at one place; left out where it contradicts the rest."""
     innovation, var = source.z - h @ plane, h @ cov @ h + source.std_m**2
     if innovation**2 > OUTLIER_STDS**2 * var:
@@ -298,10 +302,10 @@ def _with_home(z: float, var: float, home_z: float) -> tuple[float, float]:
     return mean, float(share @ (var * HOME_STDS_M**2 / total + (means - mean) ** 2))
 
 
-def _blend(before: Ground, now: Ground, share: float) -> Ground:
+def _blend(before: GroundSurface, now: GroundSurface, share: float) -> GroundSurface:
     """The plane before moved towards the one that is found now."""
     z, slope = float(before.height_at(now.at[None])[0]), before.slope
-    return Ground(
+    return GroundSurface(
         at=now.at,
         z=z + share * (now.z - z),
         slope=slope + share * (now.slope - slope),
