@@ -33,6 +33,8 @@ _UNSEEN_BESIDE = 0.03
 _LEAST = 0.0
 """ln N from which a vehicle is weighed."""
 
+_REACH_STD = 6.0
+"""Biases of so many σ_b are no vehicle's own: one that reports to be further away from a track does not copy it."""
 _WEAK = 8.0
 """Score, nats, below which a vehicle has no track of its own worth the name."""
 
@@ -72,7 +74,8 @@ def shared_tracks(
     own[choice[taken]] = score[taken, choice[taken]]
     # who may be at another's track besides, and at which one best
     away2 = np.sum(bias * bias, axis=2)
-    possible = (log_copy > _LEAST) & (own < _WEAK) & ~elsewhere & (away2 < SPREAD_M**2)
+    reach = min(SPREAD_M, _REACH_STD * bias_std)
+    possible = (log_copy > _LEAST) & (own < _WEAK) & ~elsewhere & (away2 < reach**2)
     possible[taken, choice[taken]] = False
     possible &= (choice >= 0)[:, None] & (log_copy[np.arange(len(score)), choice] > _LEAST)[:, None]
     at = np.argmin(np.where(possible, away2, np.inf), axis=0)
