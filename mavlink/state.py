@@ -87,8 +87,6 @@ class UavState:
     roll: float
     R_enu_gimbal: Array | None
     """(3, 3) gimbal (x along the optical axis, FRD) → ENU, None when not reported in the last second."""
-    position_age_s: float
-    attitude_age_s: float
     position_valid: bool
     attitude_valid: bool
     camera: CameraReport | None

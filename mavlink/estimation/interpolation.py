@@ -168,6 +168,11 @@ class PositionEstimate(NamedTuple):
     bracketed: bool
     """A later report exists too, and soon enough after: interpolated, not extrapolated."""
 
+    @property
+    def usable(self) -> bool:
+        """Whether a report is near enough in time for the place to be known."""
+        return self.bracketed or self.age_s <= _EXTRAPOLATE_S
+
 
 def position_at(fixes: SampleBuffer[Fix], boot_us: int) -> PositionEstimate | None:
     """Position at a time: interpolated between two reports, after the last extrapolated for two seconds at most.

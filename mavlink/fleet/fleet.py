@@ -17,7 +17,7 @@ from mavlink.duplicate_id.autopilot_id import AUTOPILOT_VERSION
 from mavlink.estimation.camera_report import CameraReports, CameraSample
 from mavlink.estimation.gimbal import Gimbals, GimbalSample
 from mavlink.estimation.ground_distance import GroundDistance
-from mavlink.estimation.interpolation import Fix, PositionEstimate
+from mavlink.estimation.interpolation import Fix
 from mavlink.estimation.origin import FLEET_SPAN_M, LOCAL_REACH_M, TOO_FAR, Origin
 from mavlink.estimation.position_quality import Doubt
 from mavlink.estimation.positions import VehicleLimits, in_frame
@@ -56,8 +56,6 @@ __all__ = ["CameraReport", "Fleet", "FleetState", "Notice", "Reports", "UavState
 
 _UAV_LIMITS = VehicleLimits(max_speed=80.0, max_acceleration=12.0)
 """A fast multicopter or a small plane."""
-_USABLE_S = 2.0
-"""A position is extrapolated for no longer."""
 _ORIGIN_PATIENCE_US = 10_000_000
 """How long the origin waits for the UAV's first position: a receiver that has just been switched on needs longer."""
 _MAX_WAITING = 2000
@@ -184,10 +182,13 @@ class Fleet:
         estimates = [vehicle.positions.at(vehicle.clock.boot_of(t_us)) for vehicle in self._ugvs]
         statuses = [_status(vehicle, status_us) for vehicle in self._ugvs]
         rows = np.array([e.fix if e else NO_FIX for e in estimates], dtype=np.float64).reshape(-1, len(NO_FIX))
-        uav_status = _status(self._uav, status_us)
+        valid = [
+            estimate is not None and estimate.usable and not (status.contested or status.jumps)
+            for estimate, status in zip(estimates, statuses, strict=True)
+        ]
         return FleetState(
             t_us=t_us,
-            uav=self._uav_at(t_us, uav_status),
+            uav=self.uav_at(t_us),
             system_id=self._ids,
             p_enu=rows[:, 0:3],
             v_enu=rows[:, 3:6],
@@ -195,13 +196,13 @@ class Fleet:
             age_s=np.array([s.position_age_s for s in statuses], dtype=np.float64),
             std_m=np.array([_widened(std, v.doubt(t_us)) for std, v in zip(rows[:, 7], self._ugvs, strict=True)]),
             up_std_m=rows[:, 9],
-            valid=np.array([_usable(e, s) for e, s in zip(estimates, statuses, strict=True)], dtype=np.bool_),
-            vehicles=(uav_status, *statuses),
+            valid=np.array(valid, dtype=np.bool_),
+            vehicles=(_status(self._uav, status_us), *statuses),
         )
 
     def uav_at(self, t_us: int) -> UavState:
         """The UAV alone at a Unix time in µs."""
-        return self._uav_at(t_us, _status(self._uav, t_us))
+        return uav_state(self._uav, self._gimbals, self._camera.report, self._ground_distance, t_us)
 
     def attitude_times(self, after_us: int, until_us: int) -> list[int]:
         """When the UAV's attitude was measured after one Unix time and up to another, µs."""
@@ -320,11 +321,6 @@ class Fleet:
             self._evidence.append(_AcceptedPosition(vehicle, boot_us, fix, clock.restarts, clock.unix_of(boot_us)))
         return notices
 
-    def _uav_at(self, t_us: int, status: VehicleStatus) -> UavState:
-        usable = _usable(self._uav.positions.at(self._uav.clock.boot_of(t_us)), status)
-        camera, ground = self._camera.report, self._ground_distance
-        return uav_state(self._uav, self._gimbals, camera, ground, t_us, status, usable=usable)
-
     def _move_origin(self, sample: GlobalPosition) -> tuple[Notice, ...]:
         """Puts the origin where a vehicle is; positions are converted, and those too far away dropped."""
         before, distance_m = self.origin, self._origin.distance_m(sample)
@@ -396,10 +392,3 @@ def _add_attitude(vehicle: Vehicle, sample: Attitude, arrival: Arrival) -> tuple
 def _widened(std_m: float, doubt: Doubt | None) -> float:
     """1σ of a position, with that of a doubt about it."""
     return math.hypot(std_m, doubt.std_m) if doubt is not None else std_m
-
-
-def _usable(estimate: PositionEstimate | None, status: VehicleStatus) -> bool:
-    """Whether a position may be used: reported in the last two seconds, by one sender only that does not jump."""
-    if estimate is None or status.contested or status.jumps:
-        return False
-    return estimate.bracketed or estimate.age_s <= _USABLE_S

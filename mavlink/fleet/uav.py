@@ -8,12 +8,12 @@ import numpy as np
 
 from mavlink.estimation.gimbal import Gimbals
 from mavlink.estimation.ground_distance import GroundDistance
-from mavlink.estimation.interpolation import ATTITUDE_LOST_S, Fix, Pose
+from mavlink.estimation.interpolation import ATTITUDE_LOST_S, Fix
 from mavlink.fleet.vehicle import Vehicle
 from mavlink.geodesy import R_ENU_NED, rotation_from_euler
-from mavlink.state import CameraReport, UavState, VehicleStatus
+from mavlink.state import CameraReport, UavState
 
-__all__ = ["NO_FIX", "is_awaited", "is_fresh", "uav_state"]
+__all__ = ["NO_FIX", "is_awaited", "uav_state"]
 
 NO_FIX = Fix(*[math.nan] * 10)
 _REPORTING_US = 1_000_000
@@ -21,14 +21,7 @@ _REPORTING_US = 1_000_000
 
 
 def uav_state(
-    uav: Vehicle,
-    gimbals: Gimbals,
-    camera: CameraReport | None,
-    ground: GroundDistance,
-    t_us: int,
-    status: VehicleStatus,
-    *,
-    usable: bool,
+    uav: Vehicle, gimbals: Gimbals, camera: CameraReport | None, ground: GroundDistance, t_us: int
 ) -> UavState:
     """The UAV at a Unix time, each sample by its own time.
 
@@ -38,13 +31,12 @@ def uav_state(
         camera: what it reports of its camera.
         ground: what it reports of the ground below it.
         t_us: when.
-        status: how its reports come.
-        usable: whether its position may be used.
     """
     boot_us = uav.clock.boot_of(t_us)
     estimate, pose = uav.positions.at(boot_us), uav.attitudes.at(boot_us)
     fix = estimate.fix if estimate else NO_FIX
     roll, pitch, yaw = pose[:3] if pose else (math.nan, math.nan, math.nan)
+    fresh = pose is not None and (pose.bracketed or pose.age_s <= ATTITUDE_LOST_S)
     return UavState(
         p_enu=np.array(fix[0:3]),
         v_enu=np.array(fix[3:6]),
@@ -54,19 +46,12 @@ def uav_state(
         pitch=pitch,
         roll=roll,
         R_enu_gimbal=gimbals.at(boot_us, yaw),
-        position_age_s=status.position_age_s,
-        attitude_age_s=status.attitude_age_s,
-        position_valid=usable,
-        attitude_valid=is_fresh(pose) and not status.contested,
+        position_valid=estimate is not None and estimate.usable and uav.is_trusted(t_us),
+        attitude_valid=fresh and not uav.in_conflict(t_us),
         camera=camera,
         range_m=ground.range_m(t_us),
         terrain_height_m=ground.terrain_height_m(t_us),
     )
-
-
-def is_fresh(pose: Pose | None) -> bool:
-    """Whether an attitude may be used."""
-    return pose is not None and (pose.bracketed or pose.age_s <= ATTITUDE_LOST_S)
 
 
 def is_awaited(uav: Vehicle, gimbals: Gimbals, t_us: int) -> bool:

@@ -86,15 +86,12 @@ class Vehicle:
         self.rejections = PositionRejections()
         self.doubts = PositionDoubts()
         self.conditions = ConditionReports(self.rejections.count)
-        self._reception = Reception()
         self._duplicate_id = DuplicateIdDetector(limits, drives=drives, links=links, address=address)
-        self._drives = drives
-        self._limits = limits
-        self._clock_health = ClockHealth()
+        self._drives, self._limits = drives, limits
+        self._reception, self._clock_health = Reception(), ClockHealth()
         self._components, self._receivers = Components(), GpsReceivers()
         self._jumps, self._texts = JumpDetector(), StatusTexts()
-        self._change_reports = Throttle(_CHANGE_US)
-        self._autopilot_reports = Throttle(_OTHER_AUTOPILOT_US)
+        self._change_reports, self._autopilot_reports = Throttle(_CHANGE_US), Throttle(_OTHER_AUTOPILOT_US)
 
     def count_packet(self, packet: Packet, message_id: int) -> Arrival | None:
         """Counts a packet of a known message; None for a duplicate of one that came before."""
@@ -336,6 +333,10 @@ class Vehicle:
         """Whether two senders use this system id at a Unix time."""
         return self._duplicate_id.in_conflict(t_us)
 
+    def is_trusted(self, t_us: int) -> bool:
+        """Whether one sender alone reports its places, and they do not jump."""
+        return not (self.in_conflict(t_us) or self._jumps.is_jumping(t_us))
+
     def conflict_notices(self, t_us: int) -> Notices:
         """Notices when a second sender was found, or is gone again, or another component is the autopilot."""
         reports = self._duplicate_id.report(t_us, self.system_id), self._components.report()
@@ -388,10 +389,8 @@ class Vehicle:
 
     def position_state(self, t_us: int, estimate: PositionEstimate | None) -> PositionState:
         """How far the position may be relied on."""
-        if self.in_conflict(t_us):
-            return "contested"
-        if self._jumps.is_jumping(t_us):
-            return "refused"
+        if not self.is_trusted(t_us):
+            return "contested" if self.in_conflict(t_us) else "refused"
         rejected = self.rejections.last_us > 0 and t_us - self.rejections.last_us < LOST_S * 1e6
         return self.positions.state(estimate, self.rejections.reason if rejected else "")
 

@@ -21,9 +21,9 @@ doi:10.1109/TAC.1970.1099422).
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from vision.camera.jacobians import ground_jacobians, image_jacobians
 from vision.motion.fused_evidence import ReportedRotation, SeenTracks
@@ -367,12 +367,12 @@ def _scaled(
 
 def _turned_by(v: FloatArray) -> FloatArray:
     """(3, 3) Exp(v)."""
-    return np.asarray(Rotation.from_rotvec(v).as_matrix())
+    return np.asarray(cv2.Rodrigues(v)[0])
 
 
 def _vector_of(R: FloatArray) -> FloatArray:
-    """(3,) v with Exp(v) = R (3, 3)."""
-    return np.asarray(Rotation.from_matrix(R).as_rotvec())
+    """(3,) v with Exp(v) = R (3, 3), 0 below 1e-5 rad."""
+    return np.asarray(cv2.Rodrigues(R)[0][:, 0])
 
 
 def _lasting(dt: float) -> tuple[float, float]:
