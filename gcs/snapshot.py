@@ -279,6 +279,9 @@ class Health:
     yaw_offset: float = math.nan
     """Estimated error of the camera's reported heading, radians clockwise, and its 1σ; NaN unknown."""
     yaw_offset_std: float = math.nan
+    pitch_offset: float = math.nan
+    """Estimated error of its pitch, radians upward, and its 1σ, NaN unknown."""
+    pitch_offset_std: float = math.nan
     fit: float = math.nan
     """Probability that video and telemetry belong together, NaN while nothing was compared."""
     undecoded: int = 0

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.geometry.ground import OFFSET, YAW
+from assoc.geometry.ground import OFFSET, PITCH, YAW
 from assoc.identification.identifier import CameraState, Identifier, IdentifierParams, Identities
 from gcs.fold.candidates import CandidateWords
 from gcs.fold.evidence import camera_of, observation_of, reports_of
@@ -102,11 +102,10 @@ class Pipeline:
         self._crowded = False
         self._tracker: Tracker | None = None
         auto = mission.clock.video_offset_s == "auto"
-        params = IdentifierParams(threshold=mission.identity.threshold)
+        self._params = IdentifierParams(threshold=mission.identity.threshold)
         if auto:
-            params = replace(params, time_offset_std_s=params.unknown_offset_std_s)
-        self._params = params
-        self._identifier = Identifier(mission.ugv_ids, params)
+            self._params = replace(self._params, time_offset_std_s=self._params.unknown_offset_std_s)
+        self._identifier = Identifier(mission.ugv_ids, self._params)
         self._origin: LocalFrame | None = None
         self._offset_s = 0.0 if auto else float(mission.clock.video_offset_s)
         self._cameras = FrameCameras(mission, sized=sized)
@@ -308,8 +307,7 @@ class Pipeline:
         camera = self._camera(view)
 
         def stitch(track_id: IntArray, centres: FloatArray) -> IntArray:
-            rays = view.intrinsics.rays(centres)
-            return self._identifier.stitch(self._telemetry_time(t_us), track_id, rays, camera)
+            return self._identifier.stitch(self._telemetry_time(t_us), track_id, view.intrinsics.rays(centres), camera)
 
         return stitch
 
@@ -330,7 +328,7 @@ class Pipeline:
         return camera_of(view, self._cameras.stabilized)
 
     def _with_corrections(self, health: Health) -> Health:
-        """Health with the estimated errors of the camera's clock and heading."""
+        """Health with the estimated errors of the camera's clock, heading and pitch."""
         theta, std = self._identifier.pose_correction, self._identifier.pose_correction_std
         return replace(
             health,
@@ -338,6 +336,8 @@ class Pipeline:
             time_offset_std_s=float(std[OFFSET]),
             yaw_offset=float(theta[YAW]) if np.isfinite(std[YAW]) else math.nan,
             yaw_offset_std=float(std[YAW]),
+            pitch_offset=float(theta[PITCH]),
+            pitch_offset_std=float(std[PITCH]),
             fit=self._identifier.fit_probability,
         )
 

@@ -46,7 +46,7 @@ class ReportedAlarm:
     """Whether packets and frames alone raise it: then a recording raises it again."""
 
 
-_WORKED_OUT = frozenset({"unheard", "video", "video clock"})
+_WORKED_OUT = frozenset({"unheard", "video", "video clock", "camera heading", "camera pitch", "no match"})
 """Of the station's alarms."""
 
 

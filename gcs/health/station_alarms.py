@@ -22,6 +22,10 @@ CLOCK_OFFSET_S = 0.1
 """A vehicle at 5 m/s is half a metre elsewhere after a tenth of a second; also the 1σ up to which it is known."""
 CLOCK_OFFSET_FOR_S = 5.0
 """The estimate is not settled before."""
+TURNED_DEG, TILTED_DEG = 45.0, 8.0
+"""Errors of heading and pitch that no compass or gimbal makes: the mission says something else of the camera."""
+TURNED_STD_DEG, TURNED_FOR_S = 4.0, 5.0
+"""1σ up to which such an error is known, and how long it must be found: an estimate may leap while little is seen."""
 FIT, NO_FIT_FOR_S = 0.1, 2.0
 """Below this probability video and telemetry do not belong together; a moment's cover of the camera is no news."""
 STEP_S = 0.5
@@ -59,6 +63,27 @@ def _some_never_received(health: Health, now: Snapshot) -> bool:
 def _video_clock_off(health: Health, now: Snapshot) -> bool:
     std_s = health.time_offset_std_s
     return std_s < CLOCK_OFFSET_S and abs(health.time_offset_s) > CLOCK_OFFSET_S + std_s
+
+
+def _video_clock(health: Health, now: Snapshot) -> str:
+    return f"it is {abs(health.time_offset_s):.1f} s {'late' if health.time_offset_s > 0.0 else 'early'}"
+
+
+def _camera_off(health: Health, error: float, std: float, limit_deg: float) -> bool:
+    return health.fit > 1.0 - FIT and math.degrees(std) < TURNED_STD_DEG and abs(math.degrees(error)) > limit_deg
+
+
+def _off(error: float, more: str, less: str) -> str:
+    return f"{abs(math.degrees(error)):.0f}° {more if error > 0.0 else less}"
+
+
+def _turned(health: Health, now: Snapshot) -> bool:
+    # without a reported attitude every heading is the mission's
+    return now.pose == "known" and _camera_off(health, health.yaw_offset, health.yaw_offset_std, TURNED_DEG)
+
+
+def _tilted(health: Health, now: Snapshot) -> bool:
+    return now.pose == "known" and _camera_off(health, health.pitch_offset, health.pitch_offset_std, TILTED_DEG)
 
 
 def _records(health: Health) -> bool:
@@ -176,8 +201,33 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         f"{CLOCK_OFFSET_FOR_S:g} s: the estimate is given",
         advice="it is corrected in flight; measure it and put it into the mission as video_offset_s",
         condition=_video_clock_off,
-        detail=lambda health, _: f"{health.time_offset_s:+.1f} s",
+        detail=_video_clock,
         lasts_s=CLOCK_OFFSET_FOR_S,
+    ),
+    AlarmRule(
+        key="camera heading",
+        level="warning",
+        kind="video",
+        text="the camera's heading is not the mission's",
+        meaning=f"the vehicles are where they report to be if the camera is turned by {TURNED_DEG:g}° or more, for "
+        f"{TURNED_FOR_S:g} s: by how much is given",
+        advice="it is corrected in flight; add it to the mission's yaw_deg if clockwise, else subtract it; with a "
+        "gimbal roll_deg",
+        condition=_turned,
+        detail=lambda health, _: _off(health.yaw_offset, "clockwise", "counterclockwise"),
+        lasts_s=TURNED_FOR_S,
+    ),
+    AlarmRule(
+        key="camera pitch",
+        level="warning",
+        kind="video",
+        text="the camera's pitch is not the mission's",
+        meaning=f"the vehicles are where they report to be if the camera is tilted by {TILTED_DEG:g}° or more, for "
+        f"{TURNED_FOR_S:g} s: by how much is given",
+        advice="it is corrected in flight; add it to the mission's pitch_deg if above, else subtract it",
+        condition=_tilted,
+        detail=lambda health, _: _off(health.pitch_offset, "above it", "below it"),
+        lasts_s=TURNED_FOR_S,
     ),
     AlarmRule(
         key="no match",

@@ -17,7 +17,10 @@ ROWS = tuple(
     VehicleRow(system_id=i, name=name, role=role, heartbeat_age_s=0.3, position_age_s=0.2, position_state="ok")
     for i, name, role in ((1, "UAV", "uav"), (11, "UGV-11", "ugv"), (12, "UGV-12", "ugv"))
 )
-BASE = replace(make_snapshot(), vehicles=ROWS, boxes=(), health=WELL, image=None)
+BASE = replace(make_snapshot(), vehicles=ROWS, boxes=(), health=WELL, image=None, pose="known")
+
+
+TURNED = replace(WELL, fit=0.99)
 
 
 class Watch:
@@ -85,6 +88,8 @@ def test_every_trouble_of_a_vehicle_is_one_alarm_raised_once_and_cleared_once(wa
         (replace(WELL, behind_s=2.5), "overload", "alarm"),
         (replace(WELL, time_offset_s=0.8, time_offset_std_s=0.02), "video clock", "warning"),
         (replace(WELL, fit=0.01), "no match", "alarm"),
+        (replace(TURNED, yaw_offset=-1.6, yaw_offset_std=0.02), "camera heading", "warning"),
+        (replace(TURNED, pitch_offset=0.25, pitch_offset_std=0.02), "camera pitch", "warning"),
         (replace(WELL, clock_step_s=-3600.0), "clock step", "warning"),
         (replace(WELL, write_failing_s=0.4, write_reason="No space left on device"), "disk", "alarm"),
         (replace(WELL, write_stalled_s=1.2), "disk hangs", "alarm"),

@@ -323,6 +323,26 @@ def has_a_camera_that_dates_its_frames_late(tmp_path):
     return Scene(mission=mission).run(12, filmed=True, video_late_s=0.3).came
 
 
+def turned_camera(**angles):
+    """Whether vehicles are seen by a camera that looks straight down and north, while the mission says otherwise."""
+    mission = replace(MISSION, camera=replace(MISSION.camera, **angles))
+    return Scene(mission=mission).run(12, filmed=True).came
+
+
+@raises("camera heading", "warning")
+def has_a_camera_that_is_mounted_turned():
+    came = turned_camera(yaw_deg=90.0)
+    assert came["camera heading", "warning"].text.endswith(": 90° counterclockwise")
+    return came
+
+
+@raises("camera pitch", "warning")
+def has_a_camera_that_looks_down_more_steeply_than_told():
+    came = turned_camera(pitch_deg=-75.0)
+    assert came["camera pitch", "warning"].text.endswith("° below it")
+    return came
+
+
 class OtherFilm(Scene):
     """A scene beside the film of another road."""
 
