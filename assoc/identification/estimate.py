@@ -110,7 +110,9 @@ class Estimator:
         self._lock.start(t)
         self._state = widen_tracks(self._state, len(self._history.track_id))
         if len(columns):
-            mean, var = self._bias_memory.recall(t, self._bias_std, self._tau_s)
+            beside = np.setdiff1d(np.flatnonzero(self._history.last_s >= t), columns)
+            seen = self._history.track_id[beside]
+            mean, var = self._bias_memory.recall(t, self._bias_std, self._tau_s, seen)
             self._state = reset_tracks(self._state, columns, mean, var)
             width = len(self._history.track_id)
             self._co_visibility.begin(columns, width)
@@ -358,7 +360,8 @@ class Estimator:
         certain = (certainty > q.confidence) & (age > q.least_age_s) & measured
         self._learn_bias_noise(t, context, best, np.where((certainty > q.noise_confidence) & measured, top, n))
         rows = np.flatnonzero(certain & (top < n))
-        self._bias_memory.store(t, top[rows], best.final.mean[rows, top[rows]], best.final.var[rows, top[rows]])
+        tracks = self._history.track_id[live[rows]]
+        self._bias_memory.store(t, top[rows], tracks, best.final.mean[rows, top[rows]], best.final.var[rows, top[rows]])
         self._note_clutter(t, context, certain & (top == n) & (age > q.clutter_age_s))
         for column in live.tolist():
             self._confident.pop(column, None)
