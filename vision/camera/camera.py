@@ -10,6 +10,7 @@ Reference:
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -119,7 +120,12 @@ def ground(intrinsics: Intrinsics, pose: CameraPose, uv: ArrayLike, z: ArrayLike
     Returns:
         p_enu (..., 3) m; NaN for rays that do not come down on the plane.
     """
-    ray = intrinsics.rays(uv) @ pose.R_enu_cam.T
+    return _on_level(intrinsics.rays(uv), pose, z)
+
+
+def _on_level(rays: Floats, pose: CameraPose, z: ArrayLike) -> Floats:
+    """The same for unit rays (..., 3) in the camera frame."""
+    ray = rays @ pose.R_enu_cam.T
     # p = c + s·ray with s = (z − c_z) / ray_z
     drop = np.asarray(z, dtype=np.float64) - pose.p_enu[2]
     meets = (np.abs(ray[..., 2]) > SKIM) & (drop * ray[..., 2] > 0)
@@ -129,7 +135,7 @@ def ground(intrinsics: Intrinsics, pose: CameraPose, uv: ArrayLike, z: ArrayLike
 
 def footprint(intrinsics: Intrinsics, pose: CameraPose, z: float) -> Floats | None:
     """Corners of the image on the ground (4, 2) east, north m, top left first; None when one is above the horizon."""
-    border = ground(intrinsics, pose, intrinsics.corners, z)[:, :2]
+    border = _on_level(_grid(intrinsics, 2)[1], pose, z)[[0, 1, 3, 2], :2]
     return border if np.isfinite(border).all() else None
 
 
@@ -164,11 +170,18 @@ def image_warp(
     later = intrinsics_to or intrinsics
     if not (intrinsics.distortion.any() or later.distortion.any()):
         return _normal(_plane(later, pose_to, z) @ np.linalg.inv(_plane(intrinsics, pose_from, z)))
-    grid = np.stack(np.meshgrid(*(np.linspace(0, side, 9) for side in (intrinsics.width, intrinsics.height))), axis=-1)
-    before = grid.reshape(-1, 2)
-    after, seen = project(later, pose_to, ground(intrinsics, pose_from, before, z))
+    before, rays = _grid(intrinsics, 9)
+    after, seen = project(later, pose_to, _on_level(rays, pose_from, z))
     seen &= np.isfinite(after).all(axis=-1)
     return _fit_homography(before[seen], after[seen]) if seen.sum() >= 8 else np.eye(3)
+
+
+@lru_cache(maxsize=8)
+def _grid(intrinsics: Intrinsics, side: int) -> tuple[Floats, Floats]:
+    """Pixels (side², 2) over the image, row by row and corner to corner, and the rays (side², 3) through them."""
+    x, y = (np.linspace(0, length, side) for length in (intrinsics.width, intrinsics.height))
+    uv = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    return uv, intrinsics.rays(uv)
 
 
 def _plane(intrinsics: Intrinsics, pose: CameraPose, z: float) -> Floats:

@@ -8,6 +8,7 @@ Reference:
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -99,6 +100,7 @@ class Intrinsics:
         return float(np.arctan(self.cx / self.fx) + np.arctan((self.width - self.cx) / self.fx))
 
 
+@lru_cache(maxsize=8)
 def resized(intrinsics: Intrinsics, width: int, height: int) -> Intrinsics:
     """The same camera delivering an image of another size.
 
@@ -124,6 +126,7 @@ def resized(intrinsics: Intrinsics, width: int, height: int) -> Intrinsics:
     )
 
 
+@lru_cache(maxsize=8)
 def zoomed(intrinsics: Intrinsics, factor: float) -> Intrinsics:
     """The same camera with its image magnified about the middle, as digital zoom does.
 

@@ -21,12 +21,12 @@ doi:10.1109/TAC.1970.1099422).
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from vision.camera.jacobians import ground_jacobians, image_jacobians
 from vision.motion.fused_evidence import ReportedRotation, SeenTracks
+from vision.motion.rotation_vector import turned_by, vector_of
 
 __all__ = ["AttitudeFusion"]
 
@@ -110,10 +110,10 @@ class AttitudeFusion:
             return reported.R_enu_cam
         if reported.seen_turn is not None:
             # R_enu_later = R_enu_earlier R_later_earlierᵀ
-            return self._R @ _turned_by(-reported.seen_turn.vector)
+            return self._R @ turned_by(-reported.seen_turn.vector)
         dt = (t_us - self._t_us) * 1e-6
         turn = self._R.T @ (self._followed * self._turn(reported)) + _lasting(dt)[0] * self._x[BETA]
-        return self._R @ _turned_by(turn)
+        return self._R @ turned_by(turn)
 
     def update(
         self, t_us: int, reported: ReportedRotation, p_enu: FloatArray, ground_z: float, seen: SeenTracks
@@ -153,7 +153,7 @@ class AttitudeFusion:
     def _turn(self, reported: ReportedRotation) -> FloatArray:
         """(3,) by how much the camera turned since the last frame by telemetry, about the axes of ENU."""
         assert self._reported is not None
-        return self._R @ _vector_of(self._reported.R_enu_cam.T @ reported.R_enu_cam)
+        return self._R @ vector_of(self._reported.R_enu_cam.T @ reported.R_enu_cam)
 
     def _begin(self, reported: ReportedRotation) -> None:
         self._forget()
@@ -258,7 +258,7 @@ class AttitudeFusion:
             before: (3, 3) the rotation at the last frame.
             turn: (3,) telemetry's since then.
         """
-        turned = self._R @ _vector_of(before.T @ self._R)
+        turned = self._R @ vector_of(before.T @ self._R)
         self._turned += np.stack([turned * turn, turn * turn]) / MEMORY - self._turned / MEMORY
         self._followed = np.clip(self._turned[0] / self._turned[1], 0.0, 1.0)
         rate_var = (self._R @ self._x[BETA]) ** 2 + self._about_enu(self._P[BETA, BETA])
@@ -278,18 +278,18 @@ class AttitudeFusion:
         H[:, XI] = self._R
         if not reported.known:
             # the sway is zero on average: its mean over t has the variance 2 σ² τ / t
-            z = self._R @ _vector_of(self._R.T @ reported.R_enu_cam)
+            z = self._R @ vector_of(self._R.T @ reported.R_enu_cam)
             self._correct(z[:2], H[:2], np.full(2, SWAY**2 * max(2.0 * SWAY_S / dt, 1.0)))
             return
         if not reported.sample_us:
             return
-        turned = _vector_of(before.T @ self._R)
+        turned = vector_of(before.T @ self._R)
         z = np.zeros(3)
         for t_us, R in zip(reported.sample_us, reported.samples_enu_cam, strict=True):
             share = (t_us - self._t_us) * 1e-6 / dt
             # z = Log(R(t)ᵀ R_sample) = ξ − ω δ, in ENU
-            at = before @ _turned_by(share * turned)
-            z += at @ _vector_of(at.T @ R) / len(reported.sample_us)
+            at = before @ turned_by(share * turned)
+            z += at @ vector_of(at.T @ R) / len(reported.sample_us)
         H[:, LAG] = -(self._R @ turned) / dt if telling else 0.0
         var = self._sample_var / len(reported.sample_us)
         S = H @ self._P @ H.T + np.diag(var)
@@ -303,7 +303,7 @@ class AttitudeFusion:
         self._apply(gain @ z, self._P - gain @ PH.T)
 
     def _apply(self, step: FloatArray, P: FloatArray) -> None:
-        self._R = self._R @ _turned_by(step[XI])
+        self._R = self._R @ turned_by(step[XI])
         self.lag_s += float(step[LAG])
         self._x = self._x + step
         self._x[XI] = self._x[LAG] = 0.0
@@ -363,16 +363,6 @@ def _scaled(
     gain = part / expected * (surprise - 1.0) / MEMORY
     gain[:2] = gain[:2].mean()
     return np.clip(variance * (1.0 + gain), least**2, most**2)
-
-
-def _turned_by(v: FloatArray) -> FloatArray:
-    """(3, 3) Exp(v)."""
-    return np.asarray(cv2.Rodrigues(v)[0])
-
-
-def _vector_of(R: FloatArray) -> FloatArray:
-    """(3,) v with Exp(v) = R (3, 3), 0 below 1e-5 rad."""
-    return np.asarray(cv2.Rodrigues(R)[0][:, 0])
 
 
 def _lasting(dt: float) -> tuple[float, float]:
