@@ -36,6 +36,7 @@ def mixed_marginals(
     log_odds: float,
     log_not_lost: FloatArray,
     elsewhere: BoolArray,
+    age_s: FloatArray,
 ) -> FloatArray:
     """Marginals averaged over hypotheses.
 
@@ -49,6 +50,7 @@ def mixed_marginals(
         log_not_lost: (m, n) ln chance that a vehicle is not one of the lost tracks that were once in view together with
                 this track.
         elsewhere: (m, n) vehicles that were another track while this one was seen.
+        age_s: (m,) age of each track, seconds.
 
     Returns:
         (m, n + 1); the last column is "none of ours".
@@ -60,7 +62,7 @@ def mixed_marginals(
             bias = hypothesis.final.mean[:m]
             shared = shared_tracks(hypothesis.score, hypothesis.score - in_view - log_odds, bias, bias_std, elsewhere)
             score = share_evidence(hypothesis.score, shared)
-            score = discount_lookalikes(score, bias, bias_std, chance, in_view)
+            score = discount_lookalikes(score, bias, bias_std, chance, in_view, age_s, hypothesis.vehicle)
             # two tracks in view at once are two vehicles, however well one moves like the other's
             total += w * marginals(score + log_not_lost)
             used += w

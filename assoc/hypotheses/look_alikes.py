@@ -8,11 +8,16 @@ from numpy.typing import NDArray
 __all__ = ["SPREAD_M", "discount_lookalikes", "look_alike_gap"]
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 _MOST_BIAS_GAP = 5.0
 """Upper limit of |M|²/2σ_b², nats: how strongly a large bias may speak for a look-alike."""
 SPREAD_M = 12.0
 """Distance over which a look-alike may follow one of our vehicles, metres."""
+_CHANGED = 18.0
+"""A score this far below the track's best one, nats, is what a change of vehicle would leave of that."""
+_YOUNG_S = 0.5
+"""Age from which ages are told apart, seconds."""
 
 
 def look_alike_gap(bias: FloatArray, bias_std: float) -> FloatArray:
@@ -29,13 +34,26 @@ def look_alike_gap(bias: FloatArray, bias_std: float) -> FloatArray:
 
 
 def discount_lookalikes(
-    score: FloatArray, bias: FloatArray, bias_std: float, chance: float, in_view: FloatArray
+    score: FloatArray,
+    bias: FloatArray,
+    bias_std: float,
+    chance: float,
+    in_view: FloatArray,
+    age_s: FloatArray,
+    vehicle: IntArray,
 ) -> FloatArray:
-    """Reduce scores by the chance that a track is a look-alike moving like one of our vehicles a few metres away.
+    """Reduce scores by the chance that a vehicle has no box, and a track beside it moves as it does.
 
-    Clutter that follows vehicle j at a distance fits j's motion with a bias that is no bias. Its likelihood is that
-    of the pair with the bias density N(M; 0, σ_b²) replaced by a flat one (:func:`look_alike_gap`):
-    L' = L − ln((1 − c) + c·exp(max_j (L_j − gap_j))).
+    Clutter that follows vehicle j at a distance, or others of its formation, fit j's motion with an offset that is no
+    bias. Their likelihood is that of the pair with the bias density N(M; 0, σ_b²) replaced by a flat one
+    (:func:`look_alike_gap`). So if no track is j, its reports are as likely as beside unrelated tracks times
+
+        D_j = (1 − c) + c·exp(max_k (L_kj − gap_kj)),     L'_ij = L_ij − ln D_j.
+
+    Tracks that compete for one vehicle keep their difference. Scores grow while a track lives: of what an older track k
+    says, the share since track i began, age_i/age_k, stands against i. A track's score for another vehicle than its own
+    is at least its best one and ln of the chance of a change; such a rest says nothing of how it moved, and is
+    reduced like the score that it is a rest of.
 
     Args:
         score: (m, n) ln ratios.
@@ -43,11 +61,22 @@ def discount_lookalikes(
         bias_std: σ_b, metres.
         chance: c.
         in_view: (n,) part of the scores that a look-alike of the vehicle does not have.
+        age_s: (m,) age of each track, seconds.
+        vehicle: (m,) of each track in the best assignment, −1 none.
 
     Returns:
         (m, n) ln ratios of "is the vehicle" to "unrelated or such a look-alike".
     """
-    if score.shape[1] == 0:
+    if not score.size:
         return score
-    alike = np.max(score - in_view - look_alike_gap(bias, bias_std), axis=1)
-    return np.asarray(score - np.logaddexp(np.log1p(-chance), np.log(chance) + alike)[:, None])
+    gain = -in_view - look_alike_gap(bias, bias_std)
+    share = np.minimum((age_s[:, None] + _YOUNG_S) / (age_s + _YOUNG_S), 1.0)
+    rows = np.flatnonzero(vehicle >= 0)
+    assigned = np.zeros(score.shape, np.bool_)
+    assigned[rows, vehicle[rows]] = True
+    changed = (score < np.max(score, axis=1, keepdims=True) - _CHANGED) & ~assigned
+    moved = np.where(changed, -np.inf, score)
+    found = np.max(moved * share[:, :, None] + gain, axis=1)
+    discount = np.logaddexp(np.log1p(-chance), np.log(chance) + found)
+    own = np.max(np.where(assigned, discount, 0.0), axis=1, keepdims=True)
+    return np.asarray(score - np.where(changed, np.maximum(discount, own), discount))

@@ -165,7 +165,10 @@ class Estimator:
         free = self._co_visibility.log_not_lost(live, seen)
         elsewhere = self._co_visibility.elsewhere(live)
         clutter = self._clutter_chance(t, context)
-        p = mixed_marginals(found, share, self._bias_std, clutter, context.in_view, context.log_odds, free, elsewhere)
+        age_s = t - history.first_s[live]
+        p = mixed_marginals(
+            found, share, self._bias_std, clutter, context.in_view, context.log_odds, free, elsewhere, age_s
+        )
         self.fit.update(t, context, best)
         p = self.fit.limited(p, self._stated.among(history.track_id[live]))
         if not self.fit.fits:

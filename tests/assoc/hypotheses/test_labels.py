@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from assoc.hypotheses.labels import mixed_marginals, most_probable_names, posterior_weights
-from assoc.hypotheses.marginals import exact_marginals
+from assoc.hypotheses.marginals import best_assignment, exact_marginals
 
 BIAS_STD_M, CHANCE, SPREAD_M = 1.5, 0.02, 12.0
 ODDS = 1e4
@@ -18,16 +18,16 @@ seeds = st.integers(0, 10_000)
 
 def hypothesis(score, value=0.0, bias=0.0):
     """A joint hypothesis of which only scores, total and bias means matter here."""
-    return SimpleNamespace(score=score, value=value, final=SimpleNamespace(mean=np.full((*score.shape, 2), bias)))
+    final = SimpleNamespace(mean=np.full((*score.shape, 2), bias))
+    return SimpleNamespace(score=score, value=value, final=final, vehicle=best_assignment(score))
 
 
 def mixed(hypotheses, chance=1e-12, log_not_lost=0.0):
     m, n = hypotheses[0].score.shape
     free = np.broadcast_to(np.asarray(log_not_lost), (m, n))
     nowhere = np.zeros((m, n), np.bool_)
-    return mixed_marginals(
-        hypotheses, posterior_weights(hypotheses), BIAS_STD_M, chance, np.zeros(n), ODDS, free, nowhere
-    )
+    share, age_s = posterior_weights(hypotheses), np.full(m, 20.0)
+    return mixed_marginals(hypotheses, share, BIAS_STD_M, chance, np.zeros(n), ODDS, free, nowhere, age_s)
 
 
 def test_weights_are_the_shares_of_the_likelihoods_however_small_these_are():

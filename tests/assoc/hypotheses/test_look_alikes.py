@@ -6,8 +6,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from assoc.hypotheses.look_alikes import discount_lookalikes
+from assoc.hypotheses.marginals import best_assignment, marginals
 
-BIAS_STD_M, SPREAD_M = 1.5, 12.0
+BIAS_STD_M, CHANCE, SPREAD_M = 1.5, 0.02, 12.0
+
+
+def discounted(score, bias=0.0, age_s=20.0, chance=CHANCE):
+    score = np.array(score, np.float64)
+    bias = np.broadcast_to(bias, (*score.shape, 2))
+    age = np.broadcast_to(np.asarray(age_s, np.float64), len(score))
+    none_in_view = np.zeros(score.shape[1])
+    return discount_lookalikes(score, bias, BIAS_STD_M, chance, none_in_view, age, best_assignment(score))
 
 
 @settings(max_examples=25)
@@ -15,10 +24,31 @@ BIAS_STD_M, SPREAD_M = 1.5, 12.0
 def test_doubt_is_bayes_rule_with_a_stranger_beside_the_vehicle(seed, score, distance_m):
     """One track, one vehicle: a stranger has the pair's likelihood, its offset spread evenly over some metres."""
     chance = np.random.default_rng(seed).uniform(1e-4, 0.2)
-    bias = np.array([[[distance_m, 0.0]]])
-    got = discount_lookalikes(np.array([[score]]), bias, BIAS_STD_M, chance, np.zeros(1))[0, 0]
+    got = discounted([[score]], bias=[distance_m, 0.0], chance=chance)[0, 0]
     pair = np.exp(score)
     offset_density = min(np.exp(-(distance_m**2) / (2.0 * BIAS_STD_M**2)), 1.0)
     offset_density = max(offset_density, np.exp(-5.0))  # receivers may be worse than their model
     follower = pair / offset_density * (BIAS_STD_M / SPREAD_M) ** 2
     assert got == pytest.approx(score - np.log((1.0 - chance) + chance * follower), abs=1e-9)
+
+
+def test_what_a_vehicles_reports_say_is_not_held_against_anothers_name():
+    """Reports that their own past explains badly speak for every track that moves alike, and tell no track apart."""
+    score = np.array([[62.0, 70.0], [60.0, 75.0]])
+    left = discounted(score)
+    np.testing.assert_allclose(left[0] - left[1], score[0] - score[1])
+    assert marginals(left)[0, 0] > 0.9
+
+
+def test_a_new_track_is_not_outweighed_by_the_age_of_its_neighbours():
+    score = [[12.0, -5.0], [25.0, 40.0]]
+    assert marginals(discounted(score, age_s=[1.0, 30.0]))[0, 0] > 0.9
+    assert marginals(discounted(score, age_s=[30.0, 30.0]))[0, 0] < 0.5
+
+
+def test_what_is_left_of_a_score_after_a_change_of_vehicle_tells_nothing_of_a_neighbour():
+    """A clear track keeps its best score less ln of the chance of a change for all: more than a weak one has."""
+    score = [[100.0, 77.0], [40.0, 60.0]]
+    p = marginals(discounted(score))
+    assert p[0, 0] > 0.99
+    assert p[1, 1] > 0.99
