@@ -31,8 +31,9 @@ RATES = -1.0 / np.array([[SIZE_TIME_S], [SIZE_TIME_S], [AXIS_TIME_S]])
 X, SIDES, SHAPE, AGES, REPORTED, WHOLE, COVARIANCE, EXPECTED = (
     slice(*ends) for ends in ((0, 4), (4, 6), (4, 7), (10, 12), (0, 12), (12, 15), (15, 31), (31, 33))
 )
+SHARED = 33
 W, H, AXIS, LENGTH, FRONT, SCORE, AGE, GAP, TRACK_ID, DETECTION, HITS = range(4, 15)
-ROWS = 33
+ROWS = 34
 """Rows of the table."""
 BOX = np.array([0, 1, W, H, AXIS])
 """Rows that make up a box."""
@@ -43,11 +44,11 @@ SEEN_SHAPE, SEEN_SCORE, SEEN_HEADING = slice(2, 5), 5, 6
 class TrackState:
     """k tracks in order of their ids.
 
-    The rows of its table (33, k): centre px and velocity px/s; sides px and axis, an angle without jumps; length
+    The rows of its table (34, k): centre px and velocity px/s; sides px and axis, an angle without jumps; length
     √(w h) px, at least one; votes for the front along the axis (positive) or against (0: unknown); score; seconds
     since first and since last seen; in whole numbers the id, the index into this frame's detections (-1 unseen) and
     the frames in which it was seen; the covariance of the first four; the centre expected in this frame, px, NaN where
-    there was none.
+    there was none; seconds for which it shared boxes since it last had one of its own.
     """
 
     __slots__ = ("table",)
@@ -110,6 +111,11 @@ class TrackState:
         return self.table[GAP, :]
 
     @property
+    def shared_s(self) -> Floats:
+        """(k,) for how long it shared boxes with other tracks since it last had one of its own."""
+        return self.table[SHARED, :]
+
+    @property
     def hits(self) -> Floats:
         """(k,) frames in which it was seen."""
         return self.table[HITS, :]
@@ -137,6 +143,10 @@ class TrackState:
     def move(self, rows: Indices, place: Floats, gap_s: Floats) -> None:
         """Put tracks (h,) to places (h, 2) px, unseen for (h,) seconds."""
         self.table[:2, rows], self.table[GAP, rows] = place.T, gap_s
+
+    def share(self, rows: Indices, dt: float) -> None:
+        """Tracks (h,) share boxes in this frame, ``dt`` seconds after the one before."""
+        self.table[SHARED, rows] += dt
 
     def apart(self, boxes: Detections) -> Floats:
         """Squared distances of tracks and boxes, (k, m) px²."""
@@ -230,6 +240,7 @@ def _measure(table: Floats) -> None:
 def _mark_seen(table: Floats, seen: Floats, index: Indices) -> None:
     """Note in a table that its tracks were seen as the detections ``index``."""
     table[SCORE], table[DETECTION], table[GAP] = seen[SEEN_SCORE], index, 0.0
+    table[SHARED] = 0.0
     table[HITS] += 1.0
 
 

@@ -21,6 +21,7 @@ from vision.track import kalman
 from vision.track.alignment import Alignment, BoxShapes, Lens, align
 from vision.track.matching import Pairs, assign, one_to_one
 from vision.track.merged_detections import find_merged
+from vision.track.shared_boxes import find_shared
 from vision.track.track_state import TrackState
 from vision.track.tracks import Stitch, TrackerParams, Tracks
 
@@ -102,7 +103,7 @@ class Tracker:
         if len(self._state) and len(detections):
             high = free & (detections.score >= self.params.high_score)
             self._align(detections, high, dt, focal_px)
-            free = self._match(detections, free, high, known if stitch is not None else ())
+            free = self._match(detections, free, high, dt, known if stitch is not None else ())
             if stitch is not None:
                 free = self._stitch(detections, free, stitch)
         self._drop()
@@ -118,7 +119,7 @@ class Tracker:
             state.warp(np.asarray(warp, dtype=np.float64))
         state.note_expected()
 
-    def _match(self, boxes: Detections, free: Flags, high: Flags, known: Collection[int]) -> Flags:
+    def _match(self, boxes: Detections, free: Flags, high: Flags, dt: float, known: Collection[int]) -> Flags:
         """Both rounds on the boxes (m,) that are free; which are free afterwards; those around several never are."""
         params, state = self.params, self._state
         apart = state.apart(boxes)
@@ -127,6 +128,11 @@ class Tracker:
             free, high = free & ~merged.box, high & ~merged.box
             state.move(merged.rows, merged.place, merged.gap_s)
             apart = state.apart(boxes)
+        shared = find_shared(state, params, boxes, free, apart, self._noise_of(state.length))
+        if shared is not None:
+            free, high = free & ~shared.box, high & ~shared.box
+            state.move(shared.rows, shared.place, shared.gap_s)
+            state.share(shared.rows, dt)
         pairs = self._candidates(boxes, apart, params.gate)
         if len(known):
             pairs = pairs.where(~self._owned(known)[pairs.row])
