@@ -14,7 +14,7 @@ from assoc.evidence.motion import Samples
 from assoc.geometry.ground import OFFSET, THETA, GroundTracks
 from assoc.params import MANY_PAIRS
 
-__all__ = ["LEAP_M", "LEAP_MPS", "Blocks", "make_blocks", "with_extrapolated_block"]
+__all__ = ["LEAP_M", "LEAP_MPS", "Blocks", "interpolated", "make_blocks", "with_extrapolated_block"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -83,7 +83,7 @@ def _heading_ratio(error: FloatArray, std: float) -> FloatArray:
     return np.asarray(np.log(ratio))
 
 
-def _interpolated(
+def interpolated(
     tracks: GroundTracks, t: FloatArray, column: IntArray, gap_max_s: float
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Points (N, 2) and headings (N,) of tracks (N,) at video times t (N,), and where they are valid.
@@ -201,7 +201,7 @@ def make_blocks(
     np.maximum.at(jump, (block, samples.vehicle), samples.jump_var)
     # one row for each report and each track that it is compared with
     row, column = np.nonzero(_near(place, samples, block, n_vehicles).T[samples.vehicle])
-    p, image_heading, valid = _interpolated(tracks, samples.t[row] + tracks.theta[OFFSET], column, gap_max_s)
+    p, image_heading, valid = interpolated(tracks, samples.t[row] + tracks.theta[OFFSET], column, gap_max_s)
     row, column, r = row[valid], column[valid], (p - samples.p[row])[valid]
     pair = column * n_vehicles + samples.vehicle[row]
     key, size = block[row] * (n_tracks * n_vehicles) + pair, n_blocks * n_tracks * n_vehicles

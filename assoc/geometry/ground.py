@@ -96,10 +96,10 @@ def _level_axes(R: FloatArray) -> tuple[FloatArray, FloatArray]:
     return right, forward
 
 
-def _rotations(R: FloatArray, yaw: FloatArray, pitch: float, roll: float) -> FloatArray:
+def _rotations(R: FloatArray, yaw: FloatArray, pitch: FloatArray | float, roll: FloatArray | float) -> FloatArray:
     """(F, 3, 3) rotation of the correction, Rz(−yaw) (I + [pitch·right + roll·forward]×): first order in the tilts."""
     right, forward = _level_axes(R)
-    x, y = (pitch * right + roll * forward).T[:2]
+    x, y = pitch * right.T[:2] + roll * forward.T[:2]
     c, s = np.cos(yaw), np.sin(yaw)
     turn = np.zeros((len(R), 3, 3))
     # clockwise by yaw: east' = c·e + s·n, north' = −s·e + c·n; the axis (x, y, 0) is level
@@ -118,11 +118,12 @@ def _intersect_ground(d: FloatArray, p: FloatArray, z: FloatArray) -> FloatArray
 
 
 def _points(
-    history: TrackHistory, rows: slice, theta: FloatArray, rays: FloatArray, delta_s: float
+    history: TrackHistory, rows: slice, theta: FloatArray, rays: FloatArray, delta_s: float, tilt: FloatArray | None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Ground points (F, K, 2) of rays (F, K, 3), camera rotations (F, 3, 3) and corrected camera positions (F, 3)."""
     R, p = _camera_at(history, rows, delta_s)
-    turned = np.matmul(_rotations(R, _yaw(history, rows, theta), theta[PITCH], theta[ROLL]), R)
+    pitch, roll = theta[[PITCH, ROLL]] if tilt is None else (theta[[PITCH, ROLL]] + tilt).T
+    turned = np.matmul(_rotations(R, _yaw(history, rows, theta), pitch, roll), R)
     p = p + theta[[EAST, NORTH, HEIGHT]]
     return _intersect_ground(np.matmul(rays, turned.transpose(0, 2, 1)), p, history.z[rows]), R, p
 
@@ -132,7 +133,9 @@ def _yaw(history: TrackHistory, rows: slice, theta: FloatArray) -> FloatArray:
     return np.asarray(theta[YAW] + theta[YAW_RATE] * (history.t[rows] - history.t[history.n - 1]))
 
 
-def ground_tracks(history: TrackHistory, start: int, theta: FloatArray, columns: IntArray) -> GroundTracks:
+def ground_tracks(
+    history: TrackHistory, start: int, theta: FloatArray, columns: IntArray, tilt: FloatArray | None = None
+) -> GroundTracks:
     """Project the history, from row ``start`` to the newest, to the ground under a correction.
 
     Args:
@@ -140,6 +143,7 @@ def ground_tracks(history: TrackHistory, start: int, theta: FloatArray, columns:
         start: First row.
         theta: (8,) pose correction.
         columns: (T,) tracks wanted.
+        tilt: (F, 2) pitch and roll of each frame beyond those in θ, radians; None: none.
 
     Returns:
         Points, headings and derivatives by θ.
@@ -148,7 +152,7 @@ def ground_tracks(history: TrackHistory, start: int, theta: FloatArray, columns:
     delta = float(theta[OFFSET])
     rays = history.ray[rows][:, columns]
     both = np.concatenate([rays, history.front[rows][:, columns]], axis=1)
-    points, R, p = _points(history, rows, theta, both, delta)
+    points, R, p = _points(history, rows, theta, both, delta, tilt)
     g, front = points[:, :n], points[:, n:] - points[:, :n]
     fall = (history.z[rows] - p[:, 2])[:, None]
     # u = d_xy / d_z of each ray d, so that g = p + fall·u
@@ -170,7 +174,7 @@ def ground_tracks(history: TrackHistory, start: int, theta: FloatArray, columns:
     jacobian[..., 1, NORTH] = 1.0
     # H lifts the camera: ∂fall/∂H = −1
     jacobian[..., HEIGHT] = -u
-    jacobian[..., OFFSET] = (_points(history, rows, theta, rays, delta + _DELTA_S)[0] - g) / _DELTA_S
+    jacobian[..., OFFSET] = (_points(history, rows, theta, rays, delta + _DELTA_S, tilt)[0] - g) / _DELTA_S
     # a pixel covers range · px_rad across, and 1/sin(depression) times as much along the ray
     pixel = history.px_rad[rows][:, None] * np.abs(fall) * (1.0 + u[..., 0] ** 2 + u[..., 1] ** 2)
     return GroundTracks(

@@ -79,7 +79,9 @@ def prior_of(q: IdentifierParams, camera: CameraState, offset_std_s: float) -> P
     level = q.position_std_m if camera.position_known else _FREE_POSITION_STD_M
     height = camera.height_std_m if np.isfinite(camera.height_std_m) else q.height_std_m
     std = np.array([yaw, rate, tilt, tilt, level, level, height, offset_std_s], np.float64)
-    return PosePrior(std=std, others=tuple(_gross_errors(std, attitude_known=not free)))
+    # along a road an offset of seconds is a shift, and what does not fit of it would be taken for a sway
+    sways = free and not camera.stabilized
+    return PosePrior(std=std, others=() if sways else tuple(_gross_errors(std, attitude_known=not free)))
 
 
 def _gross_errors(std: FloatArray, *, attitude_known: bool) -> Iterator[PosePrior]:

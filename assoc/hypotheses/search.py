@@ -16,11 +16,12 @@ from assoc.evidence.blocks import Blocks, make_blocks, with_extrapolated_block
 from assoc.evidence.likelihood import Noise, PairState, run_filter
 from assoc.evidence.motion import ReportLog
 from assoc.geometry.ground import EAST, NORTH, OFFSET, THETA, YAW, ground_tracks
+from assoc.geometry.sway import Sway
 from assoc.history import TrackHistory
 from assoc.hypotheses.marginals import best_assignment
 from assoc.hypotheses.pose import Fitted, PosePrior, fit, misfit, whiten
 
-__all__ = ["Hypothesis", "UpdateContext", "keep_best", "refine", "shifts", "swaps"]
+__all__ = ["Hypothesis", "UpdateContext", "keep_best", "posing_pairs", "refine", "shifts", "swaps"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -89,6 +90,14 @@ class UpdateContext:
     """(n,) addition to ``log_odds`` because the vehicle should be in view, nats."""
     fold: int
     """Blocks that leave the window with this update."""
+    sway: Sway | None = None
+    """Of a camera whose tilt is not reported; None: none known."""
+
+    def rows_under(self, theta: FloatArray) -> tuple[int, FloatArray | None]:
+        """The history's first row in the window under θ, and (F, 2) the sway from there on, radians."""
+        since = self.first_block * self.block_s + theta[OFFSET] - self.gap_max_s
+        start = min(self.history.first_row_since(since), self.history.n - 1)
+        return start, None if self.sway is None else self.sway.at(self.history.t[start : self.history.n])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,9 +123,8 @@ class Hypothesis:
 
 def residual_blocks(context: UpdateContext, theta: FloatArray) -> Blocks:
     """The residuals linearised at θ."""
-    since = context.first_block * context.block_s + theta[OFFSET] - context.gap_max_s
-    start = min(context.history.first_row_since(since), context.history.n - 1)
-    tracks = ground_tracks(context.history, start, theta, context.columns)
+    start, tilt = context.rows_under(theta)
+    tracks = ground_tracks(context.history, start, theta, context.columns, tilt)
     samples = context.log.samples(context.first_block * context.block_s, (context.last_block + 1) * context.block_s)
     blocks = make_blocks(
         tracks,
@@ -143,7 +151,7 @@ def scores(context: UpdateContext, blocks: Blocks, theta: FloatArray) -> tuple[F
     return np.where(gap > 0.0, np.minimum(score, most) - _UNSEEN_LOSS_PER_S * gap, score), (final, folded)
 
 
-def _pairs(context: UpdateContext, vehicle: IntArray) -> tuple[IntArray, IntArray]:
+def posing_pairs(context: UpdateContext, vehicle: IntArray) -> tuple[IntArray, IntArray]:
     """Rows and vehicles of the pairs that constrain the pose: the assigned live tracks and the anchors."""
     rows = np.flatnonzero(vehicle >= 0)
     ended = np.arange(context.live, len(context.columns))
@@ -166,7 +174,7 @@ def refine(
     if vehicle is None:
         vehicle = best_assignment(scores(context, blocks, theta)[0])
     for iteration in range(_ITERATIONS):
-        fitted = fit(whiten(blocks, *_pairs(context, vehicle), context.state, context.noise), context.prior)
+        fitted = fit(whiten(blocks, *posing_pairs(context, vehicle), context.state, context.noise), context.prior)
         theta = fitted.theta
         if np.any(np.abs(theta - blocks.theta) > _RELINEARISE) and iteration < _ITERATIONS - 1:
             blocks = residual_blocks(context, theta)
@@ -225,7 +233,7 @@ def swaps(context: UpdateContext, best: Hypothesis, most: int) -> list[Hypothesi
 def _with_assignment(context: UpdateContext, best: Hypothesis, vehicle: IntArray) -> Hypothesis | None:
     """The hypothesis with a given assignment and its best θ; None when its value is negligible against the best."""
     context = replace(context, prior=context.prior.part_at(best.theta))
-    white = whiten(best.blocks, *_pairs(context, vehicle), context.state, context.noise)
+    white = whiten(best.blocks, *posing_pairs(context, vehicle), context.state, context.noise)
     fitted = fit(white, context.prior)
     theta = fitted.theta
     rows = np.flatnonzero(vehicle >= 0)

@@ -17,13 +17,15 @@ from assoc.evidence.likelihood import (
 )
 from assoc.evidence.motion import ReportLog
 from assoc.geometry.expected_view import chance_in_view
-from assoc.geometry.ground import OFFSET, THETA, rays_to_ground
+from assoc.geometry.ground import OFFSET, PITCH, ROLL, THETA, rays_to_ground
+from assoc.geometry.sway import Sway
 from assoc.history import TrackHistory
 from assoc.hypotheses.bias_memory import BiasMemory
 from assoc.hypotheses.bias_noise import learn_bias_noise
 from assoc.hypotheses.labels import mixed_marginals, posterior_weights
 from assoc.hypotheses.priors import noise_of, prior_of
 from assoc.hypotheses.search import Hypothesis, UpdateContext, keep_best, refine, shifts, swaps, turns
+from assoc.hypotheses.sway_fit import fit_sway
 from assoc.identification.conflicts import ConflictMonitor
 from assoc.identification.fleet_fit import FleetFit
 from assoc.identification.gross_errors import GrossErrors
@@ -69,6 +71,8 @@ class Estimator:
         self._updates = 0
         self._thetas: list[FloatArray] = []
         """The best corrections of the last update: where the next one starts."""
+        self._sway: Sway | None = None
+        """What a camera fixed to the body sways beyond them while no attitude is reported."""
         self.theta_std: FloatArray = np.full(THETA, np.nan)
         """(8,) 1σ of ``theta``, NaN before the first update."""
         self._lock = SearchLock(params.lock)
@@ -92,8 +96,13 @@ class Estimator:
 
     @property
     def theta(self) -> FloatArray:
-        """(8,) pose correction of the best hypothesis."""
-        return self._thetas[0] if self._thetas else np.zeros(THETA)
+        """(8,) pose correction of the best hypothesis, for the newest frame."""
+        theta = self._thetas[0] if self._thetas else np.zeros(THETA)
+        if self._sway is None:
+            return theta
+        now = theta.copy()
+        now[[PITCH, ROLL]] += self._sway.at(self._history.t[self._history.n - 1 : self._history.n])[0]
+        return now
 
     @property
     def time_offset_s(self) -> float:
@@ -161,6 +170,7 @@ class Estimator:
         best, share = found[0], posterior_weights(found)
         self._thetas = [h.theta for h in found[: self._params.search.start_hypotheses]]
         self.theta_std = best.theta_std
+        self._follow_sway(context, best, camera)
         seen = context.gap_s <= 0.0
         free = self._co_visibility.log_not_lost(live, seen)
         elsewhere = self._co_visibility.elsewhere(live)
@@ -183,6 +193,14 @@ class Estimator:
         self._log.rejected_since = review.rejected_since
         self._fold(context, best)
         return UpdateResult(live, review.p, review.vehicles)
+
+    def _follow_sway(self, context: UpdateContext, best: Hypothesis, camera: CameraState) -> None:
+        """Fit the sway of a camera that is fixed to a body of which no attitude is reported."""
+        fitted = None if camera.attitude_known or camera.stabilized else fit_sway(context, best)
+        if fitted is None:
+            self._sway = None
+        else:
+            self._thetas[0], self._sway = fitted
 
     def _without_names(self, t: float, context: UpdateContext, best: Hypothesis, p: FloatArray) -> UpdateResult:
         """The result while film and telemetry do not fit: nothing is learnt from it, and no vehicle is accused."""
@@ -270,6 +288,7 @@ class Estimator:
             view=view,
             in_view=q.in_view_log_odds * (2.0 * view - 1.0),
             fold=max(last - self._first_block - round(window_s / q.block_s), 0),
+            sway=self._sway,
         )
 
     def _update_anchors(self, live: IntArray) -> None:

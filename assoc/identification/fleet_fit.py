@@ -27,6 +27,7 @@ from assoc.evidence.blocks import Blocks
 from assoc.evidence.likelihood import bound_variance, initial_state, run_filter
 from assoc.geometry.ground import THETA
 from assoc.hypotheses.search import Hypothesis, UpdateContext, refine
+from assoc.hypotheses.sway_fit import fit_sway
 
 __all__ = ["FleetFit", "log_assignments", "log_evidence"]
 
@@ -113,7 +114,8 @@ def log_evidence(context: UpdateContext, best: Hypothesis) -> float:
     pose = best.value - float(np.sum(best.score[rows, vehicles]))
     # a pair that is compared nowhere in the window, or contradicts itself there, may as well be apart
     pairs = np.sum(np.maximum(score, 0.0), where=final.seen[:, 0])
-    return float(pairs) + pose - log_assignments(log_odds[reporting], context.live)
+    swaying = 0.0 if context.sway is None else context.sway.cost
+    return float(pairs) + pose - swaying - log_assignments(log_odds[reporting], context.live)
 
 
 def decoy_evidence(context: UpdateContext, number: int) -> float:
@@ -144,8 +146,14 @@ def decoy_evidence(context: UpdateContext, number: int) -> float:
         state=bound_variance(initial_state(live, n), context.noise.bias_std),
         log_switch=context.log_switch[:, :live],
         fold=0,
+        sway=None,
     )
-    return log_evidence(decoy, refine(decoy, np.zeros(THETA)))
+    found = refine(decoy, np.zeros(THETA))
+    fitted = None if context.sway is None else fit_sway(decoy, found)
+    if fitted is None:
+        return log_evidence(decoy, found)
+    decoy = replace(decoy, sway=fitted[1])
+    return log_evidence(decoy, refine(decoy, fitted[0]))
 
 
 class FleetFit:
@@ -191,7 +199,9 @@ class FleetFit:
         compared = int(np.sum(best.blocks.count[:, rows, best.vehicle[rows]] > 0.0))
         # many starts find what fits by chance, the more the longer they look: the fleet itself gains far more
         toll = 0.0 if self.fits else _TOLL * compared
-        self.add_evidence(t, self._evidence - lucky - toll, float(np.median(decoys)) - lucky - toll)
+        # a sway follows the fleet over many updates, a decoy's is fitted once: it does not show what chance reaches
+        chance = float(np.median(decoys)) if context.sway is None else self._evidence
+        self.add_evidence(t, self._evidence - lucky - toll, chance - lucky - toll)
 
     def add_evidence(self, t: float, evidence: float, chance: float) -> None:
         """Take in the evidence of one update.
