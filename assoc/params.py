@@ -31,7 +31,10 @@ class ScheduleParams:
     """Factor on that time while the search is locked: the answer hardly changes then."""
     residual_jump_m: float = 1.5
     """A named track whose distance to its report grows by more than this between two frames, metres, makes an update
-    due at once."""
+    due at once ..."""
+    residual_jump_stds: float = 5.0
+    """... while the search is locked only if that is so many 1σ of the reports' white noise too: two of them differ by
+    it once in 500 times."""
     full_rate_s: float = 3.0
     """Time after such a jump during which ``idle_factor`` is not applied, seconds."""
     rewind_s: float = 1.0

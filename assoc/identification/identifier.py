@@ -213,7 +213,9 @@ class Identifier:
         named = np.flatnonzero(np.isfinite(answer.residual_m))
         tracks, away_m = answer.track_id[named].tolist(), answer.residual_m[named].tolist()
         now: dict[int, float] = dict(zip(tracks, away_m, strict=True))
-        jump_m = self._params.schedule.residual_jump_m
+        q = self._params.schedule
+        noise_m = q.residual_jump_stds * self._log.white_std_m if self.locked else 0.0
+        jump_m = max(q.residual_jump_m, noise_m)
         if any(away > self._residual_m.get(track, away) + jump_m for track, away in now.items()):
             self._residual_jump_s, self._last_update_s = t, -np.inf
         self._residual_m = now

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from assoc.errors import ShapeError
+from assoc.identification.estimate import Estimator
 from assoc.identification.identifier import Identifier, IdentifierParams, Observation, VehicleReports
 from tests.support.assoc_scene import T0_US, Fleet, camera, play
 
@@ -355,3 +356,16 @@ def test_shapes_are_checked():
             t_us=0, track_id=np.array([1]), ray_cam=np.zeros((2, 3)), front_cam=np.zeros((1, 3)), gap_s=np.zeros(1),
             score=np.zeros(1),
         )  # fmt: skip
+
+
+def test_noise_of_the_reports_is_no_reason_to_search_again_while_locked(monkeypatch):
+    times, update = [], Estimator.update
+
+    def noted(estimator, t, camera):
+        times.append(t)
+        return update(estimator, t, camera)
+
+    monkeypatch.setattr(Estimator, "update", noted)
+    identifier = Identifier(IDS)
+    play(identifier, Fleet(white_m=3.0), 13.0)
+    assert identifier.locked and np.diff([t for t in times if t > 8.0]).min() > 0.7
