@@ -49,7 +49,7 @@ class Blocks:
     mean: FloatArray
     """(B, T, n, 2) mean residual, metres, 0 where there is none."""
     scatter: FloatArray
-    """(B, T, n) Σ|r − r̄|², m²."""
+    """(B, T, n) Σ|r − r̄|², without a jump within the block, m²."""
     log_null: FloatArray
     """(B, T, n) Σ ln p₀ of the samples."""
     extra_var: FloatArray
@@ -215,7 +215,8 @@ def make_blocks(
         first=first,
         count=count.reshape(shape),
         mean=mean.reshape(*shape, 2),
-        scatter=scatter.reshape(shape),
+        # a jump widens the bias: it is not noise as well
+        scatter=np.maximum(scatter.reshape(shape) - jump[:, None], 0.0),
         log_null=log_null.reshape(shape),
         extra_var=np.zeros(shape),
         jump_var=jump,

@@ -21,6 +21,7 @@ __all__ = ["WHITE_STD_M", "ReportLog", "Samples"]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
+ComplexArray = NDArray[np.complex128]
 
 WHITE_STD_M = np.array([0.15, 0.3, 0.5, 0.8, 1.2, 2.0, 3.0, 4.5, 7.0])
 """(G,) candidates of the reports' white noise, metres."""
@@ -39,6 +40,8 @@ _LOG_NULL_MIN = -12.0
 """Floor of one sample's null likelihood, so that one jump does not decide everything."""
 _JUMP_NIS = 36.0
 """Normalised innovation squared above which a report has jumped: 6 σ."""
+_ASIDE_NIS = 16.0
+"""A report beyond 4 σ is an outlier if the next one is back within 4 σ of where it would be without it."""
 _STANDING_MPS = 0.3
 """Speed below which a vehicle may report the same position twice, m/s."""
 _UNCERTAIN_M = 30.0
@@ -71,6 +74,20 @@ class Samples:
     """(S,) or (S, G) ln density of the report under the vehicle's own past."""
     jump_var: FloatArray
     """(S,) or (S, G) squared innovation, m², of a report that jumped further than motion and noise explain; else 0."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _NullState:
+    """Null models of k vehicles under each of G candidates."""
+
+    place: ComplexArray
+    """(k, G) east + i north, metres."""
+    speed: ComplexArray
+    """(k, G) m/s."""
+    cov: FloatArray
+    """(k, G, 3) pp, pv, vv: the axes share one covariance."""
+    t: FloatArray
+    """(k, G) of when, seconds."""
 
 
 class ReportLog:
@@ -108,11 +125,12 @@ class ReportLog:
         self.rejected_since = np.full(n, np.inf)
         """(n,) time, seconds, from which a vehicle's reports are rejected because they give another vehicle's place."""
         self._score = np.zeros((n, groups))
-        self._place = np.zeros((n, groups), np.complex128)
-        self._speed = np.zeros((n, groups), np.complex128)
-        """(n, G) filtered position and velocity, east + i north."""
-        self._cov = np.zeros((n, groups, 3))
-        """(n, G, 3) pp, pv, vv: the axes share one covariance."""
+        self._state = _unknown_state((n, groups))
+        """After the newest report."""
+        self._earlier = _unknown_state((n, groups))
+        """Before it, where the newest report is far aside; else the time is NaN."""
+        self._outliers: dict[tuple[int, float], BoolArray] = {}
+        """(G,) for which candidates a report, by vehicle and time, is an outlier."""
 
     @property
     def white_index(self) -> int:
@@ -152,9 +170,13 @@ class ReportLog:
             self._joined()
 
     def samples(self, start: float, stop: float) -> Samples:
-        """Reports with start ≤ t < stop, seconds, that are not rejected, sorted by vehicle and time."""
+        """Reports with start ≤ t < stop, seconds, by vehicle and time, without outliers and those that are rejected."""
         kept, white = self._joined(), self.white_index
-        inside = np.flatnonzero((kept.t >= start) & (kept.t < np.minimum(stop, self.rejected_since[kept.vehicle])))
+        wanted = (kept.t >= start) & (kept.t < np.minimum(stop, self.rejected_since[kept.vehicle]))
+        for (vehicle, t), found in self._outliers.items():
+            if found[white]:
+                wanted &= (kept.vehicle != vehicle) | (kept.t != t)
+        inside = np.flatnonzero(wanted)
         inside = inside[np.lexsort((kept.t[inside], kept.vehicle[inside]))]
         return Samples(
             t=kept.t[inside],
@@ -219,7 +241,7 @@ class ReportLog:
         reported = reports.v_enu[rows, :2]
         known: BoolArray = np.asarray(np.all(np.isfinite(reported), axis=1))
         if not known.all():
-            reported = np.where(known[:, None], reported, to_east_north(self._speed[vehicle, self.white_index]))
+            reported = np.where(known[:, None], reported, to_east_north(self._state.speed[vehicle, self.white_index]))
         self.last_v[vehicle] = reported
         self.last_t[vehicle], self.last_p[vehicle] = t, p
         self.last_heading[vehicle] = reports.heading[rows]
@@ -238,15 +260,16 @@ class ReportLog:
 
     def _filter(self, vehicle: IntArray, t: FloatArray, p: FloatArray) -> tuple[FloatArray, FloatArray]:
         """One step of the null model: (k, G) ln densities and squared jumps, 0 for a vehicle's first report."""
-        fresh: BoolArray = np.asarray(~np.isfinite(self.last_t[vehicle]))
-        dt = np.where(fresh, 0.0, t - np.where(fresh, 0.0, self.last_t[vehicle]))[:, None]
-        place, speed, cov = self._place[vehicle], self._speed[vehicle], self._cov[vehicle]
-        # x⁻ = x + v dt;  P⁻ = F P Fᵀ + q [dt³/3, dt²/2; dt²/2, dt]
-        predicted = place + speed * dt
-        pp = cov[..., 0] + 2 * dt * cov[..., 1] + dt**2 * cov[..., 2] + _ACCELERATION_PSD * dt**3 / 3
-        pv = cov[..., 1] + dt * cov[..., 2] + _ACCELERATION_PSD * dt**2 / 2
-        vv = cov[..., 2] + _ACCELERATION_PSD * dt
-        at = to_complex(p)[:, None]
+        last_t, at = self.last_t[vehicle], to_complex(p)[:, None]
+        fresh: BoolArray = np.asarray(~np.isfinite(last_t))
+        before = _rows(self._state, vehicle)
+        before = replace(before, t=np.where(fresh[:, None], t[:, None], before.t))
+        back = self._find_outliers(vehicle, t, at)
+        if back.any():
+            before = _chosen(back, _rows(self._earlier, vehicle), before)
+        expected = _moved(before, t)
+        predicted, speed, cov = expected.place, expected.speed, expected.cov
+        pp, pv, vv = cov[..., 0], cov[..., 1], cov[..., 2]
         e, s = at - predicted, pp + _WHITE_VAR
         e2 = squared_magnitude(e)
         # ln N(e; 0, s I₂) = −ln 2πs − |e|²/2s
@@ -256,17 +279,67 @@ class ReportLog:
         cov = np.stack([pp - gain_p * pp, pv - gain_p * pv, vv - gain_v * pv], axis=2)
         if fresh.any():
             place[fresh], speed[fresh], cov[fresh], log_density[fresh] = at[fresh], 0.0, _FRESH_COV, 0.0
-        self._place[vehicle], self._speed[vehicle], self._cov[vehicle] = place, speed, cov
-        self._score[vehicle] = self._score[vehicle] * np.exp(-dt / _FORGET_S) + log_density
+        _set_rows(self._state, vehicle, _NullState(place=place, speed=speed, cov=cov, t=expected.t))
+        passed_s = np.where(fresh, 0.0, t - last_t)[:, None]
+        self._score[vehicle] = self._score[vehicle] * np.exp(-passed_s / _FORGET_S) + log_density
         jump = np.where((e2 > _JUMP_NIS * s) & ~fresh[:, None], e2, 0.0)
+        aside = (e2 > _ASIDE_NIS * s) & ~fresh[:, None]
+        _set_rows(self._earlier, vehicle, replace(before, t=np.where(aside, before.t, np.nan)))
         # a jump is as likely for the unrelated as for a pair: the same widening by e²
         log_density = np.where(jump > 0.0, -np.log(2 * np.pi * (s + e2)) - 0.5, log_density)
         return np.asarray(log_density), jump
+
+    def _find_outliers(self, vehicle: IntArray, t: FloatArray, at: ComplexArray) -> BoolArray:
+        """(k, G) whether the report before this one was an outlier: it was aside, and this one is back."""
+        earlier = _rows(self._earlier, vehicle)
+        if not np.isfinite(earlier.t).any():
+            return np.zeros(earlier.t.shape, np.bool_)
+        expected = _moved(earlier, t)
+        back = np.asarray(squared_magnitude(at - expected.place) < _ASIDE_NIS * (expected.cov[..., 0] + _WHITE_VAR))
+        for row in np.flatnonzero(back.any(axis=1)).tolist():
+            self._outliers[int(vehicle[row]), float(self.last_t[vehicle[row]])] = back[row]
+        return back
 
     def _joined(self) -> Samples:
         """All reports of the window, concatenated; older ones are dropped."""
         if len(self._kept) > 1:
             whole = {f.name: np.concatenate([getattr(part, f.name) for part in self._kept]) for f in fields(Samples)}
-            keep = whole["t"] >= np.max(whole["t"]) - _KEPT_WINDOWS * self._window_s
+            start = np.max(whole["t"]) - _KEPT_WINDOWS * self._window_s
+            keep = whole["t"] >= start
+            self._outliers = {key: found for key, found in self._outliers.items() if key[1] >= start}
             self._kept = [Samples(**{name: array[keep] for name, array in whole.items()})]
         return self._kept[0]
+
+
+def _unknown_state(shape: tuple[int, int]) -> _NullState:
+    place = np.zeros(shape, np.complex128)
+    return _NullState(place=place, speed=place.copy(), cov=np.zeros((*shape, 3)), t=np.full(shape, np.nan))
+
+
+def _rows(state: _NullState, rows: IntArray) -> _NullState:
+    return _NullState(place=state.place[rows], speed=state.speed[rows], cov=state.cov[rows], t=state.t[rows])
+
+
+def _set_rows(state: _NullState, rows: IntArray, new: _NullState) -> None:
+    state.place[rows], state.speed[rows], state.cov[rows], state.t[rows] = new.place, new.speed, new.cov, new.t
+
+
+def _chosen(which: BoolArray, yes: _NullState, no: _NullState) -> _NullState:
+    return _NullState(
+        place=np.where(which, yes.place, no.place),
+        speed=np.where(which, yes.speed, no.speed),
+        cov=np.where(which[..., None], yes.cov, no.cov),
+        t=np.where(which, yes.t, no.t),
+    )
+
+
+def _moved(state: _NullState, t: FloatArray) -> _NullState:
+    """The state (k, G) moved on to times (k,), seconds.
+
+    x⁻ = x + v dt;  P⁻ = F P Fᵀ + q [dt³/3, dt²/2; dt²/2, dt]
+    """
+    dt, cov = t[:, None] - state.t, state.cov
+    pp = cov[..., 0] + 2 * dt * cov[..., 1] + dt**2 * cov[..., 2] + _ACCELERATION_PSD * dt**3 / 3
+    pv = cov[..., 1] + dt * cov[..., 2] + _ACCELERATION_PSD * dt**2 / 2
+    cov = np.stack([pp, pv, cov[..., 2] + _ACCELERATION_PSD * dt], axis=-1)
+    return _NullState(place=state.place + state.speed * dt, speed=state.speed, cov=cov, t=state.t + dt)

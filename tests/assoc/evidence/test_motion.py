@@ -108,3 +108,20 @@ def test_reports_that_nobody_asks_for_do_not_pile_up():
         log.add(*pick(t, r, slice(start, start + 3)))
     assert sum(len(part.t) for part in log._kept) < 3 * (1.2 * 20.0 * 5 + 501)
     assert np.ptp(log.samples(0.0, 700.0).t) <= 1.2 * 20.0
+
+
+def test_a_single_outlier_is_left_out_once_the_next_report_is_back():
+    t, r = drive(0.3)
+    wild = int(np.flatnonzero((r.vehicle == 1) & (t > 10.05))[0])
+    moved = r.p_enu.copy()
+    moved[wild, 0] += 8.0
+    log, clean = ReportLog(3, 20.0), ReportLog(3, 20.0)
+    until = int(np.flatnonzero(t <= t[wild])[-1]) + 1
+    log.add(*pick(t, replace(r, p_enu=moved), slice(0, until)))
+    assert log.samples(0.0, 20.0).jump_var.max() > 6.0**2, "the newest may be the first of many"
+    log.add(*pick(t, replace(r, p_enu=moved), slice(until, None)))
+    clean.add(*pick(t, r, np.delete(np.arange(len(t)), wild)))
+    got, wanted = log.samples(0.0, 20.0), clean.samples(0.0, 20.0)
+    np.testing.assert_array_equal(got.t, wanted.t)
+    np.testing.assert_allclose(got.log_null, wanted.log_null)
+    assert not got.jump_var.any()
