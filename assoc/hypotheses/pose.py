@@ -47,7 +47,12 @@ class PosePrior:
 
     def part_at(self, theta: FloatArray) -> PosePrior:
         """The part of the mixture that has most of the density at θ."""
-        return min((self, *self.others), key=lambda part: part.cost(theta) + float(np.sum(np.log(part.std))))
+        parts = (self, *self.others)
+        std = np.array([part.std for part in parts])
+        off = (theta - np.array([part.mean for part in parts])) / std
+        # −ln w N(θ; μ, Λ⁻¹), up to a constant
+        cost = np.sum(0.5 * off**2 + np.log(std), axis=1) - np.array([part.log_share for part in parts])
+        return parts[int(np.argmin(cost))]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

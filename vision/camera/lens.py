@@ -47,12 +47,13 @@ def undistort(xy: Floats, lens: Floats) -> Floats:
         return xy
     limit = fold_radius(lens)
     ideal = _start(xy, lens, limit)
+    error = distort(ideal, lens) - xy
     for _ in range(STEPS):
-        error = distort(ideal, lens) - xy
         if not (np.abs(error) > CLOSE).any():
             break
         ideal = _clamp(ideal - _solve(_jacobian(ideal, lens), error), limit)
-    missed = np.abs(distort(ideal, lens) - xy).max(axis=-1) > CLOSE
+        error = distort(ideal, lens) - xy
+    missed = np.abs(error).max(axis=-1) > CLOSE
     return np.where(missed[..., None], np.nan, ideal)
 
 
