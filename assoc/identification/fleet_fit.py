@@ -25,7 +25,7 @@ from scipy.special import expit, gammaln
 
 from assoc.evidence.blocks import Blocks
 from assoc.evidence.likelihood import bound_variance, initial_state, run_filter
-from assoc.geometry.ground import THETA
+from assoc.geometry.ground import OFFSET, THETA, YAW
 from assoc.hypotheses.search import Hypothesis, UpdateContext, refine
 from assoc.hypotheses.sway_fit import fit_sway
 
@@ -40,22 +40,31 @@ _PRIOR_LOG_ODDS = -3.0
 few decoys alone, and the luckiest of many moments must not be enough for a name."""
 _FITS = 0.5
 """Probability from which what is learnt from names may be trusted."""
-_MOST, _LEAST = 30.0, -30.0
+_MOST, _LEAST = 15.0, -30.0
 """Bounds of the remembered evidence, nats: so that what no longer fits is noticed within seconds."""
-_FORGET_S, _DOUBT_S = 20.0, 4.0
-"""Time constants τ₁ and τ₂, seconds: tracks break and vehicles are hidden for moments."""
+_FORGET_S, _DOUBT_S, _BLIND_S = 8.0, 2.0, 8.0
+"""Time constants τ₁, τ₂, and τ₂ without attitude, seconds: tracks break and vehicles are hidden for moments."""
 _CLEAR = 40.0
 """Evidence, nats, that no decoy reaches among a handful of vehicles: it is not compared with any."""
 _TOLL = 0.7
 """Evidence that a second of a matched pair must bring, nats, before film and telemetry fit; the right brings 1 to 3."""
 _BETTER = 15.0
-"""Evidence by which a fleet that is there explains the boxes better than chance, nats, however wrong the model is."""
+"""Evidence by which a fleet that is there explains the boxes better than chance, nats, however wrong the pose is."""
+_RARE = 3.0
+"""How often the share of a gross error counts on top, before film and telemetry fit: it is tried again and again."""
+_ATTITUDE_KNOWN_STD = 1.0
+"""Prior 1σ of the heading, radians, below which the camera's attitude is reported."""
 _DECOYS, _DECOYS_FIRST = 6, 3
 """How many decoys are remembered, one an update, and how many are tried at once at the beginning."""
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 """Angle whose multiples never come near one another, radians."""
 _LIKELY_IN_VIEW = 0.3
 """Chance of being in view from which a vehicle counts for the fleet's centre."""
+_ONE, _SEVERAL = 1.0, 3.0
+"""Vehicles expected in view from which what was remembered gives way to what is seen, and from which it does wholly:
+one or two at the edge of the picture tell little, either way."""
+_NEWS_BLOCKS = 4
+"""Blocks of the window in which a report must have been compared lately: reports come each second or seldomer."""
 _LONGEST_STEP_S = 1.0
 """Time that counts between two updates, seconds: what was not seen speaks neither for nor against a fit."""
 
@@ -198,33 +207,39 @@ class FleetFit:
         rows = np.flatnonzero(best.vehicle >= 0)
         compared = int(np.sum(best.blocks.count[:, rows, best.vehicle[rows]] > 0.0))
         # many starts find what fits by chance, the more the longer they look: the fleet itself gains far more
-        toll = 0.0 if self.fits else _TOLL * compared
+        toll = 0.0 if self.fits else _TOLL * compared - _RARE * context.prior.part_at(best.theta).log_share
         # a sway follows the fleet over many updates, a decoy's is fitted once: it does not show what chance reaches
-        chance = float(np.median(decoys)) if context.sway is None else self._evidence
-        self.add_evidence(t, self._evidence - lucky - toll, chance - lucky - toll)
+        usual = float(np.median(decoys)) if context.sway is None else self._evidence
+        chance = None if context.prior.std[YAW] < _ATTITUDE_KNOWN_STD else usual - lucky - toll
+        # late video shows nothing yet of the newest reports
+        late = int(np.ceil(max(best.theta[OFFSET], 0.0) / context.block_s))
+        news = bool(np.any(best.blocks.count[-_NEWS_BLOCKS - late :] > 0.0))
+        told = float(np.clip((np.sum(context.view) - _ONE) / (_SEVERAL - _ONE), 0.0, 1.0))
+        self.add_evidence(t, self._evidence - lucky - toll if news else 0.0, chance, told)
 
-    def add_evidence(self, t: float, evidence: float, chance: float) -> None:
+    def add_evidence(self, t: float, evidence: float, chance: float | None, told: float = 1.0) -> None:
         """Take in the evidence of one update.
 
-        Better evidence than S, the remembered one, counts at once. While V is worse but speaks for a fit,
-        S ← V + (S − V) exp(−Δt/τ₁); while it speaks against one, S ← S + w V Δt/τ₂; with V = 0, no news, S stays.
-        Against a fit it speaks only as far as chance does as well, w = 1 − (V − D)/15 within 0 and 1: what else is
-        wrong, tracks or the ground's height, does not make a fleet that is there fit as badly as one that is not.
+        Better evidence than S, the remembered one, counts at once, S ← V. While V is worse but speaks for a fit,
+        S ← V + (S − V) exp(−Δt/τ₁), and while it speaks against one with τ₂; with V = 0, no news, S stays. Where the
+        camera's attitude is unknown it speaks against a fit only as far as chance does as well, with τ₂/w of a longer
+        τ₂, w = 1 − (V − D)/15 within 0 and 1: a pose that is not found does not make a fleet that is there fit as badly
+        as one that is not.
 
         Args:
             t: Time, seconds.
             evidence: V, less what the luckiest decoy reached.
-            chance: D, what decoys usually reach.
+            chance: D, what decoys usually reach; None where the attitude is known.
+            told: Factor on both rates, 0 to 1: how many vehicles there are to tell anything.
         """
         now = float(np.clip(evidence, _LEAST, _MOST))
         dt = min(t - self._t, _LONGEST_STEP_S)
         self._t = t
-        if now > 0.0:
-            kept = now + (self._log_ratio - now) * float(np.exp(-dt / _FORGET_S))
-        else:
-            weight = float(np.clip(1.0 - (evidence - chance) / _BETTER, 0.0, 1.0))
-            kept = max(self._log_ratio + weight * now * dt / _DOUBT_S, _LEAST)
-        self._log_ratio = max(now, kept)
+        if now != 0.0:
+            rate = told / (_FORGET_S if now > 0.0 else _DOUBT_S)
+            if now < 0.0 and chance is not None:
+                rate = told * float(np.clip(1.0 - (evidence - chance) / _BETTER, 0.0, 1.0)) / _BLIND_S
+            self._log_ratio = max(now, now + (self._log_ratio - now) * float(np.exp(-dt * rate)))
 
     def limited(self, p: FloatArray, stated: BoolArray) -> FloatArray:
         """Marginals in which names count as far as film and telemetry belong together, or the operator stated them.

@@ -43,7 +43,7 @@ FROM_THE_START_S = -60.0
 SPOOFERS = ("own errors", "copy", "delay 0.5 s", "one from outside", "open, own errors", "open, copy")
 SPOOFERS_HARD = ("bias 1.5 m", "copy, bias 1.5 m", "delay 1.5 s", "two of one", "two pairs", "formation")
 FILMS = ("another road", "curved, straight", "open, curved", "straight, open", "oblique", "more in the film")
-FILMS_HARD = ("same line", "three vehicles", "no attitude", "bias 2 m", "grids", "look-alikes")
+FILMS_HARD = ("same line", "three vehicles", "no attitude", "bias 2 m", "grids", "look-alikes", "another drive")
 OTHER_ERRORS = ("walk", "steps", "sine 10 s", "sine 200 s", "Laplace", "outliers", "rough boxes", "late", "uneven")
 OTHER_ERRORS_HARD = ("mixed 1", "mixed 2", "mixed 3", "mixed 4", "mixed 5", "mixed 6")
 
@@ -107,7 +107,9 @@ def unrelated_hard(k: int, rng: np.random.Generator) -> Scenario:
 
 
 def unrelated_film_hard(k: int, flown: Scenario, rng: np.random.Generator) -> Scenario:
-    """Another flight of the same kind with the same camera."""
+    """Another flight of the same kind with the same camera, or from the same place over the same road."""
+    if FILMS_HARD[k] == "another drive":
+        return replace(flown, seed=int(rng.integers(2**31)))
     alike = Targets(lookalikes=4) if FILMS_HARD[k] == "look-alikes" else Targets()
     return replace(_another(flown, flown.ground, rng), targets=alike)
 

@@ -141,8 +141,8 @@ class Pipeline:
             t_us: when the frame was taken, Unix µs on the video's clock.
             heard_us: whatever came before this Unix time was added.
         """
-        belongs_us = self._telemetry_time(t_us) + self._cameras.attitude_lag_us
-        return heard_us - t_us < WAIT_US and self.fleet.awaits(belongs_us)
+        belongs_us = self.telemetry_time(t_us) + self._cameras.attitude_lag_us
+        return heard_us - max(t_us, belongs_us) < WAIT_US and self.fleet.awaits(belongs_us)
 
     def add_event(self, event: Event) -> None:
         """Add an event of the surroundings (links, video, operator) to the next snapshot."""
@@ -159,21 +159,20 @@ class Pipeline:
 
     def follow_ground(self, t_us: int) -> None:
         """Take in how high the ground is at a frame that is measured and not folded."""
-        self._cameras.follow_ground(self.fleet.at(self._telemetry_time(t_us)), self.fleet.origin)
+        self._cameras.follow_ground(self.fleet.at(self.telemetry_time(t_us)), self.fleet.origin)
 
     def gsd_m(self, t_us: int, image: NDArray[np.uint8]) -> float | None:
         """Ground metres a pixel at the centre of a frame (H, W, 3), None while the camera's pose is unknown."""
-        view = self._frame_camera(self.fleet.at(self._telemetry_time(t_us)), _size_of(image))
+        view = self._frame_camera(self.fleet.at(self.telemetry_time(t_us)), _size_of(image))
         return ground_sampling(view.intrinsics, view.pose, view.ground_z) if view else None
 
     def expected_pixels(self, t_us: int) -> tuple[tuple[int, int], FloatArray] | None:
         """Where the vehicles' reports put them in the frame at a time of the video's clock.
 
         Returns:
-            Width and height of that frame, and pixels (k, 2) of those that can be placed; None while
-            the camera's pose is unknown.
+            Width and height of that frame, pixels (k, 2) of those that can be placed; None: the pose is unknown.
         """
-        state = self.fleet.at(self._telemetry_time(t_us))
+        state = self.fleet.at(self.telemetry_time(t_us))
         view = self._frame_camera(state, None)
         if view is None:
             return None
@@ -210,7 +209,7 @@ class Pipeline:
         if detections is not None and len(detections) > MOST_BOXES:
             self._report_crowd(t_us, len(detections))
             detections = detections.select(np.sort(np.argsort(-detections.score, kind="stable")[:MOST_BOXES]))
-        state = self.fleet.at(self._telemetry_time(t_us), heard_us)
+        state = self.fleet.at(self.telemetry_time(t_us), heard_us)
         self._notices.follow(state)
         self._follow_origin()
         self._follow_steps(state)
@@ -219,7 +218,7 @@ class Pipeline:
         self._identifier.add_reports(reports_of(self.fleet.take_reports(), self.mission.ugv_ids, view, state))
         if detections is None:
             return self._snapshot(index, t_us, state, view, image, self._names_held(state), health)
-        telemetry_us = self._telemetry_time(t_us)
+        telemetry_us = self.telemetry_time(t_us)
         view = self._cameras.predicted(telemetry_us, view, self.fleet, motion if self._view else None) if view else None
         warp = ground_warp(self._view, view) if motion is None else motion.H
         if self._tracker is None:
@@ -249,7 +248,7 @@ class Pipeline:
             t_us: When, Unix µs on the video's clock.
             health: How the program was doing, passed on.
         """
-        state = self.fleet.at(self._telemetry_time(t_us))
+        state = self.fleet.at(self.telemetry_time(t_us))
         self._notices.follow(state)
         self._follow_origin()
         view = self._frame_camera(state, None)
@@ -291,7 +290,8 @@ class Pipeline:
             self._begin_anew()
         self._events += events
 
-    def _telemetry_time(self, t_us: int) -> int:
+    def telemetry_time(self, t_us: int) -> int:
+        """Telemetry's time, Unix µs, at a time of the video's clock, by the offset that the mission declares."""
         return t_us - round(self._offset_s * 1e6)
 
     def _frame_camera(self, state: FleetState, size: tuple[int, int] | None) -> FrameCamera | None:
@@ -307,7 +307,7 @@ class Pipeline:
         camera = self._camera(view)
 
         def stitch(track_id: IntArray, centres: FloatArray) -> IntArray:
-            return self._identifier.stitch(self._telemetry_time(t_us), track_id, view.intrinsics.rays(centres), camera)
+            return self._identifier.stitch(self.telemetry_time(t_us), track_id, view.intrinsics.rays(centres), camera)
 
         return stitch
 
@@ -321,7 +321,7 @@ class Pipeline:
     ) -> Identities | None:
         if view is None:
             return None
-        observation = observation_of(self._telemetry_time(t_us), detections, tracks, view.intrinsics, view)
+        observation = observation_of(self.telemetry_time(t_us), detections, tracks, view.intrinsics, view)
         return self._identifier.update(observation, self._camera(view))
 
     def _camera(self, view: FrameCamera) -> CameraState:

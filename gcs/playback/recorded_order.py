@@ -47,7 +47,8 @@ class PacketsInOrder:
 
     def awaited(self, pipeline: Pipeline, t_us: int) -> Iterator[Packet]:
         """Those up to a frame's time, and those that the frame waits for in a flight, as long as the fold does."""
-        yield from self.until(t_us)
+        # a frame that is dated before it was taken came later than its date
+        yield from self.until(max(t_us, pipeline.telemetry_time(t_us)))
         while self._next is not None and pipeline.awaits_telemetry(t_us, self._next.t_us):
             yield self._next
             self._next = next(self._packets, None)
@@ -62,7 +63,7 @@ class GroundScale:
 
     def gsd_m(self, frame: Frame) -> float | None:
         """At the centre of a frame; frames come in order."""
-        for packet in self._packets.until(frame.t_us):
+        for packet in self._packets.until(max(frame.t_us, self._pipeline.telemetry_time(frame.t_us))):
             self._pipeline.add_packet(packet)
         self._pipeline.follow_ground(frame.t_us)
         return self._pipeline.gsd_m(frame.t_us, frame.image)

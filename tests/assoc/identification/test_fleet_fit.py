@@ -1,5 +1,6 @@
 """Film and telemetry that do not belong together: no names, whatever single vehicles look like."""
 
+from dataclasses import replace
 from itertools import combinations, permutations
 
 import numpy as np
@@ -90,6 +91,32 @@ def test_evidence_against_a_fit_counts_only_as_far_as_chance_does_as_well():
         return fit.probability
 
     assert after(-20.0) < 0.01 and after(-50.0) > 0.99
+
+
+def test_a_known_camera_that_fits_no_longer_is_doubted_within_seconds():
+    fit = FleetFit()
+    fit.add_evidence(0.0, 60.0, None)
+    for k in range(1, 11):
+        fit.add_evidence(0.25 * k, -5.0, None)
+    assert fit.probability < 0.5
+
+
+def test_evidence_that_comes_to_little_is_forgotten_in_seconds():
+    fit = FleetFit()
+    fit.add_evidence(0.0, 60.0, None)
+    for k in range(1, 100):
+        fit.add_evidence(0.25 * k, 2.0, None)
+    assert fit.probability < 0.9
+
+
+def test_video_that_is_dated_late_by_seconds_fits_once_the_vehicles_have_moved():
+    fleet, identifier, rng = Fleet(seed=3), Identifier(IDS), np.random.default_rng(2)
+    for k in range(20, 220):
+        t = k / 10
+        seen = fleet.observation(t - 3.0, camera(), [1, 2, 3, 4], rng)
+        answer = identifier.update(replace(seen, t_us=seen.t_us + 3_000_000), camera(), fleet.reports(t - 0.1, t, rng))
+    assert answer.system_id.tolist() == list(IDS) and identifier.fit_probability > 0.99
+    assert abs(identifier.pose_correction[7] - 3.0) < 0.3
 
 
 @pytest.mark.parametrize("turned_deg", [90.0, 180.0, -90.0])

@@ -67,3 +67,10 @@ def test_it_waits_by_the_clock_of_the_telemetry():
     late = replace(ONE_UGV, clock=Clock(video_offset_s=0.5))
     frame_us = T0 + 2 * S + DELAY_US - 35_000
     assert waited_us(heard(4.0), frame_us, Pipeline(late)) == 0
+
+
+def test_a_frame_that_is_dated_early_waits_for_what_came_before_it_was_taken():
+    early = Pipeline(replace(ONE_UGV, clock=Clock(video_offset_s=-1.5)))
+    frame_us = T0 + S
+    assert 1.5 * S - 100_000 <= waited_us(heard(4.0), frame_us, early) <= 1.5 * S + WAIT_US
+    assert not early.fleet.awaits(early.telemetry_time(frame_us))
