@@ -53,7 +53,7 @@ def discount_lookalikes(
     Tracks that compete for one vehicle keep their difference. Scores grow while a track lives: of what an older track k
     says, the share since track i began, age_i/age_k, stands against i. A track's score for another vehicle than its own
     is at least its best one and ln of the chance of a change; such a rest says nothing of how it moved, and is
-    reduced like the score that it is a rest of.
+    reduced like the scores that it may be a rest of, the best one and that of the best assignment.
 
     Args:
         score: (m, n) ln ratios.
@@ -78,5 +78,6 @@ def discount_lookalikes(
     moved = np.where(changed, -np.inf, score)
     found = np.max(moved * share[:, :, None] + gain, axis=1)
     discount = np.logaddexp(np.log1p(-chance), np.log(chance) + found)
-    own = np.max(np.where(assigned, discount, 0.0), axis=1, keepdims=True)
+    kept = assigned | (score == np.max(score, axis=1, keepdims=True))
+    own = np.max(np.where(kept, discount, 0.0), axis=1, keepdims=True)
     return np.asarray(score - np.where(changed, np.maximum(discount, own), discount))

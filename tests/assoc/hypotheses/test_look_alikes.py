@@ -52,3 +52,13 @@ def test_what_is_left_of_a_score_after_a_change_of_vehicle_tells_nothing_of_a_ne
     p = marginals(discounted(score))
     assert p[0, 0] > 0.99
     assert p[1, 1] > 0.99
+
+
+def test_a_rest_of_a_score_for_a_vehicle_that_another_track_is_names_nobody():
+    """A stranger's best score is for a vehicle with a box of its own; what is left of it for a third one is no name."""
+    score = [[97.0, 117.0, 88.0], [94.0, 136.0, 88.0], [34.0, -1.0, -8.0]]
+    bias = np.zeros((3, 3, 2))
+    bias[0, :, 0], bias[1, ::2, 0], bias[2, 1:, 0] = 9.0, 9.0, 9.0
+    p = marginals(discounted(score, bias=bias, age_s=[78.0, 39.0, 6.0]))
+    assert p[0, 0] < 0.1
+    assert p[2, 0] > 0.9
