@@ -28,13 +28,14 @@ def distort(xy: Floats, lens: Floats) -> Floats:
     """Ideal points (..., 2) as the lens (5,) shows them."""
     if not lens.any():
         return xy
-    k1, k2, p1, p2, k3 = lens
+    k1, k2, p1, p2, k3 = lens.tolist()
     x, y = xy[..., 0], xy[..., 1]
     r2 = x**2 + y**2
     radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    bent_x = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x**2)
-    bent_y = y * radial + p1 * (r2 + 2 * y**2) + 2 * p2 * x * y
-    return np.stack([bent_x, bent_y], axis=-1)
+    bent = np.empty(xy.shape)
+    bent[..., 0] = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x**2)
+    bent[..., 1] = y * radial + p1 * (r2 + 2 * y**2) + 2 * p2 * x * y
+    return bent
 
 
 def undistort(xy: Floats, lens: Floats) -> Floats:
@@ -75,7 +76,7 @@ def _fold_radius(k1: float, k2: float, k3: float) -> float:
 
 def _start(xy: Floats, lens: Floats, limit: float) -> Floats:
     """Three fixed-point steps x ← x' / radial, from the seen point."""
-    k1, k2, _, _, k3 = lens
+    k1, k2, _, _, k3 = lens.tolist()
     ideal = _clamp(xy, limit)
     for _ in range(3):
         r2 = (ideal**2).sum(axis=-1, keepdims=True)
@@ -94,7 +95,7 @@ def _clamp(xy: Floats, limit: float) -> Floats:
 
 def _jacobian(xy: Floats, lens: Floats) -> tuple[Floats, Floats, Floats]:
     """Entries xx, xy (= yx), yy of ∂distort/∂xy, each (...,)."""
-    k1, k2, p1, p2, k3 = lens
+    k1, k2, p1, p2, k3 = lens.tolist()
     x, y = xy[..., 0], xy[..., 1]
     r2 = x**2 + y**2
     radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
@@ -113,4 +114,6 @@ def _solve(jacobian: tuple[Floats, Floats, Floats], error: Floats) -> Floats:
     det = xx * yy - xy**2
     det = np.where(np.abs(det) < 1e-12, 1e-12, det)
     ex, ey = error[..., 0], error[..., 1]
-    return np.stack([(yy * ex - xy * ey) / det, (xx * ey - xy * ex) / det], axis=-1)
+    step = np.empty(error.shape)
+    step[..., 0], step[..., 1] = (yy * ex - xy * ey) / det, (xx * ey - xy * ex) / det
+    return step
