@@ -27,6 +27,8 @@ nothing is associated.
 
 from __future__ import annotations
 
+import math
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -74,9 +76,15 @@ def triangle_sequences(points: FloatArray) -> list[FloatArray] | None:
     middle = np.sum(p, axis=1) / 3.0 - p[:, 0]
     bearing = np.arctan2(middle[:, 1], middle[:, 0])
     order = np.lexsort((bearing, turned[:, 0]))
-    ends = np.cumsum(np.bincount(turned[:, 0], minlength=len(points)))[:-1]
-    pieces = zip(np.split(_angles(p[order]), ends), np.split(bearing[order], ends), strict=True)
-    return [np.concatenate([angle[k:], angle[:k]]) for angle, k in ((a, _after_widest_gap(b)) for a, b in pieces)]
+    ends = np.cumsum(np.bincount(turned[:, 0], minlength=len(points))).tolist()
+    pieces = list(pairwise([0, *ends]))
+    bearings = bearing[order].tolist()
+    firsts = [start + _after_widest_gap(bearings[start:stop]) for start, stop in pieces]
+    opened = [
+        row for (start, stop), k in zip(pieces, firsts, strict=True) for row in (*range(k, stop), *range(start, k))
+    ]
+    angles = _angles(p[order[opened]])
+    return [angles[start:stop] for start, stop in pieces]
 
 
 def tts_similarity(image: FloatArray, world: FloatArray, reading: Reading = "sequence") -> FloatArray:
@@ -169,12 +177,12 @@ def _triangles(points: FloatArray) -> IntArray | None:
     return np.where(clockwise[:, None], corners[:, ::-1], corners)
 
 
-def _after_widest_gap(bearing: FloatArray) -> int:
+def _after_widest_gap(bearings: list[float]) -> int:
     """Index of the direction, in ascending order, that follows the widest gap."""
-    if len(bearing) < 2:
+    if len(bearings) < 2:
         return 0
-    gap = bearing - np.concatenate([bearing[-1:] - 2.0 * np.pi, bearing[:-1]])
-    return int(np.argmax(gap))
+    gaps = [b - a for a, b in pairwise([bearings[-1] - 2.0 * math.pi, *bearings])]
+    return gaps.index(max(gaps))
 
 
 def _angles(p: FloatArray) -> FloatArray:
@@ -201,5 +209,5 @@ def _aligned(term: FloatArray, k: IntArray, h: IntArray) -> FloatArray:
     # triangle i of the shorter sequence is compared with triangle i + shift of the longer
     partner = (at + shift) % np.maximum(long, 1)[..., None, None]
     cell = np.where(first, at * depth + partner, partner * depth + at)
-    value = np.take_along_axis(term.reshape(m, n, -1), cell.reshape(m, n, -1), axis=2).reshape(cell.shape)
+    value = term.ravel()[np.arange(0, term.size, width * depth).reshape(m, n, 1, 1) + cell]
     return np.asarray(np.max(np.sum(value * (at < short[..., None, None]), axis=3), axis=2))
