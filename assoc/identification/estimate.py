@@ -179,7 +179,7 @@ class Estimator:
         p = mixed_marginals(
             found, share, self._bias_std, clutter, context.in_view, context.log_odds, free, elsewhere, age_s
         )
-        self.fit.update(t, context, best)
+        self.fit.update(t, context, best, steady=camera.attitude_known and camera.stabilized)
         p = self.fit.limited(p, self._stated.among(history.track_id[live]))
         if not self.fit.fits:
             return self._without_names(t, context, best, p)

@@ -25,7 +25,7 @@ from scipy.special import expit, gammaln
 
 from assoc.evidence.blocks import Blocks
 from assoc.evidence.likelihood import bound_variance, initial_state, run_filter
-from assoc.geometry.ground import OFFSET, THETA, YAW
+from assoc.geometry.ground import OFFSET, THETA
 from assoc.hypotheses.search import Hypothesis, UpdateContext, refine
 from assoc.hypotheses.sway_fit import fit_sway
 
@@ -43,7 +43,7 @@ _FITS = 0.5
 _MOST, _LEAST = 15.0, -30.0
 """Bounds of the remembered evidence, nats: so that what no longer fits is noticed within seconds."""
 _FORGET_S, _DOUBT_S, _BLIND_S = 8.0, 2.0, 8.0
-"""Time constants τ₁, τ₂, and τ₂ without attitude, seconds: tracks break and vehicles are hidden for moments."""
+"""Time constants τ₁, τ₂, and τ₂ of a camera that shakes, seconds: tracks break and vehicles are hidden for moments."""
 _CLEAR = 40.0
 """Evidence, nats, that no decoy reaches among a handful of vehicles: it is not compared with any."""
 _TOLL = 0.7
@@ -52,8 +52,6 @@ _BETTER = 15.0
 """Evidence by which a fleet that is there explains the boxes better than chance, nats, however wrong the pose is."""
 _RARE = 3.0
 """How often the share of a gross error counts on top, before film and telemetry fit: it is tried again and again."""
-_ATTITUDE_KNOWN_STD = 1.0
-"""Prior 1σ of the heading, radians, below which the camera's attitude is reported."""
 _DECOYS, _DECOYS_FIRST = 6, 3
 """How many decoys are remembered, one an update, and how many are tried at once at the beginning."""
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
@@ -190,13 +188,14 @@ class FleetFit:
         """Whether they rather do than not."""
         return self.probability >= _FITS
 
-    def update(self, t: float, context: UpdateContext, best: Hypothesis) -> None:
+    def update(self, t: float, context: UpdateContext, best: Hypothesis, *, steady: bool) -> None:
         """Take in the results of one update.
 
         Args:
             t: Time, seconds.
             context: What it worked on.
             best: Its best hypothesis.
+            steady: Whether the camera's attitude is known and a gimbal holds it.
         """
         self._evidence = log_evidence(context, best)
         for _ in range(0 if self.clear else 1 if self._decoys else _DECOYS_FIRST):
@@ -210,7 +209,7 @@ class FleetFit:
         toll = 0.0 if self.fits else _TOLL * compared - _RARE * context.prior.part_at(best.theta).log_share
         # a sway follows the fleet over many updates, a decoy's is fitted once: it does not show what chance reaches
         usual = float(np.median(decoys)) if context.sway is None else self._evidence
-        chance = None if context.prior.std[YAW] < _ATTITUDE_KNOWN_STD else usual - lucky - toll
+        chance = None if steady else usual - lucky - toll
         # late video shows nothing yet of the newest reports
         late = int(np.ceil(max(best.theta[OFFSET], 0.0) / context.block_s))
         news = bool(np.any(best.blocks.count[-_NEWS_BLOCKS - late :] > 0.0))
@@ -222,14 +221,14 @@ class FleetFit:
 
         Better evidence than S, the remembered one, counts at once, S ← V. While V is worse but speaks for a fit,
         S ← V + (S − V) exp(−Δt/τ₁), and while it speaks against one with τ₂; with V = 0, no news, S stays. Where the
-        camera's attitude is unknown it speaks against a fit only as far as chance does as well, with τ₂/w of a longer
-        τ₂, w = 1 − (V − D)/15 within 0 and 1: a pose that is not found does not make a fleet that is there fit as badly
-        as one that is not.
+        camera shakes or its attitude is unknown it speaks against a fit only as far as chance does as well, with τ₂/w
+        of a longer τ₂, w = 1 − (V − D)/15 within 0 and 1: a pose that is not found does not make a fleet that is there
+        fit as badly as one that is not.
 
         Args:
             t: Time, seconds.
             evidence: V, less what the luckiest decoy reached.
-            chance: D, what decoys usually reach; None where the attitude is known.
+            chance: D, what decoys usually reach; None: the camera is steady.
             told: Factor on both rates, 0 to 1: how many vehicles there are to tell anything.
         """
         now = float(np.clip(evidence, _LEAST, _MOST))

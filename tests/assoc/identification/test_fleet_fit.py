@@ -101,6 +101,22 @@ def test_a_known_camera_that_fits_no_longer_is_doubted_within_seconds():
     assert fit.probability < 0.5
 
 
+def test_a_camera_without_a_gimbal_is_doubted_later_than_one_that_is_steady():
+    def named_s(**view):
+        """How long the names stay on the other film, seconds."""
+        fleet, other, identifier = Fleet(seed=1), Fleet(seed=8, n=6, spacing_m=5.0), Identifier(IDS)
+        other.start = other.start[:, ::-1] + (2.0, 5.0)
+        looks, rng, since = replace(camera(), **view), np.random.default_rng(1), 0
+        for k in range(200):
+            film, t = (fleet if k < 60 else other), k / 10
+            seen = film.observation(t, looks, np.arange(1, film.n + 1), rng)
+            identifier.update(seen, looks, fleet.reports(t - 0.1, t, rng))
+            since += k >= 60 and identifier.fit_probability > 0.5
+        return since / 10
+
+    assert named_s(stabilized=True) + 1.0 < named_s(stabilized=False) < 14.0
+
+
 def test_evidence_that_comes_to_little_is_forgotten_in_seconds():
     fit = FleetFit()
     fit.add_evidence(0.0, 60.0, None)
