@@ -118,12 +118,14 @@ def _intersect_ground(d: FloatArray, p: FloatArray, z: FloatArray) -> FloatArray
 
 
 def _points(
-    history: TrackHistory, rows: slice, theta: FloatArray, rays: FloatArray, delta_s: float, tilt: FloatArray | None
+    history: TrackHistory, rows: slice, theta: FloatArray, rays: FloatArray, delta_s: float, sway: FloatArray | None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Ground points (F, K, 2) of rays (F, K, 3), camera rotations (F, 3, 3) and corrected camera positions (F, 3)."""
     R, p = _camera_at(history, rows, delta_s)
-    pitch, roll = theta[[PITCH, ROLL]] if tilt is None else (theta[[PITCH, ROLL]] + tilt).T
-    turned = np.matmul(_rotations(R, _yaw(history, rows, theta), pitch, roll), R)
+    yaw, pitch, roll = _yaw(history, rows, theta), theta[PITCH], theta[ROLL]
+    if sway is not None:
+        yaw, pitch, roll = yaw + sway[:, 0], pitch + sway[:, 1], roll + sway[:, 2]
+    turned = np.matmul(_rotations(R, yaw, pitch, roll), R)
     p = p + theta[[EAST, NORTH, HEIGHT]]
     return _intersect_ground(np.matmul(rays, turned.transpose(0, 2, 1)), p, history.z[rows]), R, p
 
@@ -134,7 +136,7 @@ def _yaw(history: TrackHistory, rows: slice, theta: FloatArray) -> FloatArray:
 
 
 def ground_tracks(
-    history: TrackHistory, start: int, theta: FloatArray, columns: IntArray, tilt: FloatArray | None = None
+    history: TrackHistory, start: int, theta: FloatArray, columns: IntArray, sway: FloatArray | None = None
 ) -> GroundTracks:
     """Project the history, from row ``start`` to the newest, to the ground under a correction.
 
@@ -143,7 +145,7 @@ def ground_tracks(
         start: First row.
         theta: (8,) pose correction.
         columns: (T,) tracks wanted.
-        tilt: (F, 2) pitch and roll of each frame beyond those in θ, radians; None: none.
+        sway: (F, 3) yaw, pitch and roll of each frame beyond those in θ, radians; None: none.
 
     Returns:
         Points, headings and derivatives by θ.
@@ -152,7 +154,7 @@ def ground_tracks(
     delta = float(theta[OFFSET])
     rays = history.ray[rows][:, columns]
     both = np.concatenate([rays, history.front[rows][:, columns]], axis=1)
-    points, R, p = _points(history, rows, theta, both, delta, tilt)
+    points, R, p = _points(history, rows, theta, both, delta, sway)
     g, front = points[:, :n], points[:, n:] - points[:, :n]
     fall = (history.z[rows] - p[:, 2])[:, None]
     # u = d_xy / d_z of each ray d, so that g = p + fall·u
@@ -174,7 +176,7 @@ def ground_tracks(
     jacobian[..., 1, NORTH] = 1.0
     # H lifts the camera: ∂fall/∂H = −1
     jacobian[..., HEIGHT] = -u
-    jacobian[..., OFFSET] = (_points(history, rows, theta, rays, delta + _DELTA_S, tilt)[0] - g) / _DELTA_S
+    jacobian[..., OFFSET] = (_points(history, rows, theta, rays, delta + _DELTA_S, sway)[0] - g) / _DELTA_S
     # a pixel covers range · px_rad across, and 1/sin(depression) times as much along the ray
     pixel = history.px_rad[rows][:, None] * np.abs(fall) * (1.0 + u[..., 0] ** 2 + u[..., 1] ** 2)
     return GroundTracks(

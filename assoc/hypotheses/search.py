@@ -91,10 +91,10 @@ class UpdateContext:
     fold: int
     """Blocks that leave the window with this update."""
     sway: Sway | None = None
-    """Of a camera whose tilt is not reported; None: none known."""
+    """Of a camera that is fixed to the body; None: none known."""
 
     def rows_under(self, theta: FloatArray) -> tuple[int, FloatArray | None]:
-        """The history's first row in the window under θ, and (F, 2) the sway from there on, radians."""
+        """The history's first row in the window under θ, and (F, 3) the sway from there on, radians."""
         since = self.first_block * self.block_s + theta[OFFSET] - self.gap_max_s
         start = min(self.history.first_row_since(since), self.history.n - 1)
         return start, None if self.sway is None else self.sway.at(self.history.t[start : self.history.n])
@@ -123,8 +123,8 @@ class Hypothesis:
 
 def residual_blocks(context: UpdateContext, theta: FloatArray) -> Blocks:
     """The residuals linearised at θ."""
-    start, tilt = context.rows_under(theta)
-    tracks = ground_tracks(context.history, start, theta, context.columns, tilt)
+    start, sway = context.rows_under(theta)
+    tracks = ground_tracks(context.history, start, theta, context.columns, sway)
     samples = context.log.samples(context.first_block * context.block_s, (context.last_block + 1) * context.block_s)
     blocks = make_blocks(
         tracks,

@@ -1,9 +1,9 @@
-"""The sway of a camera whose tilt nobody reports, from the reports of the vehicles that it probably sees.
+"""The sway of a camera fixed to the body, from the reports of the vehicles that it probably sees.
 
-Boxes alone show how a camera turns within a fraction of a second, but vehicles that drive on together look like a
-camera that tilts slowly. Their reports tell the two apart, since a tilt displaces all of them at once. With the
-residuals r of a hypothesis's pairs at the reports' own times t, their biases b, and the derivatives J of a place by θ
-and by the tilt,
+Boxes show how a camera turns within a fraction of a second, but vehicles that drive on together look like a camera that
+turns slowly, and attitude that comes seldom or not at all leaves that open. Their reports tell the two apart, since a
+turn displaces all of them at once. With the residuals r of a hypothesis's pairs at the reports' own times t, their
+biases b, and the derivatives J of a place by θ and by the turn,
 
     r + J_θ Δθ + J_s s(t) − b = noise,     s ~ GP(0, σ² (1 + λ|Δt|) exp(−λ|Δt|)),     b ~ N(0, σ_b²)
 
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.evidence.blocks import interpolated
-from assoc.geometry.ground import OFFSET, PITCH, ROLL, THETA, ground_tracks
+from assoc.geometry.ground import OFFSET, PITCH, ROLL, THETA, YAW, ground_tracks
 from assoc.geometry.sway import Sway
 from assoc.hypotheses.search import Hypothesis, UpdateContext, posing_pairs
 
@@ -32,8 +32,12 @@ _STEP_S = 0.25
 """Between two knots, seconds: what sways faster is seen by the boxes."""
 _AHEAD_S = 1.0
 """The sway is predicted so far beyond the newest frame, seconds, for the frames until the next update."""
-_STD, _LENGTH_S = float(np.deg2rad(2.5)), 0.8
-"""Prior 1σ of the sway that boxes do not show, radians, and √3/λ, seconds."""
+_STD, _FREE_STD = float(np.deg2rad(0.4)), float(np.deg2rad(2.5))
+"""Prior 1σ of the sway that attitude and boxes leave, radians, and that boxes alone leave."""
+_LENGTH_S = 0.8
+"""Its correlation length √3/λ, seconds."""
+_AXES = [YAW, PITCH, ROLL]
+"""What sways."""
 _JITTER = 1e-4
 """Part of σ² that is added to each knot's variance, so that the covariance can be inverted."""
 _COUNTED = 0.25
@@ -41,7 +45,7 @@ _COUNTED = 0.25
 _MOST = 5.0
 """Where the sway or θ would be so many σ off, the hypothesis is wrong."""
 _LEAST_VEHICLES = 3
-"""Fewer do not tell a tilt of the camera from what their own reports err."""
+"""Fewer do not tell a turn of the camera from what their own reports err."""
 _MOST_PAIRS = 12
 """More hardly tell more, and the work grows with them."""
 _OUTLIER = 3.0
@@ -52,12 +56,13 @@ _FREE = OFFSET
 """Numbers of θ before δ, which are fitted along: δ moves the vehicles themselves."""
 
 
-def fit_sway(context: UpdateContext, hypothesis: Hypothesis) -> tuple[FloatArray, Sway] | None:
+def fit_sway(context: UpdateContext, hypothesis: Hypothesis, *, free: bool) -> tuple[FloatArray, Sway] | None:
     """Fit sway and θ to the vehicles of a hypothesis.
 
     Args:
         context: What the update worked on, with the sway that the hypothesis was found under.
         hypothesis: Which tracks are which vehicles.
+        free: Whether no attitude is reported.
 
     Returns:
         θ (8,) and the sway, which continues beyond the newest frame; None: too few vehicles, or none explains them.
@@ -66,8 +71,8 @@ def fit_sway(context: UpdateContext, hypothesis: Hypothesis) -> tuple[FloatArray
     rows, vehicles = (of[:_MOST_PAIRS] for of in posing_pairs(context, hypothesis.vehicle))
     if len(np.unique(vehicles)) < _LEAST_VEHICLES:
         return None
-    start, tilt = context.rows_under(theta)
-    tracks = ground_tracks(context.history, start, theta, context.columns[rows], tilt)
+    start, before = context.rows_under(theta)
+    tracks = ground_tracks(context.history, start, theta, context.columns[rows], before)
     samples = context.log.samples(context.first_block * context.block_s, (context.last_block + 1) * context.block_s)
     report, pair = np.nonzero(samples.vehicle[:, None] == vehicles[None, :])
     t = samples.t[report] + theta[OFFSET]
@@ -77,19 +82,19 @@ def fit_sway(context: UpdateContext, hypothesis: Hypothesis) -> tuple[FloatArray
         return None
     row = np.clip(np.searchsorted(tracks.t, t), 0, len(tracks.t) - 1)
     J = np.nan_to_num(tracks.jacobian[row, pair])
-    by_tilt = J[..., [PITCH, ROLL]]
+    by_turn, std = J[..., _AXES], _FREE_STD if free else _STD
     # the residuals without any sway
     r = p - samples.p[report]
     if context.sway is not None:
-        r = r - np.einsum("nij,nj->ni", by_tilt, context.sway.at(t))
+        r = r - np.einsum("nij,nj->ni", by_turn, context.sway.at(t))
     knots = np.arange(np.floor(tracks.t[0] / _STEP_S), np.ceil((tracks.t[-1] + _AHEAD_S) / _STEP_S) + 1) * _STEP_S
     A = np.concatenate(
-        [_by_knots(by_tilt, (t - knots[0]) / _STEP_S, len(knots)), J[..., :_FREE], _by_biases(pair, len(rows))], axis=2
+        [_by_knots(by_turn, (t - knots[0]) / _STEP_S, len(knots)), J[..., :_FREE], _by_biases(pair, len(rows))], axis=2
     )
     part = context.prior.part_at(theta)
-    n_sway, n = 2 * len(knots), A.shape[2]
+    n_sway, n = len(_AXES) * len(knots), A.shape[2]
     precision = np.diag(np.full(n, 1.0 / context.noise.bias_std**2))
-    precision[:n_sway, :n_sway] = np.kron(_precision(len(knots)), np.eye(2))
+    precision[:n_sway, :n_sway] = np.kron(_precision(len(knots)), np.eye(len(_AXES)) / std**2)
     posed = np.arange(n_sway, n_sway + _FREE)
     precision[posed, posed] = 1.0 / part.std[:_FREE] ** 2
     pull = np.zeros(n)
@@ -100,22 +105,22 @@ def fit_sway(context: UpdateContext, hypothesis: Hypothesis) -> tuple[FloatArray
     s, prior = x[:n_sway], precision[:n_sway, :n_sway]
     # ½ sᵀΛs + ½ ln|Λ + JᵀJ| − ½ ln|Λ|
     spent = 0.5 * (s @ prior @ s + np.linalg.slogdet(H[:n_sway, :n_sway])[1] - np.linalg.slogdet(prior)[1])
-    sway = Sway(t=knots, tilt=s.reshape(-1, 2), cost=_COUNTED * float(spent))
+    sway = Sway(t=knots, turn=s.reshape(-1, len(_AXES)), free=free, cost=_COUNTED * float(spent))
     fitted = theta + np.concatenate([x[posed], np.zeros(THETA - _FREE)])
     off = np.abs(fitted - part.mean)[:_FREE] / part.std[:_FREE]
-    if not (np.all(np.abs(sway.tilt) < _MOST * _STD) and np.all(off < _MOST)):
+    if not (np.all(np.abs(sway.turn) < _MOST * std) and np.all(off < _MOST)):
         return None
     return fitted, sway
 
 
-def _by_knots(by_tilt: FloatArray, at: FloatArray, n_knots: int) -> FloatArray:
-    """(N, 2, 2K) derivatives by the knots, from those by the tilt (N, 2, 2) at times in units of a step (N,)."""
-    columns = np.zeros((len(at), 2, n_knots, 2))
+def _by_knots(by_turn: FloatArray, at: FloatArray, n_knots: int) -> FloatArray:
+    """(N, 2, 3K) derivatives by the knots, from those by a turn (N, 2, 3) at times in units of a step (N,)."""
+    columns = np.zeros((len(at), 2, n_knots, len(_AXES)))
     k = np.clip(at.astype(np.int64), 0, n_knots - 2)
     w, each = (at - k)[:, None, None], np.arange(len(at))
-    columns[each, :, k] = (1.0 - w) * by_tilt
-    columns[each, :, k + 1] = w * by_tilt
-    return columns.reshape(len(at), 2, 2 * n_knots)
+    columns[each, :, k] = (1.0 - w) * by_turn
+    columns[each, :, k + 1] = w * by_turn
+    return columns.reshape(len(at), 2, -1)
 
 
 def _by_biases(pair: IntArray, n_pairs: int) -> FloatArray:
@@ -147,6 +152,6 @@ def _least_squares(
 
 @lru_cache(maxsize=128)
 def _precision(n_knots: int) -> FloatArray:
-    """(K, K) inverse of the covariance of the sway's knots about one axis."""
+    """(K, K) inverse of the correlation of the sway's knots about one axis."""
     lag = np.sqrt(3.0) / _LENGTH_S * _STEP_S * np.abs(np.subtract.outer(np.arange(n_knots), np.arange(n_knots)))
-    return np.asarray(np.linalg.inv(_STD**2 * ((1.0 + lag) * np.exp(-lag) + _JITTER * np.eye(n_knots))))
+    return np.asarray(np.linalg.inv((1.0 + lag) * np.exp(-lag) + _JITTER * np.eye(n_knots)))

@@ -17,7 +17,7 @@ from assoc.evidence.likelihood import (
 )
 from assoc.evidence.motion import ReportLog
 from assoc.geometry.expected_view import chance_in_view
-from assoc.geometry.ground import OFFSET, PITCH, ROLL, THETA, rays_to_ground
+from assoc.geometry.ground import OFFSET, PITCH, ROLL, THETA, YAW, rays_to_ground
 from assoc.geometry.sway import Sway
 from assoc.history import TrackHistory
 from assoc.hypotheses.bias_memory import BiasMemory
@@ -72,7 +72,7 @@ class Estimator:
         self._thetas: list[FloatArray] = []
         """The best corrections of the last update: where the next one starts."""
         self._sway: Sway | None = None
-        """What a camera fixed to the body sways beyond them while no attitude is reported."""
+        """What a camera fixed to the body sways beyond them and beyond its attitude."""
         self.theta_std: FloatArray = np.full(THETA, np.nan)
         """(8,) 1σ of ``theta``, NaN before the first update."""
         self._lock = SearchLock(params.lock)
@@ -101,7 +101,7 @@ class Estimator:
         if self._sway is None:
             return theta
         now = theta.copy()
-        now[[PITCH, ROLL]] += self._sway.at(self._history.t[self._history.n - 1 : self._history.n])[0]
+        now[[YAW, PITCH, ROLL]] += self._sway.at(self._history.t[self._history.n - 1 : self._history.n])[0]
         return now
 
     @property
@@ -195,8 +195,8 @@ class Estimator:
         return UpdateResult(live, review.p, review.vehicles)
 
     def _follow_sway(self, context: UpdateContext, best: Hypothesis, camera: CameraState) -> None:
-        """Fit the sway of a camera that is fixed to a body of which no attitude is reported."""
-        fitted = None if camera.attitude_known or camera.stabilized else fit_sway(context, best)
+        """Fit the sway of a camera that is fixed to the body."""
+        fitted = None if camera.stabilized else fit_sway(context, best, free=not camera.attitude_known)
         if fitted is None:
             self._sway = None
         else:

@@ -156,7 +156,7 @@ def decoy_evidence(context: UpdateContext, number: int) -> float:
         sway=None,
     )
     found = refine(decoy, np.zeros(THETA))
-    fitted = None if context.sway is None else fit_sway(decoy, found)
+    fitted = None if context.sway is None else fit_sway(decoy, found, free=context.sway.free)
     if fitted is None:
         return log_evidence(decoy, found)
     decoy = replace(decoy, sway=fitted[1])
@@ -207,8 +207,9 @@ class FleetFit:
         compared = int(np.sum(best.blocks.count[:, rows, best.vehicle[rows]] > 0.0))
         # many starts find what fits by chance, the more the longer they look: the fleet itself gains far more
         toll = 0.0 if self.fits else _TOLL * compared - _RARE * context.prior.part_at(best.theta).log_share
-        # a sway follows the fleet over many updates, a decoy's is fitted once: it does not show what chance reaches
-        usual = float(np.median(decoys)) if context.sway is None else self._evidence
+        # a free sway follows the fleet over many updates, a decoy's is fitted once: no measure of what chance reaches
+        free = context.sway is not None and context.sway.free
+        usual = self._evidence if free else float(np.median(decoys))
         chance = None if steady else usual - lucky - toll
         # late video shows nothing yet of the newest reports
         late = int(np.ceil(max(best.theta[OFFSET], 0.0) / context.block_s))
