@@ -23,6 +23,7 @@ from assoc.history import TrackHistory
 from assoc.hypotheses.bias_memory import BiasMemory
 from assoc.hypotheses.bias_noise import learn_bias_noise
 from assoc.hypotheses.labels import mixed_marginals, posterior_weights
+from assoc.hypotheses.place_alone import limit_by_place
 from assoc.hypotheses.priors import noise_of, prior_of
 from assoc.hypotheses.search import Hypothesis, UpdateContext, keep_best, refine, shifts, swaps, turns
 from assoc.hypotheses.sway_fit import fit_sway
@@ -192,7 +193,8 @@ class Estimator:
         review = self._conflicts.review(t, context, best, p, elsewhere)
         self._log.rejected_since = review.rejected_since
         self._fold(context, best)
-        return UpdateResult(live, review.p, review.vehicles)
+        p = limit_by_place(review.p, best.score, self._places(live, camera), self._bias_std)
+        return UpdateResult(live, p, review.vehicles)
 
     def _follow_sway(self, context: UpdateContext, best: Hypothesis, camera: CameraState) -> None:
         """Fit the sway of a camera that is fixed to the body."""

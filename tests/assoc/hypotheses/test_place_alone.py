@@ -1,0 +1,49 @@
+"""Vehicles that drive as one: no name is surer than the place of each can make it."""
+
+import numpy as np
+import pytest
+
+from assoc.hypotheses.place_alone import limit_by_place
+
+BIAS_STD_M, SPACING_M = 2.0, 4.0
+
+
+def named(score, place, sure=0.99, bias_std=BIAS_STD_M):
+    """Marginals with each track named as the vehicle of its own number, after the limit."""
+    n = len(score)
+    p = np.full((n, n + 1), (1.0 - sure) / n)
+    p[np.arange(n), np.arange(n)] = sure
+    return limit_by_place(p, np.array(score, np.float64), np.array(place, np.float64), bias_std)
+
+
+def grid(spacing_m):
+    return [[spacing_m * (k % 3), spacing_m * (k // 3)] for k in range(9)]
+
+
+@pytest.mark.parametrize("loss", [3.0, 12.0])
+def test_in_a_grid_with_biases_of_half_its_spacing_nothing_is_sure(loss):
+    p = named(20.0 + 0.5 * loss * np.eye(9), grid(SPACING_M))
+    assert np.max(p) < 0.9
+    assert np.all(np.argmax(p, axis=1) == np.arange(9))
+    np.testing.assert_allclose(np.sum(p, axis=1), 1.0)
+
+
+def test_doubt_goes_to_the_neighbours():
+    p = named(20.0 + 2.0 * np.eye(3), [[0.0, 0.0], [SPACING_M, 0.0], [50.0, 0.0]])
+    assert p[0, 1] > 0.05
+    assert p[0, 2] == pytest.approx(0.01 / 3.0)
+    assert p[2, 2] == 0.99
+
+
+def test_wide_spacing_good_receivers_and_motion_leave_names_as_sure_as_they_are():
+    alike = 20.0 + 2.0 * np.eye(9)
+    assert np.min(np.diagonal(named(alike, grid(30.0)))) == pytest.approx(0.99, abs=1e-3)
+    assert np.min(np.diagonal(named(alike, grid(SPACING_M), bias_std=0.2))) == pytest.approx(0.99, abs=1e-3)
+    assert np.min(np.diagonal(named(100.0 * np.eye(9), grid(SPACING_M)))) == 0.99
+
+
+def test_tracks_out_of_sight_and_unnamed_ones_limit_nobody():
+    p = named(20.0 + np.eye(2), [[0.0, 0.0], [np.nan, np.nan]])
+    assert p[0, 0] == 0.99
+    none = np.array([[0.99, 0.0, 0.01], [0.0, 0.05, 0.95]])
+    assert limit_by_place(none, np.zeros((2, 2)), np.zeros((2, 2)), BIAS_STD_M)[0, 0] == 0.99
