@@ -1,4 +1,4 @@
-"""The table of a latency run."""
+"""The tables of a latency run."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from pathlib import Path
 from bench.latency.measure import MethodTiming
 from bench.latency.methods import OURS, measure_methods
 from bench.latency.stream import measure_streams
+from bench.latency.waits import FrameWait, measure_waits
+from bench.latency.waits import text_of as waits_text
 from bench.paper.published import LATENCY_MS
 from bench.paper.rows import write
 
@@ -21,13 +23,13 @@ def measure(out: Path, quick: bool, machine: str, report: Callable[[int, int], N
     """Time everything.
 
     Args:
-        out: Folder for ``latency.csv`` and ``latency.md``.
+        out: Folder for ``latency.csv`` and ``latency.md``, ``waits.csv`` and ``waits.md``.
         quick: Few calls, small sizes.
         machine: What the times are of.
         report: Called with the measurements that are done so far, and all there are.
 
     Returns:
-        The table in Markdown.
+        The tables in Markdown.
     """
     methods, odd = measure_methods(quick, report)
     timings = methods + measure_streams(quick)
@@ -35,7 +37,10 @@ def measure(out: Path, quick: bool, machine: str, report: Callable[[int, int], N
     out.mkdir(parents=True, exist_ok=True)
     write(out / "latency.csv", MethodTiming, timings)
     (out / "latency.md").write_text(text, encoding="utf-8")
-    return text
+    waits = measure_waits(quick)
+    write(out / "waits.csv", FrameWait, waits)
+    (out / "waits.md").write_text(waits_text(waits), encoding="utf-8")
+    return f"{text}\n{waits_text(waits)}"
 
 
 def _text(timings: list[MethodTiming], odd: list[str], machine: str) -> str:

@@ -2,6 +2,7 @@ import pytest
 
 from assoc.identification.identifier import Identifier
 from bench.latency.stream import measure_streams, timed_parts
+from bench.latency.waits import measure_waits, text_of
 from vision.track.tracker import Tracker
 
 
@@ -21,3 +22,12 @@ def test_a_lap_is_what_was_spent_since_the_last_one():
     assert answer == 5
     assert clock.lap("adding") > (0.0, 0.0)
     assert clock.lap("adding") == (0.0, 0.0)
+
+
+def test_frames_wait_longer_where_attitude_comes_seldom_and_never_beyond_the_bound():
+    slow, *_, quick = rows = measure_waits(quick=True)
+    assert all(row.frames == 30 for row in rows)
+    assert 0.0 < quick.median_ms < slow.median_ms
+    assert max(row.p95_ms for row in rows) <= 150.0
+    assert slow.at_bound > 0.0
+    assert text_of(rows).count("\n| ") == 1 + len(rows)
