@@ -27,6 +27,7 @@ from assoc.hypotheses.place_alone import limit_by_place
 from assoc.hypotheses.priors import noise_of, prior_of
 from assoc.hypotheses.search import Hypothesis, UpdateContext, keep_best, refine, shifts, swaps, turns
 from assoc.hypotheses.sway_fit import fit_sway
+from assoc.identification.clutter import Clutter
 from assoc.identification.conflicts import ConflictMonitor
 from assoc.identification.fleet_fit import FleetFit
 from assoc.identification.gross_errors import GrossErrors
@@ -90,7 +91,8 @@ class Estimator:
         # learnt from certain names
         self._bias_memory = BiasMemory(log.n_vehicles)
         self._bias_std, self._tau_s = params.bias_m, params.bias_tau_s
-        self._bias_learnt_s = self._clutter_s = -np.inf
+        self._bias_learnt_s = -np.inf
+        self._clutter = Clutter(params)
         self._offset_std_s = params.time_offset_std_s
         self._offset_tense_since_s = np.inf
         self._conflicts = ConflictMonitor()
@@ -175,8 +177,7 @@ class Estimator:
         seen = context.gap_s <= 0.0
         free = self._co_visibility.log_not_lost(live, seen)
         elsewhere = self._co_visibility.elsewhere(live)
-        clutter = self._clutter_chance(t, context)
-        age_s = t - history.first_s[live]
+        age_s, clutter = t - history.first_s[live], self._clutter.chance(t, context)
         p = mixed_marginals(
             found, share, self._bias_std, clutter, context.in_view, context.log_odds, free, elsewhere, age_s
         )
@@ -219,18 +220,6 @@ class Estimator:
         mean, var = self._bias_memory.recall(t, self._bias_std, self._tau_s)
         moved = (q.predicted_speed_std_mps * np.minimum(age, _LONGEST_AGE_S)) ** 2
         return p + mean, var + self._log.white_std_m**2 + q.predicted_floor_m2 + moved
-
-    def residuals(
-        self, t: float, observation: Observation, camera: CameraState, vehicle: IntArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """(m,) metres from each track to its vehicle's extrapolated report, and its age, seconds; NaN unnamed."""
-        now = t - self.time_offset_s
-        p, age = self._log.extrapolated(now)[0], now - self._log.last_t
-        g = rays_to_ground(observation.ray_cam, camera.R_enu_cam, camera.p_enu, camera.ground_z, self.theta)
-        named = vehicle >= 0
-        away = np.linalg.norm(g - p[np.maximum(vehicle, 0)], axis=1) if len(p) else np.full(len(vehicle), np.nan)
-        old = age[np.maximum(vehicle, 0)] if len(p) else np.full(len(vehicle), np.nan)
-        return np.where(named, away, np.nan), np.where(named, old, np.nan)
 
     def distances(
         self, t: float, observation: Observation, camera: CameraState
@@ -365,16 +354,6 @@ class Estimator:
         live = context.columns[: context.live].tolist()
         return np.array([self._confident.get(column, -1) for column in live], np.int64)
 
-    def _clutter_chance(self, t: float, context: UpdateContext) -> float:
-        """Prior chance of a look-alike, larger while clutter was seen or more tracks are seen than expected."""
-        q, learning = self._params, self._params.learning
-        if t - self._clutter_s < learning.clutter_memory_s:
-            return q.clutter_seen
-        seen = max(int(np.sum(context.gap_s <= 0.0)), 1)
-        # c = c₀ + (c₁ − c₀) max(seen − Σ v − ½, 0) / seen
-        surplus = max(seen - float(np.sum(context.view)) - learning.spare_tracks, 0.0) / seen
-        return q.clutter + (q.clutter_seen - q.clutter) * surplus
-
     def _learn(self, t: float, context: UpdateContext, best: Hypothesis, p: FloatArray) -> None:
         """Learn from certain answers: noise, biases, clutter, and which tracks may constrain the pose once ended."""
         q, n, live = self._params.learning, p.shape[1] - 1, context.columns[: context.live]
@@ -386,7 +365,7 @@ class Estimator:
         rows = np.flatnonzero(certain & (top < n))
         tracks = self._history.track_id[live[rows]]
         self._bias_memory.store(t, top[rows], tracks, best.final.mean[rows, top[rows]], best.final.var[rows, top[rows]])
-        self._note_clutter(t, context, certain & (top == n) & (age > q.clutter_age_s))
+        self._clutter.note(t, context, certain & (top == n) & (age > q.clutter_age_s))
         for column in live.tolist():
             self._confident.pop(column, None)
         self._confident.update(zip(live[rows].tolist(), top[rows].tolist(), strict=True))
@@ -398,12 +377,6 @@ class Estimator:
         self._bias_learnt_s = t
         rows, now = np.flatnonzero(vehicle < self._log.n_vehicles), (self._bias_std, self._tau_s)
         self._bias_std, self._tau_s = learn_bias_noise(context, best, rows, vehicle[rows], self._state, now)
-
-    def _note_clutter(self, t: float, context: UpdateContext, none_of_ours: BoolArray) -> None:
-        """Note when a track (m,) was certainly none of ours while more were seen than vehicles expected in view."""
-        seen, expected = np.sum(context.gap_s <= 0.0), np.sum(context.view)
-        if seen > expected + self._params.learning.spare_tracks and np.any(none_of_ours):
-            self._clutter_s = t
 
     def _widen_offset_prior(self, t: float) -> None:
         """Widen the prior of the clock offset once the estimate has long been outside it."""

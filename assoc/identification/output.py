@@ -152,9 +152,11 @@ def compose_identities(
     if cache.stale(t, observation.track_id, choice):
         cache.store(t, observation.track_id, choice, np.stack(_masses(t, observation, camera, log, estimator, choice)))
     projection, topology, fused = cache.masses_of(observation.track_id, choice)
-    residual, age = estimator.residuals(t, observation, camera, choice)
+    far = estimator.distances(t, observation, camera)
+    named = np.flatnonzero(choice >= 0)
+    residual, age = np.full((2, m), np.nan)
+    residual[named], age[named] = far[0][named, choice[named]], far[2][choice[named]]
     if candidates.stale(t, observation.track_id, p):
-        far = estimator.distances(t, observation, camera)
         candidates.store(t, observation.track_id, p, _candidates(system_ids, observation.track_id, p, *far))
     return Identities(
         track_id=observation.track_id.copy(),
