@@ -27,7 +27,8 @@ def test_results_go_into_the_working_folder_and_nowhere_else(tmp_path):
     assert told["folder"] == "bench-results/latency"
     assert {(row["method"], row["variant"]) for row in told["rows"]} > {("TTS", "ours"), ("topology", "literal")}
     assert all(row["cpu_median_ms"] > 0.0 for row in told["rows"])
-    assert {path.name for path in (tmp_path / "bench-results" / "latency").iterdir()} == {"latency.csv", "latency.md"}
+    written = {path.name for path in (tmp_path / "bench-results" / "latency").iterdir()}
+    assert written == {"latency.csv", "latency.md", "waits.csv", "waits.md"}
     assert kept == {path: path.stat().st_mtime_ns for path in (ROOT / "bench" / "results").rglob("*")}
 
 

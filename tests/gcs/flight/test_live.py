@@ -93,11 +93,15 @@ def field(tmp_path):
         field.process.communicate()
 
 
+def frames_us(session):
+    return [int(row.split(",")[1]) for row in (session / "frames.csv").read_text().splitlines()[1:]]
+
+
 def newest_us(session):
     """Times of the newest packet and of the newest frame recorded, 0 before the first."""
-    log, rows = session / "telemetry.tlog", (session / "frames.csv").read_text().splitlines()[1:]
+    log = session / "telemetry.tlog"
     packets_us = Tlog.open(log).index.t_us if log.stat().st_size else []
-    return max(packets_us, default=0), int(rows[-1].split(",")[1]) if rows else 0
+    return max(packets_us, default=0), max(frames_us(session), default=0)
 
 
 def records(session):
@@ -186,6 +190,8 @@ def test_a_kill_loses_at_most_the_last_second(field, after_s):
         time.sleep(after_s)
         # it is killed while it keeps up: a machine that is held up records later
         assert until(lambda: min(newest_us(field.session)) > time.time_ns() // 1000 - 1_000_000, 40.0)
+        # and once there is a film of more than what a kill may lose
+        assert until(lambda: max(frames_us(field.session)) - min(frames_us(field.session)) > 1_500_000, 40.0)
         packet_us, frame_us = newest_us(field.session)
         field.process.kill()
     finally:
