@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -123,7 +124,9 @@ class FrameCameras:
         event = Event(t_us=state.t_us, level="warning", kind="vehicle", text=text, system_id=self._uav_id)
         return bool(anew_m), (event,)
 
-    def predicted(self, t_us: int, camera: FrameCamera, fleet: Fleet, motion: ImageMotion | None) -> FrameCamera:
+    def predicted(
+        self, t_us: int, camera: FrameCamera, fleet: Fleet, motion: ImageMotion | None, *, yaw_error: float = 0.0
+    ) -> FrameCamera:
         """The camera as it should be at a frame before its boxes are seen.
 
         Args:
@@ -131,12 +134,13 @@ class FrameCameras:
             camera: as telemetry has it.
             fleet: asked for the attitude.
             motion: how the camera moved since the last frame, by the pixels; None: not known.
+            yaw_error: by how much the camera's heading is off, radians clockwise, as far as known.
         """
         self._reported = self._attitude(t_us, camera, fleet)
         zoomed = not np.array_equal(self._K, camera.intrinsics.K)
         self._K = camera.intrinsics.K
         if motion is not None and not zoomed:
-            turn = self._turn(t_us, camera, fleet, motion)
+            turn = self._turn(t_us, camera, fleet, motion, yaw_error)
             self._reported = replace(self._reported, seen_turn=turn)
         return _turned(camera, self._fusion.predicted(t_us, self._reported))
 
@@ -154,7 +158,9 @@ class FrameCameras:
         )
         return _turned(camera, self._fusion.update(t_us, self._reported, camera.pose.p_enu, camera.ground_z, seen))
 
-    def _turn(self, t_us: int, camera: FrameCamera, fleet: Fleet, motion: ImageMotion) -> CameraTurn | None:
+    def _turn(
+        self, t_us: int, camera: FrameCamera, fleet: Fleet, motion: ImageMotion, yaw_error: float
+    ) -> CameraTurn | None:
         """How the camera turned since the last frame by the pixels, with what telemetry knows of its flight."""
         before = self._fusion.rotation(t_us)
         height = float(camera.pose.p_enu[2]) - camera.ground_z
@@ -162,8 +168,11 @@ class FrameCameras:
         if before is None or height < LEAST_HEIGHT_M:
             return None
         (R_enu_cam, dt), known = before, bool(np.isfinite(v_enu).all())
+        # seen by a camera that is turned clockwise by ψ, Rz(−ψ) R, the UAV flies in the direction Rᵀ Rz(ψ) v
+        c, s = math.cos(yaw_error), math.sin(yaw_error)
+        flown = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ v_enu
         ground = GroundShift(
-            shift=R_enu_cam.T @ v_enu * dt if known else np.zeros(3),
+            shift=R_enu_cam.T @ flown * dt if known else np.zeros(3),
             shift_std=(SPEED_STD if known else UNKNOWN_SPEED_STD) * dt,
             down=-R_enu_cam[2],
             height=height,

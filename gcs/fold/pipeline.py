@@ -219,7 +219,9 @@ class Pipeline:
         if detections is None:
             return self._snapshot(index, t_us, state, view, image, self._names_held(state), health)
         telemetry_us = self.telemetry_time(t_us)
-        view = self._cameras.predicted(telemetry_us, view, self.fleet, motion if self._view else None) if view else None
+        if view is not None:
+            moved, yaw_error = motion if self._view else None, float(self._identifier.pose_correction[YAW])
+            view = self._cameras.predicted(telemetry_us, view, self.fleet, moved, yaw_error=yaw_error)
         warp = ground_warp(self._view, view) if motion is None else motion.H
         if self._tracker is None:
             self._tracker = Tracker(TrackerParams(frame_size=self._cameras.size))
@@ -261,9 +263,7 @@ class Pipeline:
 
     def _report_crowd(self, t_us: int, boxes: int) -> None:
         if not self._crowded:
-            text = (
-                f"{boxes} boxes in a frame, of which the {MOST_BOXES} best count: the detector sees what is not there"
-            )
+            text = f"{boxes} boxes in a frame, only the {MOST_BOXES} best count: the detector sees what is not there"
             self.add_event(Event(t_us=t_us, level="warning", kind="video", text=text))
         self._crowded = True
 

@@ -7,13 +7,21 @@ import numpy as np
 import pytest
 
 from bench.again.scripted import InjectedFaults, fly
+from bench.field.pixels import write_motion
 from gcs.cli.identify import identify_into
 from gcs.playback.analysis import Analysis
 from gcs.session.frame_tables import motion_row, read_motions
 from gcs.session.session import open_session
 from infra.session_format import MOTION
+from sim.session import write_session
 from sim.world.presets import nominal
-from sim.world.scenario import ScenarioAttitude, ScenarioCamera, ScenarioFlight, ScenarioGround
+from sim.world.scenario import (
+    ScenarioAttitude,
+    ScenarioCamera,
+    ScenarioDeclared,
+    ScenarioFlight,
+    ScenarioGround,
+)
 from vision.motion.image_motion import ImageMotion
 
 # no attitude is reported, so that nothing but the pixels tells how the camera turns
@@ -66,6 +74,17 @@ def test_more_is_named_where_pixels_tell_how_the_camera_turns(flown, tmp_path):
         named.append(sum(row["system_id"] != "" for row in rows))
     assert boxes[0] == boxes[1]
     assert named[0] > 1.1 * named[1]
+
+
+def test_a_camera_mounted_backwards_is_found_where_pixels_tell_its_motion(tmp_path):
+    """The UAV's own flight is told from the camera's turning by its velocity, which such a camera sees from behind."""
+    ground = ScenarioGround(kind="curved", vehicles=6, spacing_m=8.0, speed_mps=5.0)
+    backwards = replace(nominal(3), ground=ground, declared=ScenarioDeclared(yaw_deg=180.0), duration_s=7.0)
+    write_session(backwards, tmp_path / "session")
+    write_motion(backwards, tmp_path / "session")
+    identify_into(open_session(tmp_path / "session"), tmp_path / "out")
+    rows = list(csv.DictReader(lines(tmp_path / "out" / "identity.csv")))
+    assert sum(row["system_id"] != "" for row in rows) > 0.7 * len(rows)
 
 
 def test_a_recording_without_it_can_be_identified(flown, tmp_path, capsys):

@@ -111,9 +111,7 @@ def test_an_image_full_of_boxes_costs_a_bounded_time_and_is_told_once():
         told += [event.text for event in snapshot.events if "boxes in a frame" in event.text]
     assert time.process_time() - began_s < 10.0, "0.5 s on an idle machine"
     assert len(snapshot.boxes) <= MOST_BOXES
-    assert told == [
-        f"{count} boxes in a frame, of which the {MOST_BOXES} best count: the detector sees what is not there"
-    ]
+    assert told == [f"{count} boxes in a frame, only the {MOST_BOXES} best count: the detector sees what is not there"]
     analysis.close()
 
 
