@@ -1,4 +1,4 @@
-"""Every test of the screens begins in the default theme, whatever the one before it has left."""
+"""Every test of the screens begins in the default theme, and a busy machine is not a silent flight."""
 
 import pytest
 
@@ -8,3 +8,9 @@ from gcs.tui.palette import use_theme
 @pytest.fixture(autouse=True)
 def _default_theme():
     use_theme("dark")
+
+
+@pytest.fixture(autouse=True)
+def _patient(monkeypatch):
+    """A flight that never changes is not yet silent for as long as a test takes."""
+    monkeypatch.setattr("gcs.tui.app.SILENT_S", 600.0)
