@@ -11,25 +11,31 @@ Z sums the prior weights of all assignments of m tracks (e_k: elementary symmetr
 ratio of two normalised densities, up to one assignment standing for all. A vehicle that should be in view and matches
 no box counts against the fit, a vehicle that need not be in view does not.
 
-What chance reaches among these very boxes is measured with decoys: the same reports, turned vehicle by vehicle.
+Receivers whose errors wander faster than any model of them make every pair lose by its motion although all boxes stay
+where the vehicles report to be. So V is also taken from place alone, with a residual e_b that is drawn anew every τ:
+
+    L_ij = Δt/τ Σ_b ln (0.9 N(e_b; 0, s) + 0.1 N(e_b; 0, 9 s)) / u,    s = σ² + σ_w²,
+
+u the density of an unrelated place. What chance reaches among these very boxes is measured with decoys, for each of the
+two: the same reports, turned vehicle by vehicle.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, gammaln
 
 from assoc.evidence.blocks import Blocks
-from assoc.evidence.likelihood import bound_variance, initial_state, run_filter
+from assoc.evidence.likelihood import Noise, bound_variance, initial_state, run_filter
 from assoc.geometry.ground import OFFSET, THETA
 from assoc.hypotheses.search import Hypothesis, UpdateContext, refine
 from assoc.hypotheses.sway_fit import fit_sway
 
-__all__ = ["FleetFit", "log_assignments", "log_evidence"]
+__all__ = ["FleetFit", "evidence_of", "log_assignments"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -63,6 +69,13 @@ _ONE, _SEVERAL = 1.0, 3.0
 one or two at the edge of the picture tell little, either way."""
 _NEWS_BLOCKS = 4
 """Blocks of the window in which a report must have been compared lately: reports come each second or seldomer."""
+_PLACE_STD_M, _PLACE_TAU_S = 1.5, 7.0
+"""σ and τ of residuals whose course is not looked at, metres and seconds."""
+_LOG_NEAR, _LOG_FAR, _FARTHER = float(np.log(0.9)), float(np.log(0.1)), 9.0
+"""ln shares of the residuals that are of that size and larger ones, and how much larger their variance is."""
+_PLACE_SHARE = 15.0
+"""What place alone must explain on top, nats: receivers seldom err like that, and films of the same formation show
+vehicles near the right places too."""
 _LONGEST_STEP_S = 1.0
 """Time that counts between two updates, seconds: what was not seen speaks neither for nor against a fit."""
 
@@ -101,8 +114,18 @@ def _paired(blocks: Blocks, theta: FloatArray, rows: IntArray, vehicles: IntArra
     )
 
 
-def log_evidence(context: UpdateContext, best: Hypothesis) -> float:
-    """V, from the window alone: what was remembered of the tracks, and bonuses that fit any film, are left out.
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """That film and telemetry belong together, nats."""
+
+    course: float
+    """V, from the window alone: what was remembered of the tracks, and bonuses that fit any film, are left out."""
+    place: float
+    """V from place alone."""
+
+
+def evidence_of(context: UpdateContext, best: Hypothesis) -> Evidence:
+    """V by course and by place of the best hypothesis.
 
     Args:
         context: What the update worked on.
@@ -117,15 +140,27 @@ def log_evidence(context: UpdateContext, best: Hypothesis) -> float:
     start = bound_variance(initial_state(len(rows), 1), noise.bias_std)
     switch = context.log_switch[:, rows]
     final = run_filter(blocks, best.theta, start, noise, switch)[0]
-    score = (final.score + blocks.heading)[:, 0] + log_odds[vehicles]
+    course = (final.score + blocks.heading)[:, 0] + log_odds[vehicles]
+    place = _log_place(blocks, noise, context.block_s) + log_odds[vehicles]
     pose = best.value - float(np.sum(best.score[rows, vehicles]))
-    # a pair that is compared nowhere in the window, or contradicts itself there, may as well be apart
-    pairs = np.sum(np.maximum(score, 0.0), where=final.seen[:, 0])
     swaying = 0.0 if context.sway is None else context.sway.cost
-    return float(pairs) + pose - swaying - log_assignments(log_odds[reporting], context.live)
+    # a pair that is compared nowhere in the window, or contradicts itself there, may as well be apart
+    pairs, places = (float(np.sum(np.maximum(score, 0.0), where=final.seen[:, 0])) for score in (course, place))
+    rest = pose - swaying - log_assignments(log_odds[reporting], context.live)
+    return Evidence(pairs + rest, places + rest)
 
 
-def decoy_evidence(context: UpdateContext, number: int) -> float:
+def _log_place(blocks: Blocks, noise: Noise, block_s: float) -> FloatArray:
+    """(K,) L of K pairs from place alone."""
+    e2 = np.sum(blocks.mean[:, :, 0] ** 2, axis=-1)
+    s = _PLACE_STD_M**2 + noise.white_var
+    near = _LOG_NEAR - e2 / (2 * s) - np.log(2 * np.pi * s)
+    far = _LOG_FAR - e2 / (2 * _FARTHER * s) - np.log(2 * np.pi * _FARTHER * s)
+    ratio = np.logaddexp(near, far) + noise.log_area
+    return np.asarray(np.sum(ratio, axis=0, where=blocks.count[:, :, 0] > 0.0) * block_s / _PLACE_TAU_S)
+
+
+def decoy_evidence(context: UpdateContext, number: int) -> Evidence:
     """V of a fleet that is not there: each vehicle's reports are turned about the centre by an angle of their own.
 
     It has the real one's speeds, distances from the centre and moments of turning, but not its formation, which no
@@ -140,7 +175,7 @@ def decoy_evidence(context: UpdateContext, number: int) -> float:
     place, _ = log.extrapolated(float(context.history.t[context.history.n - 1]))
     counted = np.isfinite(place[:, 0]) & (context.view > _LIKELY_IN_VIEW)
     if not counted.any():
-        return 0.0
+        return Evidence(0.0, 0.0)
     centre = np.mean(place[counted], axis=0)
     # by rank of the distance, so that the order of the vehicles does not matter
     rank = np.argsort(np.argsort(np.hypot(*(place - centre).T), kind="stable"), kind="stable")
@@ -158,9 +193,9 @@ def decoy_evidence(context: UpdateContext, number: int) -> float:
     found = refine(decoy, np.zeros(THETA))
     fitted = None if context.sway is None else fit_sway(decoy, found, free=context.sway.free)
     if fitted is None:
-        return log_evidence(decoy, found)
+        return evidence_of(decoy, found)
     decoy = replace(decoy, sway=fitted[1])
-    return log_evidence(decoy, refine(decoy, fitted[0]))
+    return evidence_of(decoy, refine(decoy, fitted[0]))
 
 
 class FleetFit:
@@ -170,7 +205,7 @@ class FleetFit:
         self._log_ratio = 0.0
         self._t = -np.inf
         self._evidence = 0.0
-        self._decoys: deque[float] = deque(maxlen=_DECOYS)
+        self._decoys: deque[Evidence] = deque(maxlen=_DECOYS)
         self._tried = 0
 
     @property
@@ -197,16 +232,24 @@ class FleetFit:
             best: Its best hypothesis.
             steady: Whether the camera's attitude is known and a gimbal holds it.
         """
-        self._evidence = log_evidence(context, best)
+        found = evidence_of(context, best)
+        self._evidence = found.course
         for _ in range(0 if self.clear else 1 if self._decoys else _DECOYS_FIRST):
             self._decoys.append(decoy_evidence(context, self._tried))
             self._tried += 1
-        decoys = np.array(self._decoys) if self._decoys else np.array([self._evidence])
+        decoys = np.array([decoy.course for decoy in self._decoys] or [self._evidence])
         lucky = max(float(np.max(decoys)), 0.0) if not self.clear else 0.0
+        lucky_place = max([decoy.place for decoy in self._decoys] + [0.0])
         rows = np.flatnonzero(best.vehicle >= 0)
         compared = int(np.sum(best.blocks.count[:, rows, best.vehicle[rows]] > 0.0))
         # many starts find what fits by chance, the more the longer they look: the fleet itself gains far more
-        toll = 0.0 if self.fits else _TOLL * compared - _RARE * context.prior.part_at(best.theta).log_share
+        rare = -_RARE * context.prior.part_at(best.theta).log_share
+        toll = 0.0 if self.fits else _TOLL * compared + rare
+        better = self._evidence - lucky - toll
+        by_place = found.place - lucky_place - _PLACE_SHARE
+        # place alone never speaks against a fit, nor for a gross error of the mission
+        if by_place > 0.0 and not rare:
+            better = max(better, by_place)
         # a free sway follows the fleet over many updates, a decoy's is fitted once: no measure of what chance reaches
         free = context.sway is not None and context.sway.free
         usual = self._evidence if free else float(np.median(decoys))
@@ -215,7 +258,7 @@ class FleetFit:
         late = int(np.ceil(max(best.theta[OFFSET], 0.0) / context.block_s))
         news = bool(np.any(best.blocks.count[-_NEWS_BLOCKS - late :] > 0.0))
         told = float(np.clip((np.sum(context.view) - _ONE) / (_SEVERAL - _ONE), 0.0, 1.0))
-        self.add_evidence(t, self._evidence - lucky - toll if news else 0.0, chance, told)
+        self.add_evidence(t, better if news else 0.0, chance, told)
 
     def add_evidence(self, t: float, evidence: float, chance: float | None, told: float = 1.0) -> None:
         """Take in the evidence of one update.

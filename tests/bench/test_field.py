@@ -10,6 +10,7 @@ from bench.field.families import FAMILIES, UNRELATED, film_of, has_pixels, label
 from bench.field.goals import ALL, GOALS, Goal, judge
 from bench.field.measure import EDGES, BoxCounts, delays, matched_names, tally, without_nameless
 from bench.field.pixels import write_motion
+from bench.field.product import identify
 from bench.field.residual import mean_residual
 from bench.field.scene import scene_of
 from bench.field.suite import Task, play, tasks_of
@@ -284,3 +285,13 @@ def test_motion_is_seen_in_drawn_frames_where_a_kind_asks_for_pixels(tmp_path):
     K = np.array([[300.0, 0.0, 240.0], [0.0, 300.0, 135.0], [0.0, 0.0, 1.0]])
     H = K @ views[1].R_enu_cam.T @ views[0].R_enu_cam @ np.linalg.inv(K)
     assert float(rows[2]["h13"]) == pytest.approx((H / H[2, 2])[0, 2], abs=6.0)
+
+
+def test_errors_that_wander_within_seconds_are_not_a_film_of_another_flight(tmp_path):
+    scenario = dataclasses.replace(scenario_of(21, False, 2), duration_s=20.0)
+    assert label_of(21, False, 2) == "sine 10 s"
+    write_session(scenario, tmp_path / "session")
+    played = identify(tmp_path / "session", tmp_path / "out")
+    found = summarise([tally(played.matched, scenario.fps)])
+    assert found.right > 70.0 and found.precision > 99.0
+    assert math.isinf(played.mismatch_s)
