@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SPREAD_M", "discount_lookalikes", "look_alike_gap"]
+__all__ = ["SPREAD_M", "discount_lookalikes", "look_alike_gap", "unseen_evidence"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 _MOST_BIAS_GAP = 5.0
 """Upper limit of |M|²/2σ_b², nats: how strongly a large bias may speak for a look-alike."""
@@ -69,15 +70,54 @@ def discount_lookalikes(
     """
     if not score.size:
         return score
+    discount, changed, kept = _discounts(score, bias, bias_std, chance, in_view, age_s, vehicle)
+    own = np.max(np.where(kept, discount, 0.0), axis=1, keepdims=True)
+    return np.asarray(score - np.where(changed, np.maximum(discount, own), discount))
+
+
+def unseen_evidence(
+    score: FloatArray,
+    bias: FloatArray,
+    bias_std: float,
+    chance: float,
+    in_view: FloatArray,
+    age_s: FloatArray,
+    vehicle: IntArray,
+) -> float:
+    """Σ ln D_j over the vehicles without a track: what look-alikes beside them explain of their reports.
+
+    An assignment that leaves them out weighs exp(Σ L) times exp of this. D and the arguments are those of
+    :func:`discount_lookalikes`.
+    """
+    if not score.size:
+        return 0.0
+    discount = _discounts(score, bias, bias_std, chance, in_view, age_s, vehicle)[0]
+    unseen = np.ones(score.shape[1], np.bool_)
+    unseen[vehicle[vehicle >= 0]] = False
+    return float(np.sum(np.max(discount, axis=0)[unseen]))
+
+
+def _discounts(
+    score: FloatArray,
+    bias: FloatArray,
+    bias_std: float,
+    chance: float,
+    in_view: FloatArray,
+    age_s: FloatArray,
+    vehicle: IntArray,
+) -> tuple[FloatArray, BoolArray, BoolArray]:
+    """Logarithms of D_j, rests of other scores, and what they may be rests of.
+
+    Returns:
+        (m, n) ln D_j for the age of each track; scores that a change of vehicle would leave; those of which.
+    """
     gain = -in_view - look_alike_gap(bias, bias_std)
     share = np.minimum((age_s[:, None] + _YOUNG_S) / (age_s + _YOUNG_S), 1.0)
     rows = np.flatnonzero(vehicle >= 0)
     assigned = np.zeros(score.shape, np.bool_)
     assigned[rows, vehicle[rows]] = True
-    changed = (score < np.max(score, axis=1, keepdims=True) - _CHANGED) & ~assigned
+    best = np.max(score, axis=1, keepdims=True)
+    changed = (score < best - _CHANGED) & ~assigned
     moved = np.where(changed, -np.inf, score)
     found = np.max(moved * share[:, :, None] + gain, axis=1)
-    discount = np.logaddexp(np.log1p(-chance), np.log(chance) + found)
-    kept = assigned | (score == np.max(score, axis=1, keepdims=True))
-    own = np.max(np.where(kept, discount, 0.0), axis=1, keepdims=True)
-    return np.asarray(score - np.where(changed, np.maximum(discount, own), discount))
+    return np.logaddexp(np.log1p(-chance), np.log(chance) + found), changed, assigned | (score == best)

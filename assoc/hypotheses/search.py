@@ -18,6 +18,7 @@ from assoc.evidence.motion import ReportLog
 from assoc.geometry.ground import EAST, NORTH, OFFSET, THETA, YAW, ground_tracks
 from assoc.geometry.sway import Sway
 from assoc.history import TrackHistory
+from assoc.hypotheses.look_alikes import unseen_evidence
 from assoc.hypotheses.marginals import best_assignment
 from assoc.hypotheses.pose import Fitted, PosePrior, fit, misfit, whiten
 
@@ -88,6 +89,10 @@ class UpdateContext:
     """(n,) probability of each vehicle to be in view."""
     in_view: FloatArray
     """(n,) addition to ``log_odds`` because the vehicle should be in view, nats."""
+    clutter: float
+    """Prior chance that a track is a look-alike that moves like one of ours."""
+    age_s: FloatArray
+    """(m,) age of each live track, seconds."""
     fold: int
     """Blocks that leave the window with this update."""
     sway: Sway | None = None
@@ -112,6 +117,8 @@ class Hypothesis:
     """(m,) −1 none."""
     value: float
     """ln evidence, up to a constant."""
+    unseen: float
+    """Σ ln D, its part that look-alikes beside vehicles without a track explain."""
     score: FloatArray
     """(m, n) ln ratios at θ."""
     final: PairState
@@ -193,14 +200,17 @@ def _evaluated(
     states: tuple[PairState, PairState],
     blocks: Blocks,
 ) -> Hypothesis:
-    """Hypothesis with its value Σ L − ½ θᵀΛθ + ½ ln|Λ| − ½ ln|Λ + JᵀJ|."""
+    """Hypothesis with its value Σ L + Σ ln D − ½ θᵀΛθ + ½ ln|Λ| − ½ ln|Λ + JᵀJ|; D as in :func:`unseen_evidence`."""
     rows = np.flatnonzero(vehicle >= 0)
-    value = float(np.sum(score[rows, vehicle[rows]])) - context.prior.cost(fitted.theta) + fitted.cost
+    bias, noise = states[0].mean[: context.live], context.noise
+    unseen = unseen_evidence(score, bias, noise.bias_std, context.clutter, context.in_view, context.age_s, vehicle)
+    value = float(np.sum(score[rows, vehicle[rows]])) + unseen - context.prior.cost(fitted.theta) + fitted.cost
     return Hypothesis(
         theta=fitted.theta,
         theta_std=fitted.std,
         vehicle=vehicle,
         value=value,
+        unseen=unseen,
         score=score,
         final=states[0],
         folded=states[1],

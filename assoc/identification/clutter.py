@@ -10,6 +10,7 @@ from assoc.params import IdentifierParams
 
 __all__ = ["Clutter"]
 
+FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 
@@ -20,14 +21,20 @@ class Clutter:
         self._params = params
         self._seen_s = -np.inf
 
-    def chance(self, t: float, context: UpdateContext) -> float:
-        """Prior chance of a look-alike, larger while clutter was seen or more tracks are seen than expected."""
+    def chance(self, t: float, seen: int, view: FloatArray) -> float:
+        """Prior chance of a look-alike, larger while clutter was seen or more tracks are seen than expected.
+
+        Args:
+            t: Time, seconds.
+            seen: Tracks that are seen.
+            view: (n,) probability of each vehicle to be in view.
+        """
         q, learning = self._params, self._params.learning
         if t - self._seen_s < learning.clutter_memory_s:
             return q.clutter_seen
-        seen = max(int(np.sum(context.gap_s <= 0.0)), 1)
+        seen = max(seen, 1)
         # c = c₀ + (c₁ − c₀) max(seen − Σ v − ½, 0) / seen
-        surplus = max(seen - float(np.sum(context.view)) - learning.spare_tracks, 0.0) / seen
+        surplus = max(seen - float(np.sum(view)) - learning.spare_tracks, 0.0) / seen
         return q.clutter + (q.clutter_seen - q.clutter) * surplus
 
     def note(self, t: float, context: UpdateContext, none_of_ours: BoolArray) -> None:

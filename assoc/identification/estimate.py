@@ -177,9 +177,16 @@ class Estimator:
         seen = context.gap_s <= 0.0
         free = self._co_visibility.log_not_lost(live, seen)
         elsewhere = self._co_visibility.elsewhere(live)
-        age_s, clutter = t - history.first_s[live], self._clutter.chance(t, context)
         p = mixed_marginals(
-            found, share, self._bias_std, clutter, context.in_view, context.log_odds, free, elsewhere, age_s
+            found,
+            share,
+            self._bias_std,
+            context.clutter,
+            context.in_view,
+            context.log_odds,
+            free,
+            elsewhere,
+            context.age_s,
         )
         self.fit.update(t, context, best, steady=camera.attitude_known and camera.stabilized)
         p = self.fit.limited(p, self._stated.among(history.track_id[live]))
@@ -255,12 +262,13 @@ class Estimator:
             tau_s=self._tau_s,
             in_view_bonus=q.in_view_bonus * view,
         )
+        gap_s = t - self._history.last_s[live]
         window_s = q.locked_window_s if self.locked else q.window_s
         return UpdateContext(
             history=self._history,
             columns=columns,
             live=len(live),
-            gap_s=t - self._history.last_s[live],
+            gap_s=gap_s,
             replaced=replaced_tracks(t, self._history, live, self.theta),
             anchors=np.array([self._anchors[c] for c in ended], np.int64),
             log=self._log,
@@ -278,6 +286,8 @@ class Estimator:
             handover=self._handover[live],
             view=view,
             in_view=q.in_view_log_odds * (2.0 * view - 1.0),
+            clutter=self._clutter.chance(t, int(np.sum(gap_s <= 0.0)), view),
+            age_s=t - self._history.first_s[live],
             fold=max(last - self._first_block - round(window_s / q.block_s), 0),
             sway=self._sway,
         )

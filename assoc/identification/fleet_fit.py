@@ -142,7 +142,7 @@ def evidence_of(context: UpdateContext, best: Hypothesis) -> Evidence:
     final = run_filter(blocks, best.theta, start, noise, switch)[0]
     course = (final.score + blocks.heading)[:, 0] + log_odds[vehicles]
     place = _log_place(blocks, noise, context.block_s) + log_odds[vehicles]
-    pose = best.value - float(np.sum(best.score[rows, vehicles]))
+    pose = best.value - best.unseen - float(np.sum(best.score[rows, vehicles]))
     swaying = 0.0 if context.sway is None else context.sway.cost
     # a pair that is compared nowhere in the window, or contradicts itself there, may as well be apart
     pairs, places = (float(np.sum(np.maximum(score, 0.0), where=final.seen[:, 0])) for score in (course, place))

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from assoc.hypotheses.look_alikes import discount_lookalikes
+from assoc.hypotheses.look_alikes import discount_lookalikes, unseen_evidence
 from assoc.hypotheses.marginals import best_assignment, marginals
 
 BIAS_STD_M, CHANCE, SPREAD_M = 1.5, 0.02, 12.0
@@ -17,6 +17,31 @@ def discounted(score, bias=0.0, age_s=20.0, chance=CHANCE):
     age = np.broadcast_to(np.asarray(age_s, np.float64), len(score))
     none_in_view = np.zeros(score.shape[1])
     return discount_lookalikes(score, bias, BIAS_STD_M, chance, none_in_view, age, best_assignment(score))
+
+
+def unseen(score, vehicle, chance=CHANCE):
+    score = np.array(score, np.float64)
+    bias, age_s = np.zeros((*score.shape, 2)), np.full(len(score), 20.0)
+    return unseen_evidence(score, bias, BIAS_STD_M, chance, np.zeros(score.shape[1]), age_s, np.array(vehicle))
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 10_000), st.integers(1, 3), st.integers(1, 3))
+def test_an_assignment_weighs_as_much_whichever_way_its_look_alikes_are_counted(seed, m, n):
+    """Σ L + Σ ln D over the unseen is Σ (L − ln D) over the seen and Σ ln D over all."""
+    rng = np.random.default_rng(seed)
+    score = rng.normal(8.0, 4.0, (m, n))
+    vehicle = best_assignment(score)
+    rows = np.flatnonzero(vehicle >= 0)
+    of_all = unseen(score, np.full(m, -1))
+    left = discounted(score)[rows, vehicle[rows]].sum()
+    assert score[rows, vehicle[rows]].sum() + unseen(score, vehicle) == pytest.approx(left + of_all, abs=1e-9)
+
+
+def test_an_unseen_vehicle_counts_for_an_assignment_as_far_as_a_track_drives_beside_it():
+    assert unseen([[30.0]], [0]) == 0.0
+    assert unseen([[30.0]], [-1]) > 15.0
+    assert unseen([[-30.0]], [-1]) == pytest.approx(np.log1p(-CHANCE))
 
 
 @settings(max_examples=25)
