@@ -88,10 +88,15 @@ def fitting_size(mission: Mission, log: SessionLog, times_us: NDArray[np.int64],
     if not len(widths):
         return _unknown("boxes lie farther out than any known size of frames")
     fit = np.array([sum(_fit(look, each / width) for look in looks) for each in widths])
+    somewhere = bool(np.any(fit > [sum(_strange(look, each / width) for look in looks) for each in widths]))
     fit += DESCRIBED * (widths == width)
     best = int(widths[np.argmax(fit)])
     others = fit[np.abs(widths / best - 1.0) > ALIKE]
     if len(others) and fit.max() - others.max() < SURE:
+        if not somewhere:
+            # what is not of this flight fits no size: the identifier says so, and names nothing
+            text = f"how large the frames were is not recorded, and boxes and reports fit no size: {width}×{height}"
+            return FrameSize(doubt=f"{text} is taken, as the camera is described; --frame-size sets another")
         return _unknown("boxes and reports fit several sizes")
     size = (best, round(best * height / width))
     text = f"how large the frames were is not recorded: {size[0]}×{size[1]} is taken, where boxes and reports fit"
@@ -142,3 +147,8 @@ def _fit(look: _SampledFrame, scale: float) -> float:
     near = np.exp(-0.5 * (gap**2).sum(axis=2) / STD**2).mean(axis=1) / (2.0 * np.pi * STD**2)
     area = look.size[1] / look.size[0]
     return float(np.log((1.0 - STRANGE) * near + STRANGE / area).mean() - 2.0 * np.log(scale))
+
+
+def _strange(look: _SampledFrame, scale: float) -> float:
+    """The same if no box is a vehicle's that reports: they may be anywhere."""
+    return -float(np.log(look.size[1] / look.size[0]) + 2.0 * np.log(scale))

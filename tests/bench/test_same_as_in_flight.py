@@ -152,6 +152,21 @@ def test_frames_of_unknown_size_are_measured_by_the_reports(old, tmp_path, capsy
     assert named and sum(again.get(box) == name for box, name in live.items()) > 0.97 * len(live)
 
 
+def test_boxes_that_fit_no_size_are_of_another_flight(old, tmp_path, capsys):
+    boxes = rows(old / "detections.csv")
+    for row in boxes:
+        # as another film might show them, along an edge of the picture where no vehicle reports to be
+        row["cx"] = f"{40 + float(row['cx']) / 16:.2f}"
+    with (old / "detections.csv").open("w", newline="") as file:
+        table = csv.DictWriter(file, boxes[0])
+        table.writeheader()
+        table.writerows(boxes)
+    calls = identify_into(open_session(old), tmp_path / "again")
+    assert not calls.named and calls.boxes
+    assert "boxes and reports fit no size" in complaints(capsys)
+    assert "video and telemetry do not match" in (tmp_path / "again" / "events.jsonl").read_text()
+
+
 def test_where_nothing_tells_the_size_nobody_is_named(old, tmp_path, capsys):
     detections = old / "detections.csv"
     header, *boxes = detections.read_text().splitlines(keepends=True)
