@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.hypotheses.doubles import share_evidence, shared_tracks
+from assoc.hypotheses.doubles import share_discount, share_evidence, shared_tracks
 from assoc.hypotheses.look_alikes import discount_lookalikes
 from assoc.hypotheses.marginals import best_assignment, marginals
 from assoc.hypotheses.search import Hypothesis
@@ -62,7 +62,8 @@ def mixed_marginals(
             bias = hypothesis.final.mean[:m]
             shared = shared_tracks(hypothesis.score, hypothesis.score - in_view - log_odds, bias, bias_std, elsewhere)
             score = share_evidence(hypothesis.score, shared)
-            score = discount_lookalikes(score, bias, bias_std, chance, in_view, age_s, hypothesis.vehicle)
+            reduced = discount_lookalikes(score, bias, bias_std, chance, in_view, age_s, hypothesis.vehicle)
+            score = share_discount(score, reduced, shared)
             # two tracks in view at once are two vehicles, however well one moves like the other's
             total += w * marginals(score + log_not_lost)
             used += w

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.hypotheses.doubles import shared_tracks
+from assoc.hypotheses.doubles import shared_tracks, shares_of_two
 from assoc.hypotheses.labels import most_probable_names
-from assoc.hypotheses.look_alikes import look_alike_gap
 from assoc.hypotheses.search import Hypothesis, UpdateContext
 
 __all__ = ["ConflictMonitor", "ConflictReview"]
@@ -29,9 +28,6 @@ _COPY = 6.0
 """ln N above which a vehicle without a track of its own surely moves like another's."""
 _LIES = 0.5
 """Chance above which a vehicle that fits another's track without one of its own lies, rather than drives beside it."""
-_TELLS = 4.0
-"""ln ratio by which one offset must be likelier as a bias than the other for the place to tell whose the track is: a
-late copy follows at a distance. Offsets of two true biases differ by so much once in fifty pairs, exp(−4)."""
 _IN_VIEW = 0.5
 """Chance from which a vehicle should be in view."""
 _CONFIDENT = 0.9
@@ -99,12 +95,10 @@ class ConflictMonitor:
         for pair, double in lasting.items():
             if double.jumper != _UNKNOWN:
                 rejected_since[double.jumper] = double.since - _TIMEOUT_S
-            elif (
-                double.last == t
-                and not np.any(elsewhere[double.row, pair])
-                and not _place_tells(best, double.row, pair, context.noise.bias_std)
-            ):
-                p[double.row, pair] = 0.5 * np.sum(p[double.row, pair])
+            elif double.last == t and not np.any(elsewhere[double.row, pair]):
+                evidence = best.score[double.row, pair] - context.in_view[[*pair]]
+                shares = shares_of_two(evidence, best.final.mean[double.row, pair], context.noise.bias_std)
+                p[double.row, pair] = np.sum(p[double.row, pair]) * shares
         gone = self._gone_vehicles(t, context, choice, p)
         vehicles = tuple(sorted({v for pair in lasting for v in pair} | gone))
         return ConflictReview(p, vehicles, rejected_since)
@@ -187,9 +181,3 @@ class ConflictMonitor:
         # a vehicle that is occluded or out of the image does not contradict, nor does a moment of doubt
         self._gone_since = {v: self._gone_since.get(v, t) for v in found - set(choice.tolist())}
         return {v for v, since in self._gone_since.items() if t - since >= _LASTING_S}
-
-
-def _place_tells(best: Hypothesis, row: int, pair: tuple[int, int], bias_std: float) -> bool:
-    """Whether one of two vehicles reports to be at a track, and the other surely beside it."""
-    gap = look_alike_gap(best.final.mean[row : row + 1, pair], bias_std)[0]
-    return bool(abs(gap[0] - gap[1]) > _TELLS)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from assoc.hypotheses.doubles import share_evidence, shared_tracks
+from assoc.hypotheses.doubles import share_discount, share_evidence, shared_tracks, shares_of_two
+from assoc.hypotheses.look_alikes import discount_lookalikes
 from assoc.hypotheses.marginals import exact_marginals
 
 BIAS_STD_M, ODDS = 1.0, 6.5
@@ -58,3 +59,29 @@ def test_nothing_is_shared_with_one_that_has(score, bias, elsewhere):
 def test_the_box_of_the_one_that_lies_is_not_given_to_the_one_it_copies():
     after, _ = named([[40.0, 30.0], [7.5, 7.0]], [[NEAR, NEAR], [ASIDE, ASIDE]])
     assert after[1, 2] > 0.99
+
+
+@pytest.mark.parametrize(
+    ("evidence", "bias", "least", "most"),
+    [
+        pytest.param((40.0, 40.0), (NEAR, (0.0, 3.0)), 0.5, 0.7, id="three sigma are a bias as well"),
+        pytest.param((40.0, 40.0), (NEAR, (0.0, 7.0)), 0.9, 1.0, id="seven are none"),
+        pytest.param((40.0, 33.0), (NEAR, NEAR), 0.5, 0.51, id="errors of its own"),
+        pytest.param((60.0, 35.0), (NEAR, NEAR), 0.9, 1.0, id="it brakes later than the track"),
+        pytest.param((200.0, 180.0), (NEAR, NEAR), 0.5, 0.6, id="errors of its own for long"),
+    ],
+)
+def test_of_two_at_one_place_a_late_one_is_told_by_offset_or_motion(evidence, bias, least, most):
+    shares = shares_of_two(np.array(evidence), np.array(bias), BIAS_STD_M)
+    assert least <= shares[0] <= most
+    assert np.sum(shares) == pytest.approx(1.0)
+
+
+def test_the_distance_of_one_that_copies_counts_once():
+    """The chance that the other one drives beside the track unseen is not taken from its score a second time."""
+    score, bias = np.array([[40.0, 38.0]]), np.array([[NEAR, (3.0, 0.0)]])
+    shared = shared_tracks(score, score - ODDS, bias, BIAS_STD_M, np.zeros((1, 2), np.bool_))
+    joint = share_evidence(score, shared)
+    reduced = discount_lookalikes(joint, bias, BIAS_STD_M, 0.01, np.zeros(2), np.ones(1), np.zeros(1, np.int64))
+    assert exact_marginals(reduced)[0, 0] > 0.95
+    assert exact_marginals(share_discount(joint, reduced, shared))[0, 0] < 0.7
