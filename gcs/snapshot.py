@@ -282,6 +282,8 @@ class Health:
     pitch_offset: float = math.nan
     """Estimated error of its pitch, radians upward, and its 1σ, NaN unknown."""
     pitch_offset_std: float = math.nan
+    mirrored: bool = False
+    """Left and right of the picture were found to be exchanged."""
     fit: float = math.nan
     """Probability that video and telemetry belong together, NaN while nothing was compared."""
     undecoded: int = 0

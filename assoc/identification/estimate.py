@@ -78,7 +78,7 @@ class Estimator:
         self.theta_std: FloatArray = np.full(THETA, np.nan)
         """(8,) 1σ of ``theta``, NaN before the first update."""
         self._lock = SearchLock(params.lock)
-        self.fit, self._gross = FleetFit(), GrossErrors()
+        self.fit, self.gross = FleetFit(), GrossErrors()
         # vehicle of each certainly named track, by column: live tracks, and ended ones that still constrain the pose
         self._confident: dict[int, int] = {}
         self._anchors: dict[int, int] = {}
@@ -93,9 +93,14 @@ class Estimator:
         self._bias_std, self._tau_s = params.bias_m, params.bias_tau_s
         self._bias_learnt_s = -np.inf
         self._clutter = Clutter(params)
-        self._offset_std_s = params.time_offset_std_s
-        self._offset_tense_since_s = np.inf
+        self._offset_std_s, self._offset_tense_since_s = params.time_offset_std_s, np.inf
         self._conflicts = ConflictMonitor()
+
+    def restarted(self) -> Estimator:
+        """An estimator of the same window that has learnt nothing yet."""
+        anew = Estimator(self._history, self._log, self._params, self._stated)
+        anew._first_block = self._first_block
+        return anew
 
     @property
     def theta(self) -> FloatArray:
@@ -191,6 +196,7 @@ class Estimator:
         self.fit.update(t, context, best, steady=camera.attitude_known and camera.stabilized)
         p = self.fit.limited(p, self._stated.among(history.track_id[live]))
         if not self.fit.fits:
+            self.gross.look_mirrored(context, self.fit, camera)
             return self._without_names(t, context, best, p)
         self._co_visibility.update(t, live[seen], self._places(live[seen], camera), p[seen, :n], self._params.close_m)
         self._learn(t, context, best, p)
@@ -333,7 +339,7 @@ class Estimator:
             found = [refine(context, self._thetas[0].copy(), self._last_vehicles(context))]
         else:
             starts = self._starts(context, not camera.attitude_known)
-            starts += self._gross.starts(context.prior, self.fit, at_once=not self._is_large(context))
+            starts += self.gross.starts(context.prior, self.fit, at_once=not self._is_large(context))
             found = keep_best([refine(context, theta) for theta in starts], q.hypotheses)
             if self._updates % q.shift_every == 1:
                 most = q.shifts_many if self._is_large(context) else q.shifts

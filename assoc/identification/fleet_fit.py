@@ -58,6 +58,8 @@ _BETTER = 15.0
 """Evidence by which a fleet that is there explains the boxes better than chance, nats, however wrong the pose is."""
 _RARE = 3.0
 """How often the share of a gross error counts on top, before film and telemetry fit: it is tried again and again."""
+_SURE = 10.0
+"""Evidence beyond all that by which another camera must explain the boxes before it replaces the mission's, nats."""
 _DECOYS, _DECOYS_FIRST = 6, 3
 """How many decoys are remembered, one an update, and how many are tried at once at the beginning."""
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
@@ -198,6 +200,12 @@ def decoy_evidence(context: UpdateContext, number: int) -> Evidence:
     return evidence_of(decoy, refine(decoy, fitted[0]))
 
 
+def _compared(best: Hypothesis) -> int:
+    """Blocks of all assigned pairs in which a report was compared: seconds, summed over pairs."""
+    rows = np.flatnonzero(best.vehicle >= 0)
+    return int(np.sum(best.blocks.count[:, rows, best.vehicle[rows]] > 0.0))
+
+
 class FleetFit:
     """The probability that film and telemetry belong together, over time."""
 
@@ -240,11 +248,9 @@ class FleetFit:
         decoys = np.array([decoy.course for decoy in self._decoys] or [self._evidence])
         lucky = max(float(np.max(decoys)), 0.0) if not self.clear else 0.0
         lucky_place = max([decoy.place for decoy in self._decoys] + [0.0])
-        rows = np.flatnonzero(best.vehicle >= 0)
-        compared = int(np.sum(best.blocks.count[:, rows, best.vehicle[rows]] > 0.0))
         # many starts find what fits by chance, the more the longer they look: the fleet itself gains far more
         rare = -_RARE * context.prior.part_at(best.theta).log_share
-        toll = 0.0 if self.fits else _TOLL * compared + rare
+        toll = 0.0 if self.fits else _TOLL * _compared(best) + rare
         better = self._evidence - lucky - toll
         by_place = found.place - lucky_place - _PLACE_SHARE
         # place alone never speaks against a fit, nor for a gross error of the mission
@@ -259,6 +265,19 @@ class FleetFit:
         news = bool(np.any(best.blocks.count[-_NEWS_BLOCKS - late :] > 0.0))
         told = float(np.clip((np.sum(context.view) - _ONE) / (_SEVERAL - _ONE), 0.0, 1.0))
         self.add_evidence(t, better if news else 0.0, chance, told)
+
+    def is_surpassed(self, context: UpdateContext, best: Hypothesis, evidence: float, log_share: float) -> bool:
+        """Whether another camera than the mission's explains the boxes, clearly and far better.
+
+        Args:
+            context: What the update worked on, with the other camera.
+            best: Its best hypothesis.
+            evidence: V of it.
+            log_share: ln of the other camera's share in the prior.
+        """
+        lucky = max([decoy.course for decoy in self._decoys] + [self._evidence, 0.0])
+        rare = -_RARE * (log_share + context.prior.part_at(best.theta).log_share)
+        return evidence - lucky - _TOLL * _compared(best) - rare > _SURE
 
     def add_evidence(self, t: float, evidence: float, chance: float | None, told: float = 1.0) -> None:
         """Take in the evidence of one update.

@@ -8,14 +8,16 @@ See ``docs/identity.md``.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from assoc.evidence.motion import ReportLog
-from assoc.geometry.ground import YAW, ground_to_rays, rays_to_ground
+from assoc.geometry.ground import PITCH, ROLL, YAW, ground_to_rays, rays_to_ground
 from assoc.history import TrackHistory
 from assoc.identification.estimate import Estimator
+from assoc.identification.gross_errors import MIRROR
 from assoc.identification.output import Beliefs, CandidateCache, MassCache, compose_identities, empty_beliefs
 from assoc.identification.stated_tracks import NONE_OF_OURS, StatedTracks
 from assoc.methods.reattach import reattach_gated
@@ -53,13 +55,18 @@ class Identifier:
         self._beliefs: Beliefs
         self._stated = StatedTracks(self._params.stated, -float(np.log(self._params.switch_rate_leap)))
         self._residual_m: dict[int, float]
+        self._mirrored: bool
         self._last_update_s: float
         self._reset()
 
     @property
     def pose_correction(self) -> FloatArray:
         """(8,) θ = yaw, yaw rate, pitch, roll (radians, /s), E, N, H (metres), δ (seconds)."""
-        return self._estimator.theta.copy()
+        theta = self._estimator.theta.copy()
+        if self._mirrored:
+            # the level axes of R F point the other way
+            theta[[PITCH, ROLL]] *= -1.0
+        return theta
 
     @property
     def pose_correction_std(self) -> FloatArray:
@@ -70,6 +77,11 @@ class Identifier:
     def fit_probability(self) -> float:
         """Probability that film and telemetry belong together, NaN while nothing was compared."""
         return self._estimator.fit.probability
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether left and right of the picture were found to be exchanged."""
+        return self._mirrored
 
     @property
     def locked(self) -> bool:
@@ -99,6 +111,7 @@ class Identifier:
             self._reset()
         if reports is not None:
             self.add_reports(reports)
+        camera = self._as_seen(camera)
         if t > self._t:
             self._add_frame(t, observation, camera)
         beliefs = self._beliefs.for_tracks(observation.track_id)
@@ -154,7 +167,7 @@ class Identifier:
         Returns:
             (k, 3) camera frame; None while the camera's pose is unknown.
         """
-        usable = _complete_state(camera)
+        usable = _complete_state(self._as_seen(camera))
         turned = camera.attitude_known or self._estimator.theta_std[YAW] < _HEADING_KNOWN
         if usable is None or not turned:
             return None
@@ -173,7 +186,7 @@ class Identifier:
         Returns:
             (p, 2) matched rows of ``track_id`` and ``ray_cam``.
         """
-        usable = _complete_state(camera)
+        usable = _complete_state(self._as_seen(camera))
         if self._origin_us is None or usable is None or not len(track_id) or not len(ray_cam):
             return np.empty((0, 2), np.int64)
         p = self._beliefs.for_tracks(track_id).p[:, :-1]
@@ -201,12 +214,26 @@ class Identifier:
             return
         self._last_update_s = t
         result = self._estimator.update(t, usable)
+        if self._estimator.gross.mirror_found:
+            self._exchange_sides(t)
         # a missed box does not change the probabilities of its track
         seen = np.flatnonzero(self._history.last_s[result.columns] >= t)
         ids = self._history.track_id[result.columns[seen]]
         # without tracks no contradiction can appear or be resolved
         conflict = result.conflict if len(result.columns) else self._beliefs.conflict
         self._beliefs = self._beliefs.updated(ids, result.p[seen], conflict)
+
+    def _as_seen(self, camera: CameraState) -> CameraState:
+        """The camera, mirrored where its picture is."""
+        return replace(camera, R_enu_cam=camera.R_enu_cam * MIRROR) if self._mirrored else camera
+
+    def _exchange_sides(self, t: float) -> None:
+        """Begin anew with the same frames and reports, left and right of the picture exchanged."""
+        self._mirrored = not self._mirrored
+        self._history.R *= MIRROR
+        self._estimator = self._estimator.restarted()
+        self._estimator.begin_tracks(t, np.flatnonzero(self._history.track_id > 0))
+        self._last_update_s = -np.inf
 
     def _watch_residuals(self, t: float, answer: Identities) -> None:
         """Make an update due when the distance of a named track to its vehicle's report jumps."""
@@ -247,6 +274,7 @@ class Identifier:
         self._log = ReportLog(n, q.window_s + _MARGIN_S)
         self._estimator = Estimator(self._history, self._log, q, self._stated)
         self._beliefs = empty_beliefs(n)
+        self._mirrored = False
         self._residual_m = {}
         self._masses, self._candidates = MassCache(), CandidateCache()
 

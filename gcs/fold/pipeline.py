@@ -101,9 +101,8 @@ class Pipeline:
         )
         self._crowded = False
         self._tracker: Tracker | None = None
-        auto = mission.clock.video_offset_s == "auto"
         self._params = IdentifierParams(threshold=mission.identity.threshold)
-        if auto:
+        if auto := mission.clock.video_offset_s == "auto":
             self._params = replace(self._params, time_offset_std_s=self._params.unknown_offset_std_s)
         self._identifier = Identifier(mission.ugv_ids, self._params)
         self._origin: LocalFrame | None = None
@@ -328,7 +327,7 @@ class Pipeline:
         return camera_of(view, self._cameras.stabilized)
 
     def _with_corrections(self, health: Health) -> Health:
-        """Health with the estimated errors of the camera's clock, heading and pitch."""
+        """Health with the estimated errors of the camera's clock, heading and pitch, and whether it is mirrored."""
         theta, std = self._identifier.pose_correction, self._identifier.pose_correction_std
         return replace(
             health,
@@ -338,6 +337,7 @@ class Pipeline:
             yaw_offset_std=float(std[YAW]),
             pitch_offset=float(theta[PITCH]),
             pitch_offset_std=float(std[PITCH]),
+            mirrored=self._identifier.mirrored,
             fit=self._identifier.fit_probability,
         )
 

@@ -46,7 +46,9 @@ class ReportedAlarm:
     """Whether packets and frames alone raise it: then a recording raises it again."""
 
 
-_WORKED_OUT = frozenset({"unheard", "video", "video clock", "camera heading", "camera pitch", "no match"})
+_WORKED_OUT = frozenset(
+    {"unheard", "video", "video clock", "camera heading", "camera pitch", "camera mirrored", "no match"}
+)
 """Of the station's alarms."""
 
 

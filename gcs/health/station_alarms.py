@@ -230,6 +230,16 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         lasts_s=TURNED_FOR_S,
     ),
     AlarmRule(
+        key="camera mirrored",
+        level="warning",
+        kind="video",
+        text="the picture is mirrored: left and right are exchanged",
+        meaning="the vehicles are where they report to be in the mirror image alone",
+        advice="it is corrected for the names; switch off mirroring or flipping in the camera or its link: the mission "
+        "cannot state it",
+        condition=lambda health, _: health.mirrored,
+    ),
+    AlarmRule(
         key="no match",
         level="alarm",
         kind="video",

@@ -351,6 +351,19 @@ class OtherFilm(Scene):
         return replace(found, cx=1280.0 - found.cx + 150.0, cy=found.cy + 120.0)
 
 
+class MirroredFilm(Scene):
+    """A scene whose picture is mirrored."""
+
+    def boxes(self):
+        seen = super().boxes()
+        return replace(seen, cx=1280.0 - seen.cx, angle=np.pi - seen.angle, heading=-seen.heading % (2.0 * np.pi))
+
+
+@raises("camera mirrored", "warning")
+def has_a_mirrored_picture():
+    return MirroredFilm().run(12, filmed=True).came
+
+
 @raises("no match")
 def has_the_film_of_another_flight():
     return OtherFilm().run(8, filmed=True).came
