@@ -40,9 +40,13 @@ class Observation:
     """(m,) seconds since the track's last detection, 0 = seen in this frame."""
     score: FloatArray
     """(m,) detector score."""
+    length_m: FloatArray | None = None
+    """(m,) long side of a seen track's box on the ground, metres, NaN unseen or unknown; None: all unknown."""
 
     def __post_init__(self) -> None:
         m = len(self.track_id)
+        if self.length_m is not None:
+            _need("length_m", self.length_m, (m,))
         _need("ray_cam", self.ray_cam, (m, 3))
         _need("front_cam", self.front_cam, (m, 3))
         _need("gap_s", self.gap_s, (m,))

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from assoc.evidence.motion import ReportLog
 from assoc.geometry.ground import PITCH, ROLL, YAW, ground_to_rays, rays_to_ground
 from assoc.history import TrackHistory
+from assoc.identification.common_boxes import CommonBoxes
 from assoc.identification.estimate import Estimator
 from assoc.identification.gross_errors import MIRROR
 from assoc.identification.output import Beliefs, CandidateCache, MassCache, compose_identities, empty_beliefs
@@ -54,6 +55,7 @@ class Identifier:
         self._estimator: Estimator
         self._beliefs: Beliefs
         self._stated = StatedTracks(self._params.stated, -float(np.log(self._params.switch_rate_leap)))
+        self._common_boxes: CommonBoxes
         self._residual_m: dict[int, float]
         self._mirrored: bool
         self._last_update_s: float
@@ -115,6 +117,8 @@ class Identifier:
         if t > self._t:
             self._add_frame(t, observation, camera)
         beliefs = self._beliefs.for_tracks(observation.track_id)
+        stated = self._stated.among(observation.track_id)
+        beliefs = replace(beliefs, p=self._common_boxes.limited(t, observation, beliefs.p, stated))
         answer = compose_identities(
             self._ids,
             beliefs,
@@ -275,6 +279,7 @@ class Identifier:
         self._estimator = Estimator(self._history, self._log, q, self._stated)
         self._beliefs = empty_beliefs(n)
         self._mirrored = False
+        self._common_boxes = CommonBoxes(n)
         self._residual_m = {}
         self._masses, self._candidates = MassCache(), CandidateCache()
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from assoc.records import CameraState, Observation, VehicleReports
 from gcs.fold.frame_camera import FrameCamera
-from gcs.fold.ground.contact import contact_rays
+from gcs.fold.ground.contact import box_lengths, contact_rays
 from mavlink.fleet.fleet import FleetState, Reports
 from vision.camera.camera import Intrinsics
 from vision.detect.detections import Detections
@@ -38,7 +38,11 @@ def observation_of(
     reach = 0.5 * np.maximum(tracks.w, tracks.h)[:, None]
     front = centre + reach * np.column_stack([np.sin(tracks.heading), -np.cos(tracks.heading)])
     rays = lens.rays(np.concatenate([centre, front]))
+    length_m = None
     if view is not None:
+        long_px = np.full(len(tracks), np.nan)
+        long_px[seen] = np.maximum(detections.w, detections.h)[tracks.detection[seen]]
+        length_m = box_lengths(rays[: len(tracks)], long_px, view)
         rays = contact_rays(rays, np.tile(np.sqrt(tracks.w * tracks.h), 2), view)
     return Observation(
         t_us=t_us,
@@ -47,6 +51,7 @@ def observation_of(
         front_cam=rays[len(tracks) :],
         gap_s=np.where(seen, 0.0, tracks.gap_s),
         score=tracks.score,
+        length_m=length_m,
     )
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gcs.fold.frame_camera import FrameCamera
 
-__all__ = ["contact_rays"]
+__all__ = ["box_lengths", "contact_rays"]
 
 FloatArray = NDArray[np.float64]
 
@@ -42,3 +42,17 @@ def contact_rays(rays: FloatArray, size_px: FloatArray, view: FrameCamera) -> Fl
     down = range_m * (1.0 - half_m / max(above, 1e-9))
     lowered = unit * down[:, None] - half_m[:, None] * R[2]
     return np.where((sine > LEAST_SINE)[:, None], lowered, rays)
+
+
+def box_lengths(rays: FloatArray, long_px: FloatArray, view: FrameCamera) -> FloatArray:
+    """(k,) metres, how long boxes are at their depth in the picture; NaN where they are not clearly below it.
+
+    Args:
+        rays: (k, 3) through the middles of boxes, camera frame.
+        long_px: (k,) their longer sides.
+        view: the camera.
+    """
+    unit = rays / np.linalg.norm(rays, axis=1)[:, None]
+    sine = -(unit @ view.pose.R_enu_cam[2])
+    depth_m = unit[:, 2] * (view.pose.p_enu[2] - view.ground_z) / np.maximum(sine, LEAST_SINE)
+    return np.asarray(np.where((sine > LEAST_SINE) & (depth_m > 0.0), long_px * depth_m / view.intrinsics.fx, np.nan))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gcs.fold.frame_camera import FrameCamera
-from gcs.fold.ground.contact import contact_rays
+from gcs.fold.ground.contact import box_lengths, contact_rays
 from gcs.fold.ground.surface import GroundSurface
 from sim.world.boxes import true_boxes
 from sim.world.view import Bodies, CameraView
@@ -82,3 +82,11 @@ def test_rays_near_the_horizon_are_left_as_they_are():
     camera, _, _, _ = seen(-25.0, 25.0, BODIES["car"])
     flat = camera.intrinsics.rays(np.array([[960.0, 0.0]]))
     np.testing.assert_array_equal(contact_rays(flat, np.array([20.0]), camera), flat)
+
+
+def test_a_box_is_as_long_as_its_body_wherever_it_is_in_a_view_straight_down():
+    camera, _, _, _ = seen(-90.0, 40.0, BODIES["small"])
+    rays = np.array([[0.0, 0.0, 1.0], [0.3, 0.2, 1.0], [0.0, 0.0, -1.0]])
+    length_m = box_lengths(rays, np.full(3, 2.2 * 1400.0 / 40.0), camera)
+    assert length_m[:2] == pytest.approx(2.2)
+    assert np.isnan(length_m[2])
