@@ -75,7 +75,7 @@ _PLACE_STD_M, _PLACE_TAU_S = 1.5, 7.0
 """σ and τ of residuals whose course is not looked at, metres and seconds."""
 _LOG_NEAR, _LOG_FAR, _FARTHER = float(np.log(0.9)), float(np.log(0.1)), 9.0
 """ln shares of the residuals that are of that size and larger ones, and how much larger their variance is."""
-_PLACE_SHARE = 15.0
+_PLACE_SHARE = 10.0
 """What place alone must explain on top, nats: receivers seldom err like that, and films of the same formation show
 vehicles near the right places too."""
 _LONGEST_STEP_S = 1.0
@@ -253,8 +253,8 @@ class FleetFit:
         toll = 0.0 if self.fits else _TOLL * _compared(best) + rare
         better = self._evidence - lucky - toll
         by_place = found.place - lucky_place - _PLACE_SHARE
-        # place alone never speaks against a fit, nor for a gross error of the mission
-        if by_place > 0.0 and not rare:
+        # place alone keeps what its course has shown but shows nothing: formations come to the same places again
+        if by_place > 0.0 and not rare and self.fits:
             better = max(better, by_place)
         # a free sway follows the fleet over many updates, a decoy's is fitted once: no measure of what chance reaches
         free = context.sway is not None and context.sway.free
