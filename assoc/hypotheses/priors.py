@@ -13,7 +13,7 @@ from assoc.hypotheses.pose import PosePrior
 from assoc.params import IdentifierParams
 from assoc.records import CameraState
 
-__all__ = ["noise_of", "prior_of"]
+__all__ = ["OffsetPrior", "noise_of", "prior_of"]
 
 FloatArray = NDArray[np.float64]
 
@@ -92,3 +92,21 @@ def _gross_errors(std: FloatArray, *, attitude_known: bool) -> Iterator[PosePrio
                 off, wider = np.zeros(THETA), std.copy()
                 off[index], wider[index] = mean, wide
                 yield PosePrior(std=wider, mean=off, log_share=float(np.log(share)))
+
+
+class OffsetPrior:
+    """The prior of the clock offset, which is widened once the estimate has long been outside it."""
+
+    def __init__(self, params: IdentifierParams) -> None:
+        self._params = params
+        self.std_s = params.time_offset_std_s
+        """1σ."""
+        self._tense_since_s = np.inf
+
+    def update(self, t: float, offset_s: float, *, locked: bool) -> None:
+        """Take in the estimate at time t, and whether the search is locked."""
+        q = self._params.learning
+        tense = locked and abs(offset_s) > q.offset_tension * self._params.time_offset_std_s
+        self._tense_since_s = min(self._tense_since_s, t) if tense else np.inf
+        if t - self._tense_since_s > q.offset_tension_s:
+            self.std_s = max(self.std_s, self._params.unknown_offset_std_s)

@@ -24,7 +24,7 @@ from assoc.hypotheses.bias_memory import BiasMemory
 from assoc.hypotheses.bias_noise import learn_bias_noise
 from assoc.hypotheses.labels import mixed_marginals, posterior_weights
 from assoc.hypotheses.place_alone import limit_by_place
-from assoc.hypotheses.priors import noise_of, prior_of
+from assoc.hypotheses.priors import OffsetPrior, noise_of, prior_of
 from assoc.hypotheses.search import Hypothesis, UpdateContext, keep_best, refine, shifts, swaps, turns
 from assoc.hypotheses.sway_fit import fit_sway
 from assoc.identification.clutter import Clutter
@@ -93,7 +93,7 @@ class Estimator:
         self._bias_std, self._tau_s = params.bias_m, params.bias_tau_s
         self._bias_learnt_s = -np.inf
         self._clutter = Clutter(params)
-        self._offset_std_s, self._offset_tense_since_s = params.time_offset_std_s, np.inf
+        self._offset_prior = OffsetPrior(params)
         self._conflicts = ConflictMonitor()
 
     def restarted(self) -> Estimator:
@@ -200,7 +200,7 @@ class Estimator:
             return self._without_names(t, context, best, p)
         self._co_visibility.update(t, live[seen], self._places(live[seen], camera), p[seen, :n], self._params.close_m)
         self._learn(t, context, best, p)
-        self._widen_offset_prior(t)
+        self._offset_prior.update(t, self.time_offset_s, locked=self.locked)
         score = np.max(best.score, axis=1)
         best_score = {int(c): float(s) for c, s, now in zip(live, score, seen, strict=True) if now}
         self._lock.update(t, np.max(p, axis=1), float(share[0]), best_score)
@@ -286,7 +286,7 @@ class Estimator:
             heading_std=q.search.heading_std,
             state=bound_variance(select_tracks(self._state, columns), self._bias_std),
             noise=noise,
-            prior=prior_of(q, camera, self._offset_std_s),
+            prior=prior_of(q, camera, self._offset_prior.std_s),
             log_switch=self._swaps.log_chances(self._first_block, last - self._first_block + 1, columns),
             log_odds=q.prior_log_odds,
             handover=self._handover[live],
@@ -336,7 +336,9 @@ class Estimator:
         """Best joint hypotheses: from the last pose alone when locked, else from several starting poses."""
         q = self._params.search
         if self.locked:
-            found = [refine(context, self._thetas[0].copy(), self._last_vehicles(context))]
+            live = context.columns[: context.live].tolist()
+            vehicle = np.array([self._confident.get(column, -1) for column in live], np.int64)
+            found = [refine(context, self._thetas[0].copy(), vehicle)]
         else:
             starts = self._starts(context, not camera.attitude_known)
             starts += self.gross.starts(context.prior, self.fit, at_once=not self._is_large(context))
@@ -365,11 +367,6 @@ class Estimator:
         """Whether there are so many pairs that an update must do less."""
         return context.live * self._log.n_vehicles > MANY_PAIRS
 
-    def _last_vehicles(self, context: UpdateContext) -> IntArray:
-        """(m,) vehicles that the live tracks certainly were at the last update, −1 none."""
-        live = context.columns[: context.live].tolist()
-        return np.array([self._confident.get(column, -1) for column in live], np.int64)
-
     def _learn(self, t: float, context: UpdateContext, best: Hypothesis, p: FloatArray) -> None:
         """Learn from certain answers: noise, biases, clutter, and which tracks may constrain the pose once ended."""
         q, n, live = self._params.learning, p.shape[1] - 1, context.columns[: context.live]
@@ -393,14 +390,6 @@ class Estimator:
         self._bias_learnt_s = t
         rows, now = np.flatnonzero(vehicle < self._log.n_vehicles), (self._bias_std, self._tau_s)
         self._bias_std, self._tau_s = learn_bias_noise(context, best, rows, vehicle[rows], self._state, now)
-
-    def _widen_offset_prior(self, t: float) -> None:
-        """Widen the prior of the clock offset once the estimate has long been outside it."""
-        q, limit = self._params, self._params.learning.offset_tension * self._params.time_offset_std_s
-        tense = self.locked and abs(self.time_offset_s) > limit
-        self._offset_tense_since_s = min(self._offset_tense_since_s, t) if tense else np.inf
-        if t - self._offset_tense_since_s > q.learning.offset_tension_s:
-            self._offset_std_s = max(self._offset_std_s, q.unknown_offset_std_s)
 
     def _fold(self, context: UpdateContext, best: Hypothesis) -> None:
         """Absorb the evidence of blocks that leave the window into the state."""
