@@ -117,7 +117,7 @@ def _paired(blocks: Blocks, theta: FloatArray, rows: IntArray, vehicles: IntArra
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class FitEvidence:
     """That film and telemetry belong together, nats."""
 
     course: float
@@ -126,7 +126,7 @@ class Evidence:
     """V from place alone."""
 
 
-def evidence_of(context: UpdateContext, best: Hypothesis) -> Evidence:
+def evidence_of(context: UpdateContext, best: Hypothesis) -> FitEvidence:
     """V by course and by place of the best hypothesis.
 
     Args:
@@ -149,7 +149,7 @@ def evidence_of(context: UpdateContext, best: Hypothesis) -> Evidence:
     # a pair that is compared nowhere in the window, or contradicts itself there, may as well be apart
     pairs, places = (float(np.sum(np.maximum(score, 0.0), where=final.seen[:, 0])) for score in (course, place))
     rest = pose - swaying - log_assignments(log_odds[reporting], context.live)
-    return Evidence(pairs + rest, places + rest)
+    return FitEvidence(pairs + rest, places + rest)
 
 
 def _log_place(blocks: Blocks, noise: Noise, block_s: float) -> FloatArray:
@@ -162,7 +162,7 @@ def _log_place(blocks: Blocks, noise: Noise, block_s: float) -> FloatArray:
     return np.asarray(np.sum(ratio, axis=0, where=blocks.count[:, :, 0] > 0.0) * block_s / _PLACE_TAU_S)
 
 
-def decoy_evidence(context: UpdateContext, number: int) -> Evidence:
+def decoy_evidence(context: UpdateContext, number: int) -> FitEvidence:
     """V of a fleet that is not there: each vehicle's reports are turned about the centre by an angle of their own.
 
     It has the real one's speeds, distances from the centre and moments of turning, but not its formation, which no
@@ -177,7 +177,7 @@ def decoy_evidence(context: UpdateContext, number: int) -> Evidence:
     place, _ = log.extrapolated(float(context.history.t[context.history.n - 1]))
     counted = np.isfinite(place[:, 0]) & (context.view > _LIKELY_IN_VIEW)
     if not counted.any():
-        return Evidence(0.0, 0.0)
+        return FitEvidence(0.0, 0.0)
     centre = np.mean(place[counted], axis=0)
     # by rank of the distance, so that the order of the vehicles does not matter
     rank = np.argsort(np.argsort(np.hypot(*(place - centre).T), kind="stable"), kind="stable")
@@ -213,7 +213,7 @@ class FleetFit:
         self._log_ratio = 0.0
         self._t = -np.inf
         self._evidence = 0.0
-        self._decoys: deque[Evidence] = deque(maxlen=_DECOYS)
+        self._decoys: deque[FitEvidence] = deque(maxlen=_DECOYS)
         self._tried = 0
 
     @property
