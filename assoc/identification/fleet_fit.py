@@ -215,6 +215,8 @@ class FleetFit:
         self._evidence = 0.0
         self._decoys: deque[FitEvidence] = deque(maxlen=_DECOYS)
         self._tried = 0
+        self._mean = np.zeros(THETA)
+        self._told = 0.0
 
     @property
     def probability(self) -> float:
@@ -249,9 +251,14 @@ class FleetFit:
         lucky = max(float(np.max(decoys)), 0.0) if not self.clear else 0.0
         lucky_place = max([decoy.place for decoy in self._decoys] + [0.0])
         # many starts find what fits by chance, the more the longer they look: the fleet itself gains far more
-        rare = -_RARE * context.prior.part_at(best.theta).log_share
-        toll = 0.0 if self.fits else _TOLL * _compared(best) + rare
+        part = context.prior.part_at(best.theta)
+        rare = -_RARE * part.log_share
+        # errors of seconds or right angles do not come in flight: what fitted without must not be saved by one
+        same = self.fits and (not rare or np.array_equal(part.mean, self._mean))
+        toll = 0.0 if same else _TOLL * _compared(best) + rare
         better = self._evidence - lucky - toll
+        if better > 0.0:
+            self._mean = part.mean
         by_place = found.place - lucky_place - _PLACE_SHARE
         # place alone keeps what its course has shown but shows nothing: formations come to the same places again
         if by_place > 0.0 and not rare and self.fits:
@@ -264,7 +271,9 @@ class FleetFit:
         late = int(np.ceil(max(best.theta[OFFSET], 0.0) / context.block_s))
         news = bool(np.any(best.blocks.count[-_NEWS_BLOCKS - late :] > 0.0))
         told = float(np.clip((np.sum(context.view) - _ONE) / (_SEVERAL - _ONE), 0.0, 1.0))
-        self.add_evidence(t, better if news else 0.0, chance, told)
+        # nor may one end the doubt because with it the fleet would be out of view
+        self._told = max(told, self._told) if rare and not same else told
+        self.add_evidence(t, better if news else 0.0, chance, self._told)
 
     def is_surpassed(self, context: UpdateContext, best: Hypothesis, evidence: float, log_share: float) -> bool:
         """Whether another camera than the mission's explains the boxes, clearly and far better.
