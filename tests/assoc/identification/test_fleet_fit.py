@@ -2,11 +2,15 @@
 
 from dataclasses import replace
 from itertools import combinations, permutations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from assoc.identification.fleet_fit import FleetFit, log_assignments
+from assoc.geometry.ground import OFFSET, THETA
+from assoc.hypotheses.pose import PosePrior
+from assoc.identification import fleet_fit
+from assoc.identification.fleet_fit import Evidence, FleetFit, log_assignments
 from assoc.identification.identifier import Identifier
 from assoc.records import VehicleReports
 from tests.support.assoc_scene import Fleet, camera
@@ -123,6 +127,31 @@ def test_evidence_that_comes_to_little_is_forgotten_in_seconds():
     for k in range(1, 100):
         fit.add_evidence(0.25 * k, 2.0, None)
     assert fit.probability < 0.9
+
+
+def test_what_fitted_without_a_gross_error_is_not_saved_by_one_that_comes_in_flight(monkeypatch):
+    monkeypatch.setattr(fleet_fit, "evidence_of", lambda context, best: best.evidence)
+    monkeypatch.setattr(fleet_fit, "decoy_evidence", lambda context, number: Evidence(0.0, 0.0))
+    late = np.where(np.arange(THETA) == OFFSET, 5.0, 0.0)
+    prior = PosePrior(std=np.full(THETA, 0.1), others=(PosePrior(std=np.full(THETA, 0.1), mean=late, log_share=-7.0),))
+    blocks = SimpleNamespace(count=np.ones((20, 1, 1)))
+
+    def fits(*parts):
+        """Whether they fit after ten seconds of each part: its θ, evidence, vehicles' chance to be in view."""
+        fit = FleetFit()
+        for k in range(40 * len(parts)):
+            theta, course, view = parts[k // 40]
+            best = SimpleNamespace(
+                theta=theta, blocks=blocks, vehicle=np.zeros(1, np.int64), evidence=Evidence(course, 0.0)
+            )
+            context = SimpleNamespace(prior=prior, sway=None, block_s=1.0, view=np.full(5, view))
+            fit.update(0.25 * k, context, best, steady=True)
+        return fit.fits
+
+    assert not fits((np.zeros(THETA), 30.0, 1.0), (late, 20.0, 1.0))
+    assert not fits((np.zeros(THETA), 30.0, 1.0), (late, 20.0, 0.0)), "the fleet may not hide"
+    assert fits((np.zeros(THETA), 30.0, 1.0), (late, 60.0, 1.0))
+    assert fits((late, 60.0, 1.0), (late, 20.0, 1.0)), "a gross error pays once"
 
 
 def test_video_that_is_dated_late_by_seconds_fits_once_the_vehicles_have_moved():
