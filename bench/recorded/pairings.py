@@ -74,7 +74,12 @@ def pair_up(film: Path, flight: Path, folder: Path, *, late_s: float = 0.0) -> N
         late_s: Seconds by which the film begins later than that.
     """
     folder.mkdir()
-    for source, name in ((flight, "session.toml"), (flight, "telemetry.tlog"), (film, "detections.csv"), (film, "truth.csv")):
+    for source, name in (
+        (flight, "session.toml"),
+        (flight, "telemetry.tlog"),
+        (film, "detections.csv"),
+        (film, "truth.csv"),
+    ):
         if (source / name).exists():
             shutil.copyfile(source / name, folder / name)
     times_us, begin_us = (read_times(session / "frames.csv").times_us for session in (film, flight))
