@@ -17,6 +17,9 @@ HIGHEST_M = 1.5
 """No vehicle's middle is higher, whatever its box says."""
 LEAST_SINE = 0.17
 """Sine of the depression, 10°, below which a place is so uncertain that nothing is gained."""
+STEEP_SINE = 0.8
+"""Sine of the depression, 53°, from which a box is as long as its vehicle: further from the side it is as long as the
+vehicle happens to be turned."""
 
 
 def contact_rays(rays: FloatArray, size_px: FloatArray, view: FrameCamera) -> FloatArray:
@@ -45,7 +48,7 @@ def contact_rays(rays: FloatArray, size_px: FloatArray, view: FrameCamera) -> Fl
 
 
 def box_lengths(rays: FloatArray, long_px: FloatArray, view: FrameCamera) -> FloatArray:
-    """(k,) metres, how long boxes are at their depth in the picture; NaN where they are not clearly below it.
+    """(k,) metres, how long boxes are at their depth in the picture; NaN where they are not seen from steeply above.
 
     Args:
         rays: (k, 3) through the middles of boxes, camera frame.
@@ -54,5 +57,5 @@ def box_lengths(rays: FloatArray, long_px: FloatArray, view: FrameCamera) -> Flo
     """
     unit = rays / np.linalg.norm(rays, axis=1)[:, None]
     sine = -(unit @ view.pose.R_enu_cam[2])
-    depth_m = unit[:, 2] * (view.pose.p_enu[2] - view.ground_z) / np.maximum(sine, LEAST_SINE)
-    return np.asarray(np.where((sine > LEAST_SINE) & (depth_m > 0.0), long_px * depth_m / view.intrinsics.fx, np.nan))
+    depth_m = unit[:, 2] * (view.pose.p_enu[2] - view.ground_z) / np.maximum(sine, STEEP_SINE)
+    return np.asarray(np.where((sine > STEEP_SINE) & (depth_m > 0.0), long_px * depth_m / view.intrinsics.fx, np.nan))

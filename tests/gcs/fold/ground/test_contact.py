@@ -90,3 +90,8 @@ def test_a_box_is_as_long_as_its_body_wherever_it_is_in_a_view_straight_down():
     length_m = box_lengths(rays, np.full(3, 2.2 * 1400.0 / 40.0), camera)
     assert length_m[:2] == pytest.approx(2.2)
     assert np.isnan(length_m[2])
+
+
+def test_from_the_side_a_box_does_not_tell_how_long_its_vehicle_is():
+    camera, _, rays, _ = seen(-30.0, 40.0, BODIES["car"])
+    assert np.isnan(box_lengths(rays, np.full(len(rays), 100.0), camera)).all()
