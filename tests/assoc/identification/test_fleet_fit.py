@@ -10,7 +10,7 @@ import pytest
 from assoc.geometry.ground import OFFSET, THETA
 from assoc.hypotheses.pose import PosePrior
 from assoc.identification import fleet_fit
-from assoc.identification.fleet_fit import Evidence, FleetFit, log_assignments
+from assoc.identification.fleet_fit import FitEvidence, FleetFit, log_assignments
 from assoc.identification.identifier import Identifier
 from assoc.records import VehicleReports
 from tests.support.assoc_scene import Fleet, camera
@@ -131,7 +131,7 @@ def test_evidence_that_comes_to_little_is_forgotten_in_seconds():
 
 def test_what_fitted_without_a_gross_error_is_not_saved_by_one_that_comes_in_flight(monkeypatch):
     monkeypatch.setattr(fleet_fit, "evidence_of", lambda context, best: best.evidence)
-    monkeypatch.setattr(fleet_fit, "decoy_evidence", lambda context, number: Evidence(0.0, 0.0))
+    monkeypatch.setattr(fleet_fit, "decoy_evidence", lambda context, number: FitEvidence(0.0, 0.0))
     late = np.where(np.arange(THETA) == OFFSET, 5.0, 0.0)
     prior = PosePrior(std=np.full(THETA, 0.1), others=(PosePrior(std=np.full(THETA, 0.1), mean=late, log_share=-7.0),))
     blocks = SimpleNamespace(count=np.ones((20, 1, 1)))
@@ -142,7 +142,7 @@ def test_what_fitted_without_a_gross_error_is_not_saved_by_one_that_comes_in_fli
         for k in range(40 * len(parts)):
             theta, course, view = parts[k // 40]
             best = SimpleNamespace(
-                theta=theta, blocks=blocks, vehicle=np.zeros(1, np.int64), evidence=Evidence(course, 0.0)
+                theta=theta, blocks=blocks, vehicle=np.zeros(1, np.int64), evidence=FitEvidence(course, 0.0)
             )
             context = SimpleNamespace(prior=prior, sway=None, block_s=1.0, view=np.full(5, view))
             fit.update(0.25 * k, context, best, steady=True)
