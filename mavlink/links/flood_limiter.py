@@ -71,6 +71,24 @@ class FloodLimiter:
         detach(sock)
         self._counted = self._drops()
 
+    @property
+    def system_drops(self) -> int:
+        """The system's count of what the socket dropped, up to the last time it was asked."""
+        return self._counted
+
+    def resume(self, system_drops: int, *, was_limited: bool) -> None:
+        """Counts what the socket has dropped since another process last counted: that one may have hung for long.
+
+        Args:
+            system_drops: of then.
+            was_limited: whether a filter was at work; it went on while nobody read.
+        """
+        new = max(self._counted - system_drops, 0)
+        memory = self._memory()
+        lost = new if not was_limited or memory[_QUEUED] > _FULL * memory[_ROOM] else 0
+        self.dropped += lost
+        self.turned_away += new - lost
+
     def note_fill(self, was_full: bool) -> None:
         """Notes how full the receive buffer is; to be called before it is read.
 

@@ -39,6 +39,8 @@ class LinkReport:
     counts: LinkCounts
     buffer_bytes: int = 0
     """Receive buffer that the system granted; 0 where there is none to ask for."""
+    system_drops: int = 0
+    """The system's own count of what its socket dropped, for whatever reason."""
     peers: int = 0
     """Senders that are known."""
     addresses: tuple[tuple[int, str, int], ...] = ()

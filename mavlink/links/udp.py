@@ -72,7 +72,8 @@ class UdpIn(UdpLink):
         return (text,) if self.limiter.is_unsupported else ()
 
     def resume(self, before: LinkReport) -> None:
-        """Senders keep their numbers, and those who were known stay known."""
+        """Senders keep their numbers, those who were known stay known, and what was dropped meanwhile is counted."""
+        super().resume(before)
         known = {number: (host, port) for number, host, port in before.addresses}
         self.peers.restore(known, before.claims, before.mixed, before.last_peer, now_us())
 

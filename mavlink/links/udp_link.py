@@ -194,6 +194,7 @@ class UdpLink(Link):
         return replace(
             super().report(),
             buffer_bytes=self.buffer_bytes,
+            system_drops=self.limiter.system_drops,
             peers=len(addresses),
             addresses=addresses,
             others=tuple(self.peers.untrusted().items()),
@@ -201,6 +202,10 @@ class UdpLink(Link):
             mixed=tuple(self.peers.mixed),
             limits=self.limits(),
         )
+
+    def resume(self, before: LinkReport) -> None:
+        """What the socket dropped in the meantime is counted."""
+        self.limiter.resume(before.system_drops, was_limited=before.narrow)
 
     def close(self) -> None:
         """Closes the socket."""

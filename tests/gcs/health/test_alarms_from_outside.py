@@ -42,6 +42,8 @@ from vision.detect.detections import Detections
 from vision.video.video import Frame
 
 RULES = (*VEHICLE_RULES, *CONDITION_RULES, *PAIR_RULES, *LINK_RULES, *STATION_RULES)
+FLOOD, LARGE = 4000, 60_000
+"""Datagrams, and bytes of one that fills a receive buffer with few."""
 LINE = Event(t_us=T0, level="info", kind="operator", text="a line of the event log")
 
 
@@ -239,8 +241,9 @@ def is_flooded_while_its_receiver_hangs(tmp_path, started, sender):
         sender.sendto(frame, (HOST, port))
         wait_for(ingest, 1)
         os.kill(ingest.pid, signal.SIGSTOP)
-        for _ in range(ingest.health().links[0].buffer_bytes // 400):
-            sender.sendto(frame, (HOST, port))
+        # many of them, and large ones so that the buffer is full before another process takes over
+        for datagram in [frame] * FLOOD + [bytes(LARGE)] * (2 * ingest.health().links[0].buffer_bytes // LARGE):
+            sender.sendto(datagram, (HOST, port))
         until(all_came)
     return came
 

@@ -92,6 +92,24 @@ def test_a_process_that_hangs_is_replaced_and_loses_nothing(started, sender, tmp
     assert recorded(tmp_path) == frames
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux counts what it drops")
+def test_what_the_system_drops_while_a_process_hangs_is_counted(started, sender):
+    size, junk = 60_000, bytes(60_000)
+    ingest, port = started()
+    sender.sendto(heartbeats(1)[0], (HOST, port))
+    wait_for(ingest, 1)
+    os.kill(ingest.pid, signal.SIGSTOP)
+    sent = 2 * ingest.health().links[0].buffer_bytes // size
+    for _ in range(sent):
+        sender.sendto(junk, (HOST, port))
+
+    def counts():
+        return ingest.health().links[0].counts
+
+    assert until(lambda: counts().junk_bytes // size + counts().dropped >= sent)
+    assert counts().dropped > 0 and counts().junk_bytes // size + counts().dropped == sent
+
+
 def test_how_far_it_has_heard_stands_still_while_nobody_receives(started, sender):
     """What came meanwhile is not known yet, so nobody may be called silent for it."""
     ingest, port = started()
