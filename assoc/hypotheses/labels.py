@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.hypotheses.doubles import share_discount, share_evidence, shared_tracks
-from assoc.hypotheses.look_alikes import discount_lookalikes
+from assoc.hypotheses.look_alikes import discount_lookalikes, discounts
 from assoc.hypotheses.marginals import best_assignment, marginals
-from assoc.hypotheses.search import Hypothesis
+from assoc.hypotheses.search import Hypothesis, UpdateContext
 
 __all__ = ["mixed_marginals", "most_probable_names", "posterior_weights"]
 
@@ -30,40 +30,35 @@ def posterior_weights(hypotheses: list[Hypothesis]) -> FloatArray:
 def mixed_marginals(
     hypotheses: list[Hypothesis],
     share: FloatArray,
-    bias_std: float,
-    chance: float,
-    in_view: FloatArray,
-    log_odds: float,
+    context: UpdateContext,
     log_not_lost: FloatArray,
     elsewhere: BoolArray,
-    age_s: FloatArray,
 ) -> FloatArray:
     """Marginals averaged over hypotheses.
 
     Args:
         hypotheses: Joint hypotheses over m tracks and n vehicles.
         share: Their weights.
-        bias_std: σ_b, metres.
-        chance: Prior chance that a track is a look-alike that moves like one of ours.
-        in_view: (n,) part of the scores that a vehicle has because it should be in view.
-        log_odds: Part of the scores that every vehicle has before any evidence.
+        context: What the update worked on.
         log_not_lost: (m, n) ln chance that a vehicle is not one of the lost tracks that were once in view together with
                 this track.
         elsewhere: (m, n) vehicles that were another track while this one was seen.
-        age_s: (m,) age of each track, seconds.
 
     Returns:
         (m, n + 1); the last column is "none of ours".
     """
+    bias_std, in_view = context.noise.bias_std, context.in_view
     m, n = hypotheses[0].score.shape
     total, used = np.zeros((m, n + 1)), 0.0
     for hypothesis, w in zip(hypotheses, share, strict=True):
         if w >= _LEAST_WEIGHT * np.max(share):
             bias = hypothesis.final.mean[:m]
-            shared = shared_tracks(hypothesis.score, hypothesis.score - in_view - log_odds, bias, bias_std, elsewhere)
+            shared = shared_tracks(
+                hypothesis.score, hypothesis.score - in_view - context.log_odds, bias, bias_std, elsewhere
+            )
             score = share_evidence(hypothesis.score, shared)
-            reduced = discount_lookalikes(score, bias, bias_std, chance, in_view, age_s, hypothesis.vehicle)
-            score = share_discount(score, reduced, shared)
+            found = discounts(score, bias, bias_std, context.clutter, in_view, context.age_s, hypothesis.vehicle)
+            score = share_discount(score, discount_lookalikes(score, found), shared)
             # two tracks in view at once are two vehicles, however well one moves like the other's
             total += w * marginals(score + log_not_lost)
             used += w

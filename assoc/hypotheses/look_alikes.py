@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SPREAD_M", "discount_lookalikes", "look_alike_gap", "unseen_evidence"]
+__all__ = ["SPREAD_M", "Discounts", "discount_lookalikes", "discounts", "look_alike_gap", "unseen_evidence"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -34,7 +36,19 @@ def look_alike_gap(bias: FloatArray, bias_std: float) -> FloatArray:
     return np.asarray(2.0 * np.log(SPREAD_M / bias_std) - near)
 
 
-def discount_lookalikes(
+@dataclass(frozen=True, slots=True)
+class Discounts:
+    """How far look-alikes explain the reports of vehicles."""
+
+    log_d: FloatArray
+    """(m, n) ln D_j for the age of each track."""
+    changed: BoolArray
+    """(m, n) scores that a change of vehicle would leave of others."""
+    kept: BoolArray
+    """(m, n) those that they may be rests of."""
+
+
+def discounts(
     score: FloatArray,
     bias: FloatArray,
     bias_std: float,
@@ -42,74 +56,27 @@ def discount_lookalikes(
     in_view: FloatArray,
     age_s: FloatArray,
     vehicle: IntArray,
-) -> FloatArray:
-    """Reduce scores by the chance that a vehicle has no box, and a track beside it moves as it does.
+) -> Discounts:
+    """The chance that a vehicle has no box, and a track beside it moves as it does.
 
     Clutter that follows vehicle j at a distance, or others of its formation, fit j's motion with an offset that is no
     bias. Their likelihood is that of the pair with the bias density N(M; 0, σ_b²) replaced by a flat one
     (:func:`look_alike_gap`). So if no track is j, its reports are as likely as beside unrelated tracks times
 
-        D_j = (1 − c) + c·exp(max_k (L_kj − gap_kj)),     L'_ij = L_ij − ln D_j.
+        D_j = (1 − c) + c·exp(max_k (L_kj − gap_kj)).
 
-    Tracks that compete for one vehicle keep their difference. Scores grow while a track lives: of what an older track k
-    says, the share since track i began, age_i/age_k, stands against i. A track's score for another vehicle than its own
-    is at least its best one and ln of the chance of a change; such a rest says nothing of how it moved, and is
-    reduced like the scores that it may be a rest of, the best one and that of the best assignment.
+    Scores grow while a track lives: of what an older track k says, the share since track i began, age_i/age_k, stands
+    against i. A track's score for another vehicle than its own is at least its best one and ln of the chance of a
+    change; such a rest says nothing of how it moved.
 
     Args:
-        score: (m, n) ln ratios.
+        score: (m, n) ln ratios, m and n at least 1.
         bias: (m, n, 2) bias means, metres.
         bias_std: σ_b, metres.
         chance: c.
         in_view: (n,) part of the scores that a look-alike of the vehicle does not have.
         age_s: (m,) age of each track, seconds.
         vehicle: (m,) of each track in the best assignment, −1 none.
-
-    Returns:
-        (m, n) ln ratios of "is the vehicle" to "unrelated or such a look-alike".
-    """
-    if not score.size:
-        return score
-    discount, changed, kept = _discounts(score, bias, bias_std, chance, in_view, age_s, vehicle)
-    own = np.max(np.where(kept, discount, 0.0), axis=1, keepdims=True)
-    return np.asarray(score - np.where(changed, np.maximum(discount, own), discount))
-
-
-def unseen_evidence(
-    score: FloatArray,
-    bias: FloatArray,
-    bias_std: float,
-    chance: float,
-    in_view: FloatArray,
-    age_s: FloatArray,
-    vehicle: IntArray,
-) -> float:
-    """Σ ln D_j over the vehicles without a track: what look-alikes beside them explain of their reports.
-
-    An assignment that leaves them out weighs exp(Σ L) times exp of this. D and the arguments are those of
-    :func:`discount_lookalikes`.
-    """
-    if not score.size:
-        return 0.0
-    discount = _discounts(score, bias, bias_std, chance, in_view, age_s, vehicle)[0]
-    unseen = np.ones(score.shape[1], np.bool_)
-    unseen[vehicle[vehicle >= 0]] = False
-    return float(np.sum(np.max(discount, axis=0)[unseen]))
-
-
-def _discounts(
-    score: FloatArray,
-    bias: FloatArray,
-    bias_std: float,
-    chance: float,
-    in_view: FloatArray,
-    age_s: FloatArray,
-    vehicle: IntArray,
-) -> tuple[FloatArray, BoolArray, BoolArray]:
-    """Logarithms of D_j, rests of other scores, and what they may be rests of.
-
-    Returns:
-        (m, n) ln D_j for the age of each track; scores that a change of vehicle would leave; those of which.
     """
     gain = -in_view - look_alike_gap(bias, bias_std)
     share = np.minimum((age_s[:, None] + _YOUNG_S) / (age_s + _YOUNG_S), 1.0)
@@ -120,4 +87,36 @@ def _discounts(
     changed = (score < best - _CHANGED) & ~assigned
     moved = np.where(changed, -np.inf, score)
     found = np.max(moved * share[:, :, None] + gain, axis=1)
-    return np.logaddexp(np.log1p(-chance), np.log(chance) + found), changed, assigned | (score == best)
+    log_d = np.logaddexp(np.log1p(-chance), np.log(chance) + found)
+    return Discounts(log_d, changed, assigned | (score == best))
+
+
+def discount_lookalikes(score: FloatArray, found: Discounts) -> FloatArray:
+    """Reduce scores by what look-alikes explain, L'_ij = L_ij − ln D_j.
+
+    Tracks that compete for one vehicle keep their difference. The rest of a score is reduced like the scores that it
+    may be a rest of, the best one of its track and that of the best assignment.
+
+    Args:
+        score: (m, n) ln ratios.
+        found: D of them.
+
+    Returns:
+        (m, n) ln ratios of "is the vehicle" to "unrelated or such a look-alike".
+    """
+    own = np.max(np.where(found.kept, found.log_d, 0.0), axis=1, keepdims=True)
+    return np.asarray(score - np.where(found.changed, np.maximum(found.log_d, own), found.log_d))
+
+
+def unseen_evidence(found: Discounts, vehicle: IntArray) -> float:
+    """Σ ln D_j over the vehicles without a track: what look-alikes beside them explain of their reports.
+
+    An assignment that leaves them out weighs exp(Σ L) times exp of this.
+
+    Args:
+        found: D of its scores.
+        vehicle: (m,) the assignment, −1 none.
+    """
+    unseen = np.ones(found.log_d.shape[1], np.bool_)
+    unseen[vehicle[vehicle >= 0]] = False
+    return float(np.sum(np.max(found.log_d, axis=0)[unseen]))

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.evidence.blocks import Blocks, make_blocks, with_extrapolated_block
-from assoc.evidence.likelihood import Noise, PairState, run_filter
+from assoc.evidence.likelihood import Noise, PairState, bound_variance, initial_state, run_filter
 from assoc.evidence.motion import ReportLog
 from assoc.geometry.ground import EAST, NORTH, OFFSET, THETA, YAW, ground_tracks
 from assoc.geometry.sway import Sway
 from assoc.history import TrackHistory
-from assoc.hypotheses.look_alikes import unseen_evidence
+from assoc.hypotheses.look_alikes import discounts, unseen_evidence
 from assoc.hypotheses.marginals import best_assignment
 from assoc.hypotheses.pose import Fitted, PosePrior, fit, misfit, whiten
 
@@ -103,6 +103,18 @@ class UpdateContext:
         since = self.first_block * self.block_s + theta[OFFSET] - self.gap_max_s
         start = min(self.history.first_row_since(since), self.history.n - 1)
         return start, None if self.sway is None else self.sway.at(self.history.t[start : self.history.n])
+
+    def without_memory(self) -> UpdateContext:
+        """The same from the window alone: no ended tracks, nothing remembered from before it, no sway."""
+        return replace(
+            self,
+            columns=self.columns[: self.live],
+            anchors=np.empty(0, np.int64),
+            state=bound_variance(initial_state(self.live, self.log.n_vehicles), self.noise.bias_std),
+            log_switch=self.log_switch[:, : self.live],
+            fold=0,
+            sway=None,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -203,7 +215,8 @@ def _evaluated(
     """Hypothesis with its value Σ L + Σ ln D − ½ θᵀΛθ + ½ ln|Λ| − ½ ln|Λ + JᵀJ|; D as in :func:`unseen_evidence`."""
     rows = np.flatnonzero(vehicle >= 0)
     bias, noise = states[0].mean[: context.live], context.noise
-    unseen = unseen_evidence(score, bias, noise.bias_std, context.clutter, context.in_view, context.age_s, vehicle)
+    found = discounts(score, bias, noise.bias_std, context.clutter, context.in_view, context.age_s, vehicle)
+    unseen = unseen_evidence(found, vehicle)
     value = float(np.sum(score[rows, vehicle[rows]])) + unseen - context.prior.cost(fitted.theta) + fitted.cost
     return Hypothesis(
         theta=fitted.theta,

@@ -182,17 +182,7 @@ class Estimator:
         seen = context.gap_s <= 0.0
         free = self._co_visibility.log_not_lost(live, seen)
         elsewhere = self._co_visibility.elsewhere(live)
-        p = mixed_marginals(
-            found,
-            share,
-            self._bias_std,
-            context.clutter,
-            context.in_view,
-            context.log_odds,
-            free,
-            elsewhere,
-            context.age_s,
-        )
+        p = mixed_marginals(found, share, context, free, elsewhere)
         self.fit.update(t, context, best, steady=camera.attitude_known and camera.stabilized)
         p = self.fit.limited(p, self._stated.among(history.track_id[live]))
         if not self.fit.fits:

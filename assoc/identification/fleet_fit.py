@@ -172,8 +172,7 @@ def decoy_evidence(context: UpdateContext, number: int) -> FitEvidence:
         context: What the update works on.
         number: Of the decoy; each has other angles.
     """
-    log, live = context.log, context.live
-    n = log.n_vehicles
+    log = context.log
     place, _ = log.extrapolated(float(context.history.t[context.history.n - 1]))
     counted = np.isfinite(place[:, 0]) & (context.view > _LIKELY_IN_VIEW)
     if not counted.any():
@@ -181,17 +180,8 @@ def decoy_evidence(context: UpdateContext, number: int) -> FitEvidence:
     centre = np.mean(place[counted], axis=0)
     # by rank of the distance, so that the order of the vehicles does not matter
     rank = np.argsort(np.argsort(np.hypot(*(place - centre).T), kind="stable"), kind="stable")
-    angle = _GOLDEN_ANGLE * (1.0 + rank + n * number)
-    decoy = replace(
-        context,
-        log=log.turned(centre, angle),
-        columns=context.columns[:live],
-        anchors=np.empty(0, np.int64),
-        state=bound_variance(initial_state(live, n), context.noise.bias_std),
-        log_switch=context.log_switch[:, :live],
-        fold=0,
-        sway=None,
-    )
+    angle = _GOLDEN_ANGLE * (1.0 + rank + log.n_vehicles * number)
+    decoy = replace(context.without_memory(), log=log.turned(centre, angle))
     found = refine(decoy, np.zeros(THETA))
     fitted = None if context.sway is None else fit_sway(decoy, found, free=context.sway.free)
     if fitted is None:

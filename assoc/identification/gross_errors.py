@@ -12,7 +12,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.evidence.likelihood import bound_variance, initial_state
 from assoc.geometry.ground import THETA, YAW
 from assoc.hypotheses.pose import PosePrior
 from assoc.hypotheses.search import UpdateContext, refine
@@ -84,18 +83,7 @@ def _is_mirrored(context: UpdateContext, fit: FleetFit) -> bool:
     """
     history = copy(context.history)
     history.R = history.R * MIRROR
-    live, n = context.live, context.log.n_vehicles
-    mirrored = replace(
-        context,
-        history=history,
-        columns=context.columns[:live],
-        anchors=np.empty(0, np.int64),
-        state=bound_variance(initial_state(live, n), context.noise.bias_std),
-        log_switch=context.log_switch[:, :live],
-        handover=np.zeros_like(context.handover),
-        fold=0,
-        sway=None,
-    )
+    mirrored = replace(context.without_memory(), history=history, handover=np.zeros_like(context.handover))
     starts = np.zeros((len(_MIRRORED_TURNS), THETA))
     starts[:, YAW] = _MIRRORED_TURNS
     best = max((refine(mirrored, theta) for theta in starts), key=lambda hypothesis: hypothesis.value)

@@ -35,15 +35,13 @@ def contact_rays(rays: FloatArray, size_px: FloatArray, view: FrameCamera) -> Fl
     Returns:
         (k, 3) camera frame; those that do not come down clearly are left as they are.
     """
-    R = view.pose.R_enu_cam
-    unit = rays / np.linalg.norm(rays, axis=1)[:, None]
-    sine = -(unit @ R[2])
+    unit, sine = _depressions(rays, view)
     above = view.pose.p_enu[2] - view.ground_z
     range_m = above / np.maximum(sine, LEAST_SINE)
     half_m = np.minimum(HALF_HEIGHT * size_px * range_m / view.intrinsics.fx, min(HIGHEST_M, 0.5 * max(above, 0.0)))
     # the middle is at s d with s d_z = h/2 − above; its place is h/2 lower
     down = range_m * (1.0 - half_m / max(above, 1e-9))
-    lowered = unit * down[:, None] - half_m[:, None] * R[2]
+    lowered = unit * down[:, None] - half_m[:, None] * view.pose.R_enu_cam[2]
     return np.where((sine > LEAST_SINE)[:, None], lowered, rays)
 
 
@@ -55,7 +53,12 @@ def box_lengths(rays: FloatArray, long_px: FloatArray, view: FrameCamera) -> Flo
         long_px: (k,) their longer sides.
         view: the camera.
     """
-    unit = rays / np.linalg.norm(rays, axis=1)[:, None]
-    sine = -(unit @ view.pose.R_enu_cam[2])
+    unit, sine = _depressions(rays, view)
     depth_m = unit[:, 2] * (view.pose.p_enu[2] - view.ground_z) / np.maximum(sine, STEEP_SINE)
     return np.asarray(np.where((sine > STEEP_SINE) & (depth_m > 0.0), long_px * depth_m / view.intrinsics.fx, np.nan))
+
+
+def _depressions(rays: FloatArray, view: FrameCamera) -> tuple[FloatArray, FloatArray]:
+    """(k, 3) the rays at unit length; (k,) sines of how far they point below the horizon."""
+    unit = rays / np.linalg.norm(rays, axis=1)[:, None]
+    return unit, -(unit @ view.pose.R_enu_cam[2])

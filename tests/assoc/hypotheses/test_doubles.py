@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from assoc.hypotheses.doubles import share_discount, share_evidence, shared_tracks, shares_of_two
-from assoc.hypotheses.look_alikes import discount_lookalikes
+from assoc.hypotheses.look_alikes import discount_lookalikes, discounts
 from assoc.hypotheses.marginals import exact_marginals
 
 BIAS_STD_M, ODDS = 1.0, 6.5
@@ -82,6 +82,7 @@ def test_the_distance_of_one_that_copies_counts_once():
     score, bias = np.array([[40.0, 38.0]]), np.array([[NEAR, (3.0, 0.0)]])
     shared = shared_tracks(score, score - ODDS, bias, BIAS_STD_M, np.zeros((1, 2), np.bool_))
     joint = share_evidence(score, shared)
-    reduced = discount_lookalikes(joint, bias, BIAS_STD_M, 0.01, np.zeros(2), np.ones(1), np.zeros(1, np.int64))
+    found = discounts(joint, bias, BIAS_STD_M, 0.01, np.zeros(2), np.ones(1), np.zeros(1, np.int64))
+    reduced = discount_lookalikes(joint, found)
     assert exact_marginals(reduced)[0, 0] > 0.95
     assert exact_marginals(share_discount(joint, reduced, shared))[0, 0] < 0.7

@@ -26,8 +26,14 @@ def mixed(hypotheses, chance=1e-12, log_not_lost=0.0):
     m, n = hypotheses[0].score.shape
     free = np.broadcast_to(np.asarray(log_not_lost), (m, n))
     nowhere = np.zeros((m, n), np.bool_)
-    share, age_s = posterior_weights(hypotheses), np.full(m, 20.0)
-    return mixed_marginals(hypotheses, share, BIAS_STD_M, chance, np.zeros(n), ODDS, free, nowhere, age_s)
+    context = SimpleNamespace(
+        noise=SimpleNamespace(bias_std=BIAS_STD_M),
+        clutter=chance,
+        in_view=np.zeros(n),
+        log_odds=ODDS,
+        age_s=np.full(m, 20.0),
+    )
+    return mixed_marginals(hypotheses, posterior_weights(hypotheses), context, free, nowhere)
 
 
 def test_weights_are_the_shares_of_the_likelihoods_however_small_these_are():

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from assoc.hypotheses.look_alikes import discount_lookalikes, unseen_evidence
+from assoc.hypotheses.look_alikes import discount_lookalikes, discounts, unseen_evidence
 from assoc.hypotheses.marginals import best_assignment, marginals
 
 BIAS_STD_M, CHANCE, SPREAD_M = 1.5, 0.02, 12.0
@@ -16,13 +16,16 @@ def discounted(score, bias=0.0, age_s=20.0, chance=CHANCE):
     bias = np.broadcast_to(bias, (*score.shape, 2))
     age = np.broadcast_to(np.asarray(age_s, np.float64), len(score))
     none_in_view = np.zeros(score.shape[1])
-    return discount_lookalikes(score, bias, BIAS_STD_M, chance, none_in_view, age, best_assignment(score))
+    found = discounts(score, bias, BIAS_STD_M, chance, none_in_view, age, best_assignment(score))
+    return discount_lookalikes(score, found)
 
 
 def unseen(score, vehicle, chance=CHANCE):
     score = np.array(score, np.float64)
     bias, age_s = np.zeros((*score.shape, 2)), np.full(len(score), 20.0)
-    return unseen_evidence(score, bias, BIAS_STD_M, chance, np.zeros(score.shape[1]), age_s, np.array(vehicle))
+    vehicle = np.array(vehicle)
+    found = discounts(score, bias, BIAS_STD_M, chance, np.zeros(score.shape[1]), age_s, vehicle)
+    return unseen_evidence(found, vehicle)
 
 
 @settings(max_examples=25)
