@@ -12,7 +12,8 @@ vehicle with a worse receiver than the others is not taken for clutter.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,6 +85,8 @@ class PairState:
     """(T, n) its variance, m²; inf: nothing known beyond the prior."""
     seen: BoolArray
     """(T, n) whether any block was compared."""
+    inherited: FloatArray
+    """(T, n) part of the score that the track had as another vehicle, before it became this one."""
 
 
 def initial_state(n_tracks: int, n_vehicles: int) -> PairState:
@@ -94,6 +97,7 @@ def initial_state(n_tracks: int, n_vehicles: int) -> PairState:
         mean=np.zeros((*shape, 2)),
         var=np.full(shape, np.inf),
         seen=np.zeros(shape, np.bool_),
+        inherited=np.zeros(shape),
     )
 
 
@@ -149,11 +153,11 @@ def run_filter(
     restart_gain = prior / (prior + variance)
     M_first, V_first = restart_gain * mean_r, prior - restart_gain * prior
     renewed = (1.0 - decay**2) * prior + blocks.jump_var
-    M, V, L, seen = to_complex(state.mean), state.var, state.score, state.seen
+    M, V, L, seen, inherited = to_complex(state.mean), state.var, state.score, state.seen, state.inherited
     folded = state
     for b in range(len(mean_r)):
         if b == fold:
-            folded = PairState(score=L, mean=to_east_north(M), var=V, seen=seen)
+            folded = PairState(score=L, mean=to_east_north(M), var=V, seen=seen, inherited=inherited)
         has = has_all[b]
         # M⁻ = λM, V⁻ = λ²V + (1 − λ²)σ_b² + a jump of the vehicle's own reports
         M, V = decay * M, decay**2 * V + renewed[b]
@@ -164,32 +168,37 @@ def run_filter(
         first = np.maximum(log_p - null[b], _FIRST_LEAST)
         stay = np.where(seen, L + later, first)
         # the track may have been another vehicle until now: its evidence, the chance of a change, a first comparison
-        before = np.max(L, axis=1, initial=0.0) + log_switch[b]
-        switch = np.where(seen, before[:, None] + restart[b], NEVER)
+        best = np.max(L, axis=1, initial=0.0)[:, None]
+        before = best + log_switch[b][:, None]
+        switch = np.where(seen, before + restart[b], NEVER)
         gain = V / s
         M_stay, V_stay = M + gain * e, V - gain * V
         changed = switch > stay
         M = np.where(has, np.where(changed, M_first[b], M_stay), M)
         V = np.where(has, np.where(changed, V_first[b], V_stay), V)
-        no_report = np.where(seen, np.logaddexp(L, before[:, None] - _NO_REPORT), L)
+        no_report = np.where(seen, np.logaddexp(L, before - _NO_REPORT), L)
+        inherited = np.where(np.where(has, changed, seen & (before - _NO_REPORT > L)), best, inherited)
         L = np.where(has, np.logaddexp(stay, switch), no_report)
         seen = seen | has
-    final = PairState(score=L, mean=to_east_north(M), var=V, seen=seen)
+    final = PairState(score=L, mean=to_east_north(M), var=V, seen=seen, inherited=inherited)
     return final, final if fold >= len(mean_r) else folded
+
+
+def _arrays(state: PairState) -> dict[str, NDArray[Any]]:
+    return {field.name: getattr(state, field.name) for field in fields(PairState)}
 
 
 def select_tracks(state: PairState, columns: NDArray[np.int64]) -> PairState:
     """The state of some tracks."""
-    return PairState(
-        score=state.score[columns], mean=state.mean[columns], var=state.var[columns], seen=state.seen[columns]
-    )
+    return PairState(**{name: array[columns] for name, array in _arrays(state).items()})
 
 
 def replace_tracks(state: PairState, columns: NDArray[np.int64], part: PairState) -> PairState:
     """The state with some tracks replaced."""
-    score, mean, var, seen = state.score.copy(), state.mean.copy(), state.var.copy(), state.seen.copy()
-    score[columns], mean[columns], var[columns], seen[columns] = part.score, part.mean, part.var, part.seen
-    return PairState(score=score, mean=mean, var=var, seen=seen)
+    copies = {name: array.copy() for name, array in _arrays(state).items()}
+    for name, array in _arrays(part).items():
+        copies[name][columns] = array
+    return PairState(**copies)
 
 
 def widen_tracks(state: PairState, n_tracks: int) -> PairState:
@@ -197,17 +206,12 @@ def widen_tracks(state: PairState, n_tracks: int) -> PairState:
     extra = n_tracks - len(state.score)
     if extra <= 0:
         return state
-    more = initial_state(extra, state.score.shape[1])
-    return PairState(
-        score=np.concatenate([state.score, more.score]),
-        mean=np.concatenate([state.mean, more.mean]),
-        var=np.concatenate([state.var, more.var]),
-        seen=np.concatenate([state.seen, more.seen]),
-    )
+    more = _arrays(initial_state(extra, state.score.shape[1]))
+    return PairState(**{name: np.concatenate([array, more[name]]) for name, array in _arrays(state).items()})
 
 
 def reset_tracks(state: PairState, columns: NDArray[np.int64], mean: FloatArray, var: FloatArray) -> PairState:
     """The state with some tracks set back to the beginning, their bias filters started from (n, 2) and (n,)."""
-    score, means, variances, seen = state.score.copy(), state.mean.copy(), state.var.copy(), state.seen.copy()
-    score[columns], means[columns], variances[columns], seen[columns] = NEVER, mean, var, False
-    return replace(state, score=score, mean=means, var=variances, seen=seen)
+    fresh = initial_state(len(columns), state.score.shape[1])
+    start = replace(fresh, mean=np.broadcast_to(mean, fresh.mean.shape), var=np.broadcast_to(var, fresh.var.shape))
+    return replace_tracks(state, columns, start)

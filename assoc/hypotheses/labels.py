@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.hypotheses.doubles import share_discount, share_evidence, shared_tracks
-from assoc.hypotheses.look_alikes import discount_lookalikes, discounts
+from assoc.hypotheses.look_alikes import discount_lookalikes
 from assoc.hypotheses.marginals import best_assignment, marginals
-from assoc.hypotheses.search import Hypothesis, UpdateContext
+from assoc.hypotheses.search import Hypothesis, UpdateContext, discounts_of
 
 __all__ = ["mixed_marginals", "most_probable_names", "posterior_weights"]
 
@@ -57,7 +57,7 @@ def mixed_marginals(
                 hypothesis.score, hypothesis.score - in_view - context.log_odds, bias, bias_std, elsewhere
             )
             score = share_evidence(hypothesis.score, shared)
-            found = discounts(score, bias, bias_std, context.clutter, in_view, context.age_s, hypothesis.vehicle)
+            found = discounts_of(context, score, hypothesis.final, hypothesis.vehicle)
             score = share_discount(score, discount_lookalikes(score, found), shared)
             # two tracks in view at once are two vehicles, however well one moves like the other's
             total += w * marginals(score + log_not_lost)

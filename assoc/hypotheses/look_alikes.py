@@ -17,8 +17,6 @@ _MOST_BIAS_GAP = 5.0
 """Upper limit of |M|²/2σ_b², nats: how strongly a large bias may speak for a look-alike."""
 SPREAD_M = 12.0
 """Distance over which a look-alike may follow one of our vehicles, metres."""
-_CHANGED = 18.0
-"""A score this far below the track's best one, nats, is what a change of vehicle would leave of that."""
 _YOUNG_S = 0.5
 """Age from which ages are told apart, seconds."""
 
@@ -50,6 +48,7 @@ class Discounts:
 
 def discounts(
     score: FloatArray,
+    inherited: FloatArray,
     bias: FloatArray,
     bias_std: float,
     chance: float,
@@ -66,11 +65,12 @@ def discounts(
         D_j = (1 − c) + c·exp(max_k (L_kj − gap_kj)).
 
     Scores grow while a track lives: of what an older track k says, the share since track i began, age_i/age_k, stands
-    against i. A track's score for another vehicle than its own is at least its best one and ln of the chance of a
-    change; such a rest says nothing of how it moved.
+    against i. What a score inherits from another vehicle, as which the track moved before, says nothing of how it moved
+    like this one.
 
     Args:
         score: (m, n) ln ratios, m and n at least 1.
+        inherited: (m, n) their parts from before a change of vehicle.
         bias: (m, n, 2) bias means, metres.
         bias_std: σ_b, metres.
         chance: c.
@@ -83,12 +83,12 @@ def discounts(
     rows = np.flatnonzero(vehicle >= 0)
     assigned = np.zeros(score.shape, np.bool_)
     assigned[rows, vehicle[rows]] = True
-    best = np.max(score, axis=1, keepdims=True)
-    changed = (score < best - _CHANGED) & ~assigned
-    moved = np.where(changed, -np.inf, score)
-    found = np.max(moved * share[:, :, None] + gain, axis=1)
-    log_d = np.logaddexp(np.log1p(-chance), np.log(chance) + found)
-    return Discounts(log_d, changed, assigned | (score == best))
+    changed = (inherited > 0.0) & (score < inherited) & ~assigned
+    beside = (score - inherited) * share[:, :, None] + gain
+    itself = np.arange(len(score))
+    beside[itself, itself] = np.where(changed, -np.inf, score + gain)
+    log_d = np.logaddexp(np.log1p(-chance), np.log(chance) + np.max(beside, axis=1))
+    return Discounts(log_d, changed, assigned | (score == np.max(score, axis=1, keepdims=True)))
 
 
 def discount_lookalikes(score: FloatArray, found: Discounts) -> FloatArray:

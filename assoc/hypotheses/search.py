@@ -18,7 +18,7 @@ from assoc.evidence.motion import ReportLog
 from assoc.geometry.ground import EAST, NORTH, OFFSET, THETA, YAW, ground_tracks
 from assoc.geometry.sway import Sway
 from assoc.history import TrackHistory
-from assoc.hypotheses.look_alikes import discounts, unseen_evidence
+from assoc.hypotheses.look_alikes import Discounts, discounts, unseen_evidence
 from assoc.hypotheses.marginals import best_assignment
 from assoc.hypotheses.pose import Fitted, PosePrior, fit, misfit, whiten
 
@@ -214,9 +214,7 @@ def _evaluated(
 ) -> Hypothesis:
     """Hypothesis with its value Σ L + Σ ln D − ½ θᵀΛθ + ½ ln|Λ| − ½ ln|Λ + JᵀJ|; D as in :func:`unseen_evidence`."""
     rows = np.flatnonzero(vehicle >= 0)
-    bias, noise = states[0].mean[: context.live], context.noise
-    found = discounts(score, bias, noise.bias_std, context.clutter, context.in_view, context.age_s, vehicle)
-    unseen = unseen_evidence(found, vehicle)
+    unseen = unseen_evidence(discounts_of(context, score, states[0], vehicle), vehicle)
     value = float(np.sum(score[rows, vehicle[rows]])) + unseen - context.prior.cost(fitted.theta) + fitted.cost
     return Hypothesis(
         theta=fitted.theta,
@@ -228,6 +226,20 @@ def _evaluated(
         final=states[0],
         folded=states[1],
         blocks=blocks,
+    )
+
+
+def discounts_of(context: UpdateContext, score: FloatArray, final: PairState, vehicle: IntArray) -> Discounts:
+    """What look-alikes explain, of (m, n) scores and the state behind them under an assignment (m,)."""
+    return discounts(
+        score,
+        final.inherited[: context.live],
+        final.mean[: context.live],
+        context.noise.bias_std,
+        context.clutter,
+        context.in_view,
+        context.age_s,
+        vehicle,
     )
 
 

@@ -66,7 +66,7 @@ def test_blocks_may_come_in_two_runs(seed, stop):
     whole = followed(samples, levels, -5.0)
     parts = followed(samples[:stop], levels, -5.0) if stop else None
     parts = followed(samples[stop:], levels, -5.0, parts) if stop < 8 else parts
-    for name in ("score", "mean", "var", "seen"):
+    for name in ("score", "mean", "var", "seen", "inherited"):
         np.testing.assert_allclose(getattr(parts, name), getattr(whole, name), atol=1e-9)
     log_switch = np.full((8, 3), -5.0)
     start = bound_variance(initial_state(3, 2), BIAS_STD_M)
@@ -99,6 +99,26 @@ def test_a_track_that_changes_its_vehicle_is_believed_after_a_while():
     assert before[0] > before[1] + 10.0
     assert after[1] > after[0] + 10.0
     assert after[1] > followed(samples, levels, NO_SWITCH).score[0, 1], "the chance of a change is what lets it in"
+
+
+def test_a_score_tells_what_it_inherits_from_before_a_change():
+    near, far = np.zeros((5, 2)), np.full((5, 2), 12.0)
+    levels = noise(in_view_bonus=np.zeros(2), increment_max=4.0)
+    samples = [[[near, far]]] * 10 + [[[far, near]]] * 6
+    before, after = followed(samples[:10], levels, -8.0), followed(samples, levels, -8.0)
+    assert before.inherited[0, 0] == 0.0
+    assert after.inherited[0, 1] == pytest.approx(before.score[0, 0])
+    # the rest is its own: the chance of the change and what came after it
+    alone = followed(samples[10:], levels, NO_SWITCH).score[0, 1]
+    assert after.score[0, 1] - after.inherited[0, 1] == pytest.approx(min(alone, levels.increment_max) - 8.0, abs=1.5)
+
+
+def test_what_a_track_might_have_become_while_nothing_was_reported_is_inherited():
+    near, nothing = np.zeros((5, 2)), np.empty((0, 2))
+    state = followed([[[near, np.full((5, 2), 40.0)]]] + [[[near, nothing]]] * 9, switch=-8.0)
+    assert state.inherited[0, 1] > 5.0
+    assert -8.0 < state.score[0, 1] < state.inherited[0, 1]
+    assert state.inherited[0, 0] == 0.0
 
 
 def test_a_shift_of_the_camera_is_a_shift_of_the_residuals():

@@ -82,7 +82,7 @@ def test_the_distance_of_one_that_copies_counts_once():
     score, bias = np.array([[40.0, 38.0]]), np.array([[NEAR, (3.0, 0.0)]])
     shared = shared_tracks(score, score - ODDS, bias, BIAS_STD_M, np.zeros((1, 2), np.bool_))
     joint = share_evidence(score, shared)
-    found = discounts(joint, bias, BIAS_STD_M, 0.01, np.zeros(2), np.ones(1), np.zeros(1, np.int64))
+    found = discounts(joint, 0.0 * joint, bias, BIAS_STD_M, 0.01, np.zeros(2), np.ones(1), np.zeros(1, np.int64))
     reduced = discount_lookalikes(joint, found)
     assert exact_marginals(reduced)[0, 0] > 0.95
     assert exact_marginals(share_discount(joint, reduced, shared))[0, 0] < 0.7

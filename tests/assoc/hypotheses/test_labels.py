@@ -18,7 +18,7 @@ seeds = st.integers(0, 10_000)
 
 def hypothesis(score, value=0.0, bias=0.0):
     """A joint hypothesis of which only scores, total and bias means matter here."""
-    final = SimpleNamespace(mean=np.full((*score.shape, 2), bias))
+    final = SimpleNamespace(mean=np.full((*score.shape, 2), bias), inherited=np.zeros(score.shape))
     return SimpleNamespace(score=score, value=value, final=final, vehicle=best_assignment(score))
 
 
@@ -32,6 +32,7 @@ def mixed(hypotheses, chance=1e-12, log_not_lost=0.0):
         in_view=np.zeros(n),
         log_odds=ODDS,
         age_s=np.full(m, 20.0),
+        live=m,
     )
     return mixed_marginals(hypotheses, posterior_weights(hypotheses), context, free, nowhere)
 

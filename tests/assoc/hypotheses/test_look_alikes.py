@@ -11,12 +11,13 @@ from assoc.hypotheses.marginals import best_assignment, marginals
 BIAS_STD_M, CHANCE, SPREAD_M = 1.5, 0.02, 12.0
 
 
-def discounted(score, bias=0.0, age_s=20.0, chance=CHANCE):
+def discounted(score, bias=0.0, age_s=20.0, chance=CHANCE, inherited=0.0):
     score = np.array(score, np.float64)
+    inherited = np.broadcast_to(np.asarray(inherited, np.float64), score.shape)
     bias = np.broadcast_to(bias, (*score.shape, 2))
     age = np.broadcast_to(np.asarray(age_s, np.float64), len(score))
     none_in_view = np.zeros(score.shape[1])
-    found = discounts(score, bias, BIAS_STD_M, chance, none_in_view, age, best_assignment(score))
+    found = discounts(score, inherited, bias, BIAS_STD_M, chance, none_in_view, age, best_assignment(score))
     return discount_lookalikes(score, found)
 
 
@@ -24,7 +25,7 @@ def unseen(score, vehicle, chance=CHANCE):
     score = np.array(score, np.float64)
     bias, age_s = np.zeros((*score.shape, 2)), np.full(len(score), 20.0)
     vehicle = np.array(vehicle)
-    found = discounts(score, bias, BIAS_STD_M, chance, np.zeros(score.shape[1]), age_s, vehicle)
+    found = discounts(score, 0.0 * score, bias, BIAS_STD_M, chance, np.zeros(score.shape[1]), age_s, vehicle)
     return unseen_evidence(found, vehicle)
 
 
@@ -76,8 +77,17 @@ def test_a_new_track_is_not_outweighed_by_the_age_of_its_neighbours():
 
 def test_what_is_left_of_a_score_after_a_change_of_vehicle_tells_nothing_of_a_neighbour():
     """A clear track keeps its best score less ln of the chance of a change for all: more than a weak one has."""
-    score = [[100.0, 77.0], [40.0, 60.0]]
-    p = marginals(discounted(score))
+    score, inherited = [[100.0, 77.0], [40.0, 60.0]], [[0.0, 100.0], [60.0, 0.0]]
+    p = marginals(discounted(score, inherited=inherited))
+    assert p[0, 0] > 0.99
+    assert p[1, 1] > 0.99
+
+
+@pytest.mark.parametrize("log_chance", [-5.0, -15.0, -25.0])
+def test_two_that_come_out_of_one_box_keep_their_names_however_likely_a_change_was(log_chance):
+    """What a change leaves of the stronger track's score would else outweigh the weaker one's own."""
+    score = np.array([[32.0, 2.0], [64.0 + log_chance, 64.0]])
+    p = marginals(discounted(score, age_s=6.0, inherited=[[0.0, 0.0], [64.0, 0.0]]))
     assert p[0, 0] > 0.99
     assert p[1, 1] > 0.99
 
@@ -87,6 +97,7 @@ def test_a_rest_of_a_score_for_a_vehicle_that_another_track_is_names_nobody():
     score = [[97.0, 117.0, 88.0], [94.0, 136.0, 88.0], [34.0, -1.0, -8.0]]
     bias = np.zeros((3, 3, 2))
     bias[0, :, 0], bias[1, ::2, 0], bias[2, 1:, 0] = 9.0, 9.0, 9.0
-    p = marginals(discounted(score, bias=bias, age_s=[78.0, 39.0, 6.0]))
+    inherited = [[117.0, 0.0, 117.0], [136.0, 0.0, 136.0], [0.0, 34.0, 34.0]]
+    p = marginals(discounted(score, bias=bias, age_s=[78.0, 39.0, 6.0], inherited=inherited))
     assert p[0, 0] < 0.1
     assert p[2, 0] > 0.9
