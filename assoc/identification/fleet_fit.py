@@ -54,6 +54,9 @@ _CLEAR = 40.0
 """Evidence, nats, that no decoy reaches among a handful of vehicles: it is not compared with any."""
 _TOLL = 0.7
 """Evidence that a second of a matched pair must bring, nats, before film and telemetry fit; the right brings 1 to 3."""
+_TOLL_MOST = 30.0
+"""Most that all pairs together must bring, nats: what chance brings does not grow with time, and vehicles on straight
+lanes tell little more after a while."""
 _BETTER = 15.0
 """Evidence by which a fleet that is there explains the boxes better than chance, nats, however wrong the pose is."""
 _RARE = 3.0
@@ -190,10 +193,10 @@ def decoy_evidence(context: UpdateContext, number: int) -> FitEvidence:
     return evidence_of(decoy, refine(decoy, fitted[0]))
 
 
-def _compared(best: Hypothesis) -> int:
-    """Blocks of all assigned pairs in which a report was compared: seconds, summed over pairs."""
+def _toll(best: Hypothesis) -> float:
+    """What the pairs must bring, nats: by the seconds, summed over pairs, in which a report was compared."""
     rows = np.flatnonzero(best.vehicle >= 0)
-    return int(np.sum(best.blocks.count[:, rows, best.vehicle[rows]] > 0.0))
+    return min(_TOLL * int(np.sum(best.blocks.count[:, rows, best.vehicle[rows]] > 0.0)), _TOLL_MOST)
 
 
 class FleetFit:
@@ -245,7 +248,7 @@ class FleetFit:
         rare = -_RARE * part.log_share
         # errors of seconds or right angles do not come in flight: what fitted without must not be saved by one
         same = self.fits and (not rare or np.array_equal(part.mean, self._mean))
-        toll = 0.0 if same else _TOLL * _compared(best) + rare
+        toll = 0.0 if same else _toll(best) + rare
         better = self._evidence - lucky - toll
         if better > 0.0:
             self._mean = part.mean
@@ -276,7 +279,7 @@ class FleetFit:
         """
         lucky = max([decoy.course for decoy in self._decoys] + [self._evidence, 0.0])
         rare = -_RARE * (log_share + context.prior.part_at(best.theta).log_share)
-        return evidence - lucky - _TOLL * _compared(best) - rare > _SURE
+        return evidence - lucky - _toll(best) - rare > _SURE
 
     def add_evidence(self, t: float, evidence: float, chance: float | None, told: float = 1.0) -> None:
         """Take in the evidence of one update.

@@ -287,9 +287,11 @@ def test_motion_is_seen_in_drawn_frames_where_a_kind_asks_for_pixels(tmp_path):
     assert float(rows[2]["h13"]) == pytest.approx((H / H[2, 2])[0, 2], abs=6.0)
 
 
-def test_errors_that_wander_within_seconds_are_not_a_film_of_another_flight(tmp_path):
-    scenario = dataclasses.replace(scenario_of(21, False, 2), duration_s=20.0)
-    assert label_of(21, False, 2) == "sine 10 s"
+@pytest.mark.parametrize(
+    ("kind", "seconds"), [((21, False, 2), 20.0), ((3, True, 400), 24.0)], ids=["within seconds", "in close traffic"]
+)
+def test_errors_that_wander_are_not_a_film_of_another_flight(tmp_path, kind, seconds):
+    scenario = dataclasses.replace(scenario_of(*kind), duration_s=seconds)
     write_session(scenario, tmp_path / "session")
     played = identify(tmp_path / "session", tmp_path / "out")
     found = summarise([tally(played.matched, scenario.fps)])
