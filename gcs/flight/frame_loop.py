@@ -231,7 +231,7 @@ class FrameLoop:
     def _compare(self, frame: Frame, boxes: Detections) -> ImageMotion | None:
         """How the camera moved since the last frame that was looked at, recorded; None where that cannot be told."""
         try:
-            motion = self._motions.update(frame.image, boxes)
+            motion = self._motions.update(frame.image, boxes.at_least(self._pipeline.mission.detector.score))
         except Exception as error:  # noqa: BLE001 - names do without it
             self._faults.turn_failed("comparing images", error)
             return None

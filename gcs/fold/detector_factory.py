@@ -14,12 +14,13 @@ from vision.detect.detector import BUNDLED as BUNDLED_BOXES
 from vision.detect.detector import Detector, open_detector
 from vision.detect.front import BUNDLED_FRONT, FrontedDetector, open_front_classifier
 from vision.errors import ModelError
+from vision.track.tracks import WEAK_SCORE
 
 __all__ = ["fingerprints", "open_mission_detector"]
 
 
 def open_mission_detector(choice: DetectorChoice, *, threads: int = 1) -> Detector:
-    """Load the mission's networks.
+    """Load the mission's networks; their boxes include weak ones, which the tracker alone makes use of.
 
     Args:
         choice: which.
@@ -31,7 +32,7 @@ def open_mission_detector(choice: DetectorChoice, *, threads: int = 1) -> Detect
     providers = choice.providers or None
     detector = open_detector(
         Path(choice.model) if choice.model else None,
-        score=choice.score,
+        score=min(choice.score, WEAK_SCORE),
         classes=choice.classes or None,
         imgsz=choice.imgsz or None,
         providers=providers,
@@ -41,7 +42,9 @@ def open_mission_detector(choice: DetectorChoice, *, threads: int = 1) -> Detect
         return detector
     front = None if choice.front == BUNDLED else Path(choice.front)
     return FrontedDetector(
-        detector, open_front_classifier(front, sure=choice.front_sure, providers=providers, threads=threads)
+        detector,
+        open_front_classifier(front, sure=choice.front_sure, providers=providers, threads=threads),
+        score=choice.score,
     )
 
 

@@ -121,7 +121,7 @@ def _sampled_frames(
     waiting = next(packets, None)
     found, last_us = 0, -EVERY_US
     for index, t_us in enumerate(times_us.tolist()):
-        seen = boxes.at(index)
+        seen = boxes.at(index).at_least(mission.detector.score)
         if t_us - last_us < EVERY_US or not len(seen):
             continue
         while waiting is not None and waiting.t_us <= t_us:

@@ -49,8 +49,7 @@ FloatArray = NDArray[np.float64]
 MOST_BOXES = 300
 """Of a frame: more vehicles than system ids, and at most 0.2 s of work in a frame that is full of them."""
 HELD_US = 2_000_000
-"""Names are shown for so long after the frame that they were found in: a vehicle at 5 m/s is 10 m on by then, and
-may be where its neighbour was."""
+"""Names are shown this long after their frame: at 5 m/s a vehicle is 10 m on, perhaps where its neighbour was."""
 WAIT_US = 150_000
 """A frame waits so long for the attitude after its own time; pictures of a live video come later than that."""
 CLOCK_SET_US = 10_000_000
@@ -99,7 +98,7 @@ class Pipeline:
             links=links,
             address=address,
         )
-        self._crowded = False
+        self._crowded, self._score = False, mission.detector.score
         self._tracker: Tracker | None = None
         self._params = IdentifierParams(threshold=mission.identity.threshold)
         if auto := mission.clock.video_offset_s == "auto":
@@ -199,14 +198,14 @@ class Pipeline:
             t_us: When it was taken, Unix µs on the video's clock.
             image: (H, W, 3) BGR, only passed on.
             size: Width and height, px, of a frame that is not there; None: as the last one.
-            detections: Boxes found; None: the detector did not run, and tracks are left as they are.
+            detections: Boxes found, weak ones too; None: the detector did not run, and tracks are left as they are.
             motion: How the camera moved since the last frame that was looked at, by the pixels; None: not known.
             health: How the program is doing, passed on.
             heard_us: All telemetry that came before this Unix time was added: ages are as of then where that is
                 earlier, so that a fold that is late makes no vehicle silent. 0: whatever came before the frame.
         """
         if detections is not None and len(detections) > MOST_BOXES:
-            self._report_crowd(t_us, len(detections))
+            self._report_crowd(t_us, len(detections.at_least(self._score)))
             detections = detections.select(np.sort(np.argsort(-detections.score, kind="stable")[:MOST_BOXES]))
         state = self.fleet.at(self.telemetry_time(t_us), heard_us)
         self._notices.follow(state)
@@ -223,7 +222,7 @@ class Pipeline:
             view = self._cameras.predicted(telemetry_us, view, self.fleet, moved, yaw_error=yaw_error)
         warp = ground_warp(self._view, view) if motion is None else motion.H
         if self._tracker is None:
-            self._tracker = Tracker(TrackerParams(frame_size=self._cameras.size))
+            self._tracker = Tracker(TrackerParams(new_score=self._score, frame_size=self._cameras.size))
         stitch, known, focal_px = self._stitch(t_us, view), self._known(state), view.intrinsics.fx if view else None
         tracks = self._tracker.update(detections, t_us, warp=warp, stitch=stitch, known=known, focal_px=focal_px)
         self._events += self._statements.apply(t_us, index, tracks, self._identifier)
@@ -261,10 +260,10 @@ class Pipeline:
         return withhold_contested(limit_doubted(found, state, self.mission.identity.threshold), state)
 
     def _report_crowd(self, t_us: int, boxes: int) -> None:
-        if not self._crowded:
+        if boxes > MOST_BOXES and not self._crowded:
             text = f"{boxes} boxes in a frame, only the {MOST_BOXES} best count: the detector sees what is not there"
             self.add_event(Event(t_us=t_us, level="warning", kind="video", text=text))
-        self._crowded = True
+            self._crowded = True
 
     def _follow_origin(self) -> None:
         """Begin the names anew when places are given in another frame: all evidence was in the one before."""
@@ -361,6 +360,7 @@ class Pipeline:
                 candidates=self._candidates.of(identities, state),
                 named_since=partial(self._named_since.update, t_us),
                 stated=self._statements.by_track,
+                score=self._score,
             )
         expected_px = expected_pixels(state, view, lambda p, by: self._identifier.expected_rays(p, self._camera(by)))
         width, height = self._cameras.size or (0, 0)

@@ -41,8 +41,9 @@ def boxes_of(
     candidates: Sequence[tuple[Candidate, ...]],
     named_since: Callable[[int, int], int],
     stated: Mapping[int, int],
+    score: float,
 ) -> tuple[Box, ...]:
-    """Boxes of a frame: those that tracks took, with their names, then those that no track took.
+    """Boxes of a frame: those that tracks took, with their names, then strong ones that no track took.
 
     Args:
         detections: Of this frame.
@@ -54,6 +55,7 @@ def boxes_of(
         candidates: Who each track may be, in the order of the identities.
         named_since: Since when a track has had the name of a system id, or 0 for none.
         stated: The system id, or 0 for none of ours, that the operator stated, by track.
+        score: Weaker boxes that no track took are not shown.
     """
     places = _places(detections)
     rows = _tracked(tracks, places, identities)
@@ -63,7 +65,8 @@ def boxes_of(
         row["stated"] = stated.get(row["track_id"]) == name
     for row, found in zip(rows, candidates, strict=False):
         row["candidates"] = found
-    rows += [places[k] | {"track_id": 0} for k in sorted(set(range(len(places))) - set(tracks.detection.tolist()))]
+    untracked = sorted(set(np.flatnonzero(detections.score >= score).tolist()) - set(tracks.detection.tolist()))
+    rows += [places[k] | {"track_id": 0} for k in untracked]
     if view is not None and rows:
         centre = np.array([[row["cx"], row["cy"]] for row in rows])
         level = ground(view.intrinsics, view.pose, centre, view.ground_z)

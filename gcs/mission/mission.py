@@ -142,7 +142,7 @@ class DetectorChoice:
     model: str = ""
     """Path of an ONNX file, relative to the mission file; empty: the bundled model."""
     score: Share = 0.3
-    """Boxes below are dropped."""
+    """Boxes from here on count; weaker ones, from 0.1 on, only continue tracks that are confirmed."""
     classes: tuple[str, ...] = ()
     """Names of a YOLO model's classes that count; empty: those that sound like road vehicles."""
     imgsz: Annotated[int, Meta(ge=0, le=8192)] = 0

@@ -385,7 +385,8 @@ class Analysis:
         if detector is not None and self.video is not None:
             packets = PacketsInOrder(self._log.packets())
             deque(packets.until(0 if from_us is None else from_us - WARM_UP_US), maxlen=0)
-            return look_again(self.video, detector, GroundScale(self.mission, packets).gsd_m, first)
+            scale = GroundScale(self.mission, packets)
+            return look_again(self.video, detector, scale.gsd_m, self.mission.detector.score, first)
         return recorded_frames(self._looks, self.times_us, first, self.video if images else None)
 
     def close(self) -> None:

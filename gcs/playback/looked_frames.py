@@ -90,7 +90,7 @@ def recorded_frames(
 
 
 def look_again(
-    video: VideoFile, detector: Detector, gsd_m: Callable[[Frame], float | None], first: int = 0
+    video: VideoFile, detector: Detector, gsd_m: Callable[[Frame], float | None], score: float, first: int = 0
 ) -> Iterator[LookedFrame]:
     """Look at the frames of a video, from one on.
 
@@ -98,6 +98,7 @@ def look_again(
         video: decoded as frames are asked for.
         detector: may be asked from several threads at once.
         gsd_m: metres on the ground per pixel of a frame, None unknown.
+        score: weaker boxes do not count in how the camera moved.
         first: index of the first frame.
     """
     from vision.motion.estimator import MotionEstimator
@@ -106,5 +107,5 @@ def look_again(
     motions = MotionEstimator()
     with closing(look_ahead(video.frames(first), detector, gsd_m)) as looked:
         for frame, boxes in looked:
-            motion = motions.update(frame.image, boxes)
+            motion = motions.update(frame.image, boxes.at_least(score))
             yield LookedFrame(index=frame.index, t_us=frame.t_us, image=frame.image, boxes=boxes, motion=motion)

@@ -17,8 +17,12 @@ __all__ = ["DetectedRows", "DetectorModel", "truth_rows", "wrapped"]
 
 FloatArray = NDArray[np.float64]
 
+SCORE = 5
+"""Column of the score."""
 HIDDEN_SHARE = 0.5
 """Below this visible share a body is not detected, and is not in the truth of a rendered frame."""
+WEAK_SCORES = (0.1, 0.29)
+"""Range of scores that are too low to count."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +45,7 @@ class DetectorModel:
         self._rng = random_stream(world.scenario, "detector")
         self._merging = random_stream(world.scenario, "merging")
         self._missing = random_stream(world.scenario, "missing")
+        self._weak = random_stream(world.scenario, "weak")
         self._missed = np.zeros(len(world.roles.role) + len(world.scenario.occlusions), dtype=bool)
         self._looked_at = -np.inf
         self._bursts = _bursts(world.scenario, len(world.roles.role))
@@ -53,12 +58,15 @@ class DetectorModel:
         n = len(bodies.kind)
         noise = rng.normal(0.0, 1.0, (5, n))
         luck = rng.random((3, n))
-        seen = _visible(view, bodies, boxes) & ~self._misses(t, luck[0]) & ~self._hidden(t, n)
-        clutter = self._clutter(int(rng.poisson(settings.clutter)))
+        missed = self._misses(t, luck[0])
+        weak = missed & (self._weak.random(n) < settings.weak)
+        seen = _visible(view, bodies, boxes) & (~missed | weak) & ~self._hidden(t, n)
+        clutter = np.concatenate([self._clutter(int(rng.poisson(settings.clutter)), rng), self._weak_clutter()])
         if any(b.start_s <= t < b.stop_s for b in self._world.scenario.blackouts):
             none = np.empty(0, dtype=np.int64)
             return DetectedRows(values=np.empty((0, 7)), system_id=none, body=none)
         rows = self._rows(boxes, noise, luck)
+        rows[weak, SCORE] = self._weak.uniform(*WEAK_SCORES, int(np.count_nonzero(weak)))
         if settings.merge_lengths > 0.0:
             rows, seen = merged_boxes(rows, seen, settings.merge_lengths, self._merging)
         rows = rows[seen]
@@ -82,8 +90,13 @@ class DetectorModel:
         score = _score(luck[2], settings.score)
         return _oriented(cx, cy, w, h, angle, score, settings.heading_missing)
 
-    def _clutter(self, m: int) -> FloatArray:
-        camera, settings, rng = self._world.scenario.camera, self._world.scenario.detector, self._rng
+    def _weak_clutter(self) -> FloatArray:
+        rows = self._clutter(int(self._weak.poisson(self._world.scenario.detector.weak_clutter)), self._weak)
+        rows[:, SCORE] = self._weak.uniform(*WEAK_SCORES, len(rows))
+        return rows
+
+    def _clutter(self, m: int, rng: np.random.Generator) -> FloatArray:
+        camera, settings = self._world.scenario.camera, self._world.scenario.detector
         draws = rng.random((6, m))
         scale = camera.fx / self._world.scenario.flight.height_m
         return _oriented(

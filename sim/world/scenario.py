@@ -227,6 +227,10 @@ class ScenarioDetector:
     """Misses of one body come in runs of this mean length; 0: each frame for itself."""
     clutter: float = 0.0
     """Mean number of boxes on nothing per frame."""
+    weak: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
+    """Share of the misses that still have a box, with a score too low to count."""
+    weak_clutter: Annotated[float, Meta(ge=0.0, le=500.0)] = 0.0
+    """Mean number of boxes on nothing per frame whose score is too low to count."""
     score: Annotated[float, Meta(ge=0.05, le=0.95)] = 0.75
     """Mean score of a true box."""
     flip: float = 0.01

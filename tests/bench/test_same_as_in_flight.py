@@ -18,9 +18,10 @@ from gcs.session.fold_order import FoldOrder
 from gcs.session.session import open_session
 from gcs.snapshot import Statement
 from sim.world.presets import nominal
-from sim.world.scenario import ScenarioGround
+from sim.world.scenario import ScenarioDetector, ScenarioGround
 
 SCENARIO = replace(nominal(3), ground=ScenarioGround(kind="curved", vehicles=4, spacing_m=8.0), duration_s=10.0)
+HARDLY_SEEN = replace(SCENARIO, detector=ScenarioDetector(miss=0.1, weak=0.7, weak_clutter=4.0))
 
 FLIGHTS = {
     "another size, a second link, an impostor, processes killed": InjectedFaults(
@@ -42,7 +43,7 @@ FLIGHTS = {
 def flown(request, tmp_path_factory):
     """A session folder and the faults in it."""
     faults = FLIGHTS[request.param]
-    return fly(tmp_path_factory.mktemp("flown"), SCENARIO, faults), faults
+    return fly(tmp_path_factory.mktemp("flown"), HARDLY_SEEN, faults), faults
 
 
 def rows(path):

@@ -82,6 +82,11 @@ class Detections:
         taken._fill(self.table[:, chosen])
         return taken
 
+    def at_least(self, score: float) -> Detections:
+        """Those of this score and more."""
+        enough = self.score >= score
+        return self if np.count_nonzero(enough) == len(enough) else self.select(enough)
+
     def corners(self) -> NDArray[np.float64]:
         """Corners (m, 4, 2) px, clockwise on screen from the one that is top left at angle 0."""
         return corners(self.boxes)

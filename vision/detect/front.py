@@ -110,15 +110,21 @@ class FrontClassifier:
 
 
 class FrontedDetector:
-    """A detector whose boxes get their fronts from a classifier; fronts that the detector itself knows are kept."""
+    """A detector whose boxes get their fronts from a classifier; fronts that the detector itself knows are kept.
 
-    def __init__(self, detector: Detector, classifier: FrontClassifier) -> None:
-        self._detector, self._classifier = detector, classifier
+    Args:
+        detector: finds the boxes.
+        classifier: finds their fronts.
+        score: boxes below stay without; each costs a run of a network, and what is hardly seen shows no front.
+    """
+
+    def __init__(self, detector: Detector, classifier: FrontClassifier, *, score: float = 0.0) -> None:
+        self._detector, self._classifier, self._score = detector, classifier, score
 
     def detect(self, image: Image, *, gsd_m: float | None = None) -> Detections:
         """See ``vision.detect.detector.Detector``."""
         found = self._detector.detect(image, gsd_m=gsd_m)
-        unknown = np.flatnonzero(np.isnan(found.heading))
+        unknown = np.flatnonzero(np.isnan(found.heading) & (found.score >= self._score))
         if not len(unknown):
             return found
         heading = found.heading.copy()

@@ -70,6 +70,8 @@ class Tracker:
         self._recent_s = self.params.known_s
         self._unwarped: TrackState | None = None
         """The tracks of this frame without its warp, which may be wrong."""
+        self._inside = np.zeros(0, dtype=bool)
+        """(k,) the tracks that are inside a box around several in this frame."""
         self._unrest = FIRST_UNREST_PX2
         """Mean square of the recent displacements that were common to all tracks, px²."""
 
@@ -99,16 +101,32 @@ class Tracker:
         # a track is not out of sight while no frame comes
         self._recent_s = max(self.params.known_s, dt)
         self._advance(dt, warp)
-        free = detections.score >= self.params.low_score
-        if len(self._state) and len(detections):
-            high = free & (detections.score >= self.params.high_score)
-            self._align(detections, high, dt, focal_px)
-            free = self._match(detections, free, high, dt, known if stitch is not None else ())
+        order, n = self._strong_first(detections.score)
+        boxes = detections if order is None else detections.select(order)
+        strong = boxes if n == len(boxes) else boxes.select(np.arange(n))
+        free, owners = np.ones(n, dtype=bool), known if stitch is not None else ()
+        if len(self._state) and len(boxes):
+            self._inside = np.zeros(len(self._state), dtype=bool)
+            if n:
+                high = strong.score >= self.params.high_score
+                self._align(strong, high, dt, focal_px)
+                free = self._match(strong, free, high, dt, owners)
+            if n < len(boxes):
+                self._extend(boxes, n, owners)
             if stitch is not None:
-                free = self._stitch(detections, free, stitch)
+                free = self._stitch(strong, free, stitch)
         self._drop()
-        self._begin(detections, free)
-        return self._tracks()
+        self._begin(boxes, free)
+        return self._tracks(order)
+
+    def _strong_first(self, score: Floats) -> tuple[Indices | None, int]:
+        """The boxes (m,) that count, strong ones first, None where all are strong; and how many are."""
+        strong = score >= self.params.new_score
+        n = int(np.count_nonzero(strong))
+        if n == len(score):
+            return None, n
+        weak = ~strong & (score >= self.params.low_score)
+        return np.concatenate([np.flatnonzero(strong), np.flatnonzero(weak)]), n
 
     def _advance(self, dt: float, warp: Floats | None) -> None:
         state = self._state
@@ -127,12 +145,14 @@ class Tracker:
         if merged is not None:
             free, high = free & ~merged.box, high & ~merged.box
             state.move(merged.rows, merged.place, merged.gap_s)
+            self._inside[merged.rows] = True
             apart = state.apart(boxes)
         shared = find_shared(state, params, boxes, free, apart, self._noise_of(state.length))
         if shared is not None:
             free, high = free & ~shared.box, high & ~shared.box
             state.move(shared.rows, shared.place, shared.gap_s)
             state.share(shared.rows, dt)
+            self._inside[shared.rows] = True
         pairs = self._candidates(boxes, apart, params.gate)
         if len(known):
             pairs = pairs.where(~self._owned(known)[pairs.row])
@@ -140,6 +160,20 @@ class Tracker:
         if len(rows):
             state.correct(rows, boxes, columns, self._noise_of(state.length[rows]))
         return _without(free, columns)
+
+    def _extend(self, boxes: Detections, n: int, known: Collection[int]) -> None:
+        """ByteTrack's second round: boxes (m,) from the n-th on are weak, and only continue confirmed tracks."""
+        state, params = self._state, self.params
+        lost = (state.hits >= params.confirm_hits) & state.unseen & (state.gap_s <= params.short_s) & ~self._inside
+        if len(known):
+            lost &= ~self._owned(known)
+        if not np.count_nonzero(lost):
+            return
+        weak = boxes.select(np.arange(n, len(boxes)))
+        pairs = self._candidates(weak, state.apart(weak), params.gate)
+        i, j = self._settle(weak, pairs.where(lost[pairs.row]), params.limit)
+        if len(i):
+            state.correct(i, boxes, n + j, self._noise_of(state.length[i]))
 
     def _owned(self, known: Collection[int]) -> Flags:
         """Tracks (k,) out of sight that are continued by their vehicles' reports only."""
@@ -247,7 +281,7 @@ class Tracker:
     def _stitch(self, boxes: Detections, free: Flags, stitch: Stitch) -> Flags:
         """Continue lost tracks with boxes (m,) that are free, as ``stitch`` has it; which boxes are still free."""
         state = self._state
-        columns = np.flatnonzero(free & (boxes.score >= self.params.new_score))
+        columns = np.flatnonzero(free)
         if not len(columns):
             return free
         rows = np.flatnonzero(state.unseen & (state.hits >= self.params.confirm_hits))
@@ -280,7 +314,7 @@ class Tracker:
         if not np.count_nonzero(free):
             return
         params, state = self.params, self._state
-        index = np.flatnonzero(free & (boxes.score >= params.new_score))
+        index = np.flatnonzero(free)
         used = state.detection[~state.unseen]
         if len(index) and len(used):
             doubled = prob_iou(boxes.boxes[index], boxes.boxes[used]).max(axis=1) > params.double
@@ -298,10 +332,13 @@ class Tracker:
         """Standard deviation of detected centres, px."""
         return np.maximum(self.params.centre_noise * size, 1.0)
 
-    def _tracks(self) -> Tracks:
+    def _tracks(self, order: Indices | None) -> Tracks:
         angle = wrap(self._state.ahead)
         heading = (angle + 0.5 * np.pi) % (2 * np.pi)
         (cx, cy, vx, vy, w, h, _, _, front, score, age_s, gap_s), (track_id, detection, hits) = self._state.columns()
+        if order is not None:
+            # the last entry answers for -1, unseen
+            detection = np.append(order, -1)[detection]
         if np.count_nonzero(front) < len(front):
             heading[front == 0] = np.nan
         return Tracks(

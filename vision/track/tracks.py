@@ -14,6 +14,9 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Indices = NDArray[np.intp]
 
+WEAK_SCORE = 0.1
+"""Boxes from here on, and below those that count, still show where a vehicle is that is known to be about there."""
+
 Stitch = Callable[[Ints, Floats], Indices]
 """(track ids (a,), centres (b, 2) px) → pairs (p, 2) of rows: lost tracks that left-over detections continue."""
 
@@ -24,10 +27,11 @@ class TrackerParams:
 
     high_score: float = 0.5
     """Boxes matched in the first round. Raise → boxes of low score give way to others; lower → fewer gaps."""
-    low_score: float = 0.1
+    low_score: float = WEAK_SCORE
     """Boxes below are ignored. Raise → fewer wrong continuations; lower → tracks live through blur and shade."""
     new_score: float = 0.3
-    """Boxes that may begin a track. Raise → fewer false tracks; lower → weak vehicles are tracked at all."""
+    """Boxes that may begin a track; weaker ones only continue tracks that are confirmed. Raise → fewer false tracks;
+    lower → weak vehicles are tracked at all."""
     confirm_hits: int = 2
     """Detections that confirm a track. Raise → false boxes stay tentative longer; lower → tracks count sooner."""
     gate: float = 16.0

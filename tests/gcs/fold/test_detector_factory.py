@@ -65,3 +65,10 @@ def test_the_mission_says_which_classes_count(see):
 def test_a_provider_that_is_not_installed_is_told(see):
     with pytest.raises(ModelError, match="NoSuchExecutionProvider"):
         see('[detector]\nproviders = ["NoSuchExecutionProvider"]\n')
+
+
+def test_weak_boxes_are_found_too_and_cost_no_look_for_their_fronts(see):
+    """With a higher score to count from, the second box does not."""
+    assert see('[detector]\nmodel = "yolo.onnx"\nscore = 0.85\n').score.round(2).tolist() == [0.9, 0.8]
+    found = see('[detector]\nmodel = "yolo.onnx"\nscore = 0.85\nfront = "front.onnx"\nfront_sure = 0.0\n')
+    assert np.isfinite(found.heading).tolist() == [True, False]
