@@ -57,14 +57,15 @@ def eval_detector(
     as_json: AsJson = False,
 ) -> None:
     """Measure a detector on a folder of labelled images."""
-    from vision.evaluation import evaluate, open_folder
+    from vision.evaluation import choose_in_all, evaluate, open_folder
     from vision.evaluation.report import WORDS, as_markdown, tables
     from vision.evaluation.report import as_json as to_json
 
     opened = open_folder(folder, _format(form), names=_split(names), corners_tell_front=corners_tell_front)
     if opened.unlabelled:
         print_note(f"{opened.unlabelled} images have no label file and are not judged")
-    images = _chosen(opened.images, _split(classes), _split(ignore))
+    images, choice = choose_in_all(opened.images, _split(classes), _split(ignore))
+    print_note(f"classes that count: {', '.join(sorted(choice.counts)) or 'none'}")
     detector, native = _open(model, front)
     found, took = _detect_in_all(images, detector, gsd, native)
     result = evaluate(found, [p.truth for p in images], score=score, floor=FLOOR)
@@ -100,18 +101,6 @@ def _format(form: str | None) -> Any:  # noqa: ANN401  (one of FORMATS from here
     if form is not None and form not in FORMATS:
         raise GcsError(f"--format {form}: there are {', '.join(FORMATS)}")
     return form
-
-
-def _chosen(
-    images: tuple[LabelledImage, ...], wanted: list[str] | None, neither: list[str] | None
-) -> list[LabelledImage]:
-    from vision.evaluation import choose
-    from vision.evaluation.truth import choose_classes
-
-    every = {str(name) for p in images for name in p.truth.name}
-    choice = choose_classes(every, wanted, neither)
-    print_note(f"classes that count: {', '.join(sorted(choice.counts)) or 'none'}")
-    return [replace(p, truth=choose(p.truth, choice)) for p in images]
 
 
 def _open(model: Path | None, front: Path | None) -> tuple[Detector, float | None]:

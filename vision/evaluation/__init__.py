@@ -10,7 +10,7 @@ from vision.evaluation.matching import THRESHOLDS, Matches, match
 from vision.evaluation.measures import Evaluation, evaluate
 from vision.evaluation.precision import average_precision
 from vision.evaluation.shards import shard_truth
-from vision.evaluation.truth import Choice, LabelledImage, Truth, choose
+from vision.evaluation.truth import Choice, LabelledImage, Truth, choose, choose_in_all
 
 __all__ = [
     "THRESHOLDS",
@@ -22,6 +22,7 @@ __all__ = [
     "Truth",
     "average_precision",
     "choose",
+    "choose_in_all",
     "evaluate",
     "match",
     "open_folder",

@@ -11,7 +11,17 @@ from numpy.typing import NDArray
 from vision.detect.yolo_classes import vehicle_classes
 from vision.errors import LabelError
 
-__all__ = ["HIDDEN", "NEITHER", "REGION", "Choice", "LabelledImage", "Truth", "choose", "choose_classes"]
+__all__ = [
+    "HIDDEN",
+    "NEITHER",
+    "REGION",
+    "Choice",
+    "LabelledImage",
+    "Truth",
+    "choose",
+    "choose_classes",
+    "choose_in_all",
+]
 
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float64]
@@ -116,3 +126,15 @@ def choose(truth: Truth, choice: Choice) -> Truth:
     counted, aside = (np.isin(truth.name, list(names)) for names in (choice.counts, choice.neither))
     kept = truth.select(counted | aside)
     return replace(kept, counts=kept.counts & counted[counted | aside])
+
+
+def choose_in_all(
+    images: Sequence[LabelledImage], wanted: Sequence[str] | None = None, neither: Sequence[str] | None = None
+) -> tuple[list[LabelledImage], Choice]:
+    """``choose_classes`` of all that occurs on some images, and the images with what was chosen.
+
+    Raises:
+        LabelError: as ``choose_classes``.
+    """
+    choice = choose_classes({str(name) for image in images for name in image.truth.name}, wanted, neither)
+    return [replace(image, truth=choose(image.truth, choice)) for image in images], choice

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +19,11 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 from torch import nn
 
+from vision.detect.onnx_model import open_session
+from vision.errors import ModelError
 from vision.training.net import STRIDE, ConvNorm, Grow, Net, Residual
 
-__all__ = ["export", "to_onnx"]
+__all__ = ["export", "read_weights", "restore_statistics", "to_onnx"]
 
 OPSET = 17
 """ONNX operator set of the file; ONNX Runtime reads it from 1.12 on."""
@@ -37,6 +40,8 @@ class _FloatGraph:
     def __init__(self) -> None:
         self.nodes: list[onnx.NodeProto] = []
         self.weights: list[onnx.TensorProto] = []
+        self.layers: list[tuple[ConvNorm | nn.Conv2d, float]] = []
+        """Of each Conv node in order, what it was made from, and the factor of its kernel."""
 
     def node(self, kind: str, *inputs: str, **attributes: object) -> str:
         name = f"v{len(self.nodes)}"
@@ -62,6 +67,7 @@ class _FloatGraph:
 
     def conv_norm(self, x: str, module: ConvNorm, gain: float = 1.0) -> str:
         kernel, bias = _folded(module)
+        self.layers.append((module, gain))
         y = self.conv(x, kernel * np.float32(gain), bias, int(module.conv.stride[0]))
         return self.node("Relu", y) if module.relu else y
 
@@ -94,6 +100,10 @@ def to_onnx(net: Net, version: str, nominal_length_px: float = NOMINAL_LENGTH_PX
         A model: ``image`` (1, H, W, 3) uint8 BGR → ``map`` (1, 9, H / 4, W / 4) float32, channel 0 the score where it
         is the greatest of its 3 × 3 neighbours, else 0; the other channels as in ``net``.
     """
+    return _model(_graph(net), version, nominal_length_px)
+
+
+def _graph(net: Net) -> _FloatGraph:
     net.eval()
     g = _FloatGraph()
     image = g.node("Transpose", g.node("Cast", "image", to=TensorProto.FLOAT), perm=[0, 3, 1, 2])
@@ -106,12 +116,13 @@ def to_onnx(net: Net, version: str, nominal_length_px: float = NOMINAL_LENGTH_PX
     eighth = g.stage(g.node("Relu", g.node("Add", eighth, g.grow(sixteenth, net.deep_side))), net.join)
     finest = g.node("Add", g.conv_norm(quarter, net.stem_side), g.grow(eighth, net.join_side))
     last = g.stage(g.node("Relu", finest), net.last)
+    g.layers.append((net.head, 1.0))
     raw = g.conv(last, _numpy(net.head.weight), _numpy(net.head.bias), 1)
     score = g.node("Sigmoid", g.part(raw, 0, 1))
     highest = g.node("MaxPool", score, kernel_shape=[3, 3], pads=[1, 1, 1, 1], strides=[1, 1])
     peak = g.node("Mul", score, g.node("Cast", g.node("Equal", score, highest), to=TensorProto.FLOAT))
     g.nodes.append(helper.make_node("Concat", [peak, g.part(raw, 1, 99)], ["map"], axis=1))
-    return _model(g, version, nominal_length_px)
+    return g
 
 
 def export(checkpoint: Path, out: Path, version: str, score: float = SCORE) -> None:
@@ -131,6 +142,73 @@ def export(checkpoint: Path, out: Path, version: str, score: float = SCORE) -> N
         net.head.bias[0] += math.log(SCORE / (1.0 - SCORE)) - math.log(score / (1.0 - score))
     out.parent.mkdir(parents=True, exist_ok=True)
     onnx.save(to_onnx(net, version), str(out))
+
+
+def read_weights(net: Net, path: Path) -> None:
+    """Give a network the weights of a model file that ``to_onnx`` wrote.
+
+    The file has no batch norms, they are folded into kernels and biases: the network's become the identity but for
+    their bias, as k = k', μ = 0, σ = γ = 1, β = b'. ``restore_statistics`` makes them fit for training.
+
+    Args:
+        net: is changed.
+        path: the file.
+
+    Raises:
+        ModelError: no such file, not one of Rollcall's, or of another network.
+    """
+    open_session(path, ("CPUExecutionProvider",), 1)  # says what is wrong with a file that is no model
+    model = onnx.load(str(path))
+    graph = _graph(net)
+    if _layout(graph.nodes, graph.weights) != _layout(model.graph.node, model.graph.initializer):
+        raise ModelError(f"{path}: is of another network than this version trains; begin with the bundled model")
+    weights = {weight.name: numpy_helper.to_array(weight) for weight in model.graph.initializer}
+    convolutions = [node for node in model.graph.node if node.op_type == "Conv"]
+    with torch.no_grad():
+        for (module, gain), node in zip(graph.layers, convolutions, strict=True):
+            kernel, bias = (torch.from_numpy(weights[name].copy()) for name in node.input[1:3])
+            if isinstance(module, ConvNorm):
+                module.conv.weight.copy_(kernel / gain)
+                module.norm.bias.copy_(bias)
+                module.norm.weight.fill_(1.0)
+                module.norm.running_mean.zero_()
+                module.norm.running_var.fill_(1.0 - module.norm.eps)
+            else:
+                module.weight.copy_(kernel)
+                module.bias.copy_(bias)
+
+
+def _layout(nodes: Sequence[onnx.NodeProto], weights: Sequence[onnx.TensorProto]) -> list[tuple[object, ...]]:
+    """Kinds of the nodes in order, and the shapes of their weights."""
+    shapes = {weight.name: tuple(weight.dims) for weight in weights}
+    return [(node.op_type, *(shapes.get(name) for name in node.input)) for node in nodes]
+
+
+def restore_statistics(net: Net, images: torch.Tensor) -> None:
+    """Set the statistics of batch norms to those of some images and keep what the network computes.
+
+    With mean μ and variance σ² of what a norm is given, γ' = γ σ / σ_old and β' = β + γ (μ − μ_old) / σ_old.
+
+    Args:
+        net: is changed.
+        images: (B, 3, H, W) as in training.
+    """
+
+    def restore(norm: nn.BatchNorm2d, given: tuple[torch.Tensor]) -> None:
+        mean, variance = given[0].mean(dim=(0, 2, 3)), given[0].var(dim=(0, 2, 3))
+        slope = norm.weight / (norm.running_var + norm.eps).sqrt()
+        norm.bias += slope * (mean - norm.running_mean)
+        norm.weight.copy_(slope * (variance + norm.eps).sqrt())
+        norm.running_mean.copy_(mean)
+        norm.running_var.copy_(variance)
+
+    norms = [module for module in net.modules() if isinstance(module, nn.BatchNorm2d)]
+    hooks = [norm.register_forward_pre_hook(restore) for norm in norms]
+    net.eval()
+    with torch.no_grad():
+        net(images)
+    for hook in hooks:
+        hook.remove()
 
 
 def _model(g: _FloatGraph, version: str, nominal_length_px: float) -> onnx.ModelProto:

@@ -1,7 +1,8 @@
 """Targets and losses of the detector's map.
 
 Score: the penalty-reduced focal loss of Zhou, Wang, Krähenbühl, "Objects as Points", arXiv:1904.07850, equation 1.
-Boxes: learnt at every cell near a centre, as the peak may fall one cell beside it.
+Boxes: learnt at every cell near a centre, as the peak may fall one cell beside it. Of upright labels, whose angle and
+sides across and along are unknown, score and centre alone are learnt; of boxes without a front, all but the front.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from vision.training.cuts import Known
+from vision.training.data import TrainingBatch
 from vision.training.net import STRIDE
 
 __all__ = ["Losses", "losses"]
@@ -32,15 +35,15 @@ class Losses:
         return self.score + 2.0 * self.offset + self.size + self.front + self.axis
 
 
-def losses(out: Tensor, boxes: Tensor, real: Tensor) -> Losses:
-    """Compare the map with the boxes.
+def losses(out: Tensor, batch: TrainingBatch) -> Losses:
+    """Compare the map with the labels.
 
     Args:
         out: (B, 9, h, w), the network's map.
-        boxes: (B, N, 6) cx, cy, length, width px, heading, weight.
-        real: (B, N) False for padding.
+        batch: what the network saw.
     """
     _, _, h, w = out.shape
+    boxes, real = batch.boxes, batch.real
     centre, side = boxes[..., :2] / STRIDE, boxes[..., 2:4].clamp(min=1.0) / STRIDE
     column = torch.arange(w, device=out.device) + 0.5
     row = torch.arange(h, device=out.device) + 0.5
@@ -52,29 +55,30 @@ def losses(out: Tensor, boxes: Tensor, real: Tensor) -> Losses:
     # exp(−(dx² + dy²) / 2σ²), as a product of rows and columns
     across, down = torch.exp(-dx * dx / spread) * wanted[..., None], torch.exp(-dy * dy / spread)
     heat, nearest = (down[..., :, None] * across[..., None, :]).max(dim=1)
-    score = _focal(out[:, 0], heat, _centre_cells(centre, wanted, h, w), _hidden_cells(dx, dy, side, real & ~wanted))
+    ignored = batch.unjudged | _hidden_cells(dx, dy, side, real & ~wanted)
+    score = _focal(out[:, 0], heat, _centre_cells(centre, wanted, h, w), ignored)
 
-    weight = torch.where(heat > 0.3, heat, 0.0)
-    total = weight.sum().clamp(min=1.0)
-    image, r, c = torch.nonzero(weight > 0.0, as_tuple=True)
-    if len(image) == 0:
-        zero = out.sum() * 0.0
-        return Losses(score=score, offset=zero, size=zero, front=zero, axis=zero)
-    k, found, share = nearest[image, r, c], out[image, :, r, c], weight[image, r, c] / total
+    image, r, c = torch.nonzero(heat > 0.3, as_tuple=True)
+    k, found, weight = nearest[image, r, c], out[image, :, r, c], heat[image, r, c]
+    known = batch.known[image, k]
     offset = torch.stack([dx[image, k, c], dy[image, k, r]], dim=-1)
     heading = boxes[image, k, 4]
     front = torch.stack([heading.sin(), heading.cos()], dim=-1)
     axis = torch.stack([(2.0 * heading).sin(), (2.0 * heading).cos()], dim=-1)
 
-    def mean(error: Tensor) -> Tensor:
-        return (error.sum(dim=-1) * share).sum()
+    def mean(error: Tensor, level: Known) -> Tensor:
+        share = weight * (known >= int(level))
+        return (error.sum(dim=-1) * share).sum() / share.sum().clamp(min=1.0)
+
+    def smooth(found: Tensor, wanted: Tensor, beta: float) -> Tensor:
+        return functional.smooth_l1_loss(found, wanted, reduction="none", beta=beta)
 
     return Losses(
         score=score,
-        offset=mean(functional.smooth_l1_loss(found[:, 1:3], offset, reduction="none", beta=0.1)),
-        size=mean(functional.smooth_l1_loss(found[:, 3:5], side[image, k].log(), reduction="none", beta=0.05)),
-        front=mean((found[:, 5:7] - front) ** 2),
-        axis=mean(functional.smooth_l1_loss(found[:, 7:9], axis, reduction="none", beta=0.1)),
+        offset=mean(smooth(found[:, 1:3], offset, 0.1), Known.CENTRE),
+        size=mean(smooth(found[:, 3:5], side[image, k].log(), 0.05), Known.BOX),
+        front=mean((found[:, 5:7] - front) ** 2, Known.FRONT),
+        axis=mean(smooth(found[:, 7:9], axis, 0.1), Known.BOX),
     )
 
 

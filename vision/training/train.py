@@ -1,6 +1,6 @@
-"""Train the bundled detector on rendered images.
+"""Train the bundled detector on rendered images, and on labelled photographs beside them.
 
-``python -m vision.training.train --seed 0 --steps 12000 --out .train/``
+``python -m vision.training.train --seed 0 --steps 12000 --out .train/ --photographs FOLDER=0.25``
 
 Images come from ``.train/pool`` and, for evaluation, ``.train/held_out``; where they are missing, ``python -m
 sim.training.crops`` is run for them, and training starts with the first shard. A stopped run continues from its
@@ -17,22 +17,24 @@ import math
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 
 import cv2
-import numpy as np
 import torch
 from torch import Tensor
 
+from vision.detect.detector import open_detector
+from vision.evaluation import choose_in_all, open_folder
 from vision.training.curves import draw_curves
-from vision.training.data import Pool, TrainingBatch
+from vision.training.data import Mixture, Pool, TrainingBatch
 from vision.training.evaluate import detections_and_truth, evaluate
-from vision.training.export import PRECISION, export
+from vision.training.export import PRECISION, export, read_weights, restore_statistics
 from vision.training.loss import losses
 from vision.training.net import Net
+from vision.training.photographs import MINING_SCORE, open_photographs
 from vision.training.quality import score_at_precision
 
 __all__ = ["Trainer"]
@@ -46,6 +48,10 @@ AVERAGE_KEEP = 0.999
 """Share of the weights' running average that one step keeps: it averages over about 1,000 steps."""
 HELD_OUT_SEED = 900_000
 """Shard of the held-out crops: training begins at 1000 × seed, so no seed below 900 has them among its own."""
+PHOTOGRAPHS_SHARE = 0.25
+"""Of the images of a step, those that are cut from a folder of photographs, unless another is given; a choice."""
+STATISTICS_IMAGES = 64
+"""Images over which statistics of batch norms are taken where a model file has none; a choice."""
 PER_SHARD, HELD_OUT_CROPS = 250, 500
 """Crops in a file of training data, and those held out."""
 
@@ -73,10 +79,10 @@ class Trainer:
         for group in self.optimiser.param_groups:
             group["lr"] = rate
         self.net.train()
-        images = batch.images.to(self.device, memory_format=torch.channels_last)
+        batch = batch.to(self.device)
         with torch.autocast(self.device, dtype=torch.bfloat16):
-            cells = self.net(images)
-        parts = losses(cells.float(), batch.boxes.to(self.device), batch.real.to(self.device))
+            cells = self.net(batch.images)
+        parts = losses(cells.float(), batch)
         total = parts.total()
         self.optimiser.zero_grad(set_to_none=True)
         total.backward()
@@ -87,13 +93,23 @@ class Trainer:
         values = {name: float(value.detach()) for name, value in _parts(parts).items()}
         return {"step": self.step_count, "rate": rate, "total": float(total.detach()), **values}
 
-    def start_from(self, path: Path) -> None:
-        """Begin with the averaged weights of another run; blocks that it has not keep their own.
+    def start_from(self, path: Path, images: Tensor) -> None:
+        """Begin with a model file, or with the averaged weights of another run; blocks that it has not keep their own.
+
+        Args:
+            path: a ``.onnx`` file of ours, or a checkpoint.
+            images: (B, 3, H, W) as in training, which tell the statistics that a model file has not.
 
         Raises:
-            RuntimeError: it is of another shape.
+            RuntimeError, ModelError: it is of another shape.
         """
-        weights = torch.load(path, map_location=self.device, weights_only=True)["average"]
+        if path.suffix == ".onnx":
+            net = Net()
+            read_weights(net, path)
+            restore_statistics(net, images)
+            weights = net.state_dict()
+        else:
+            weights = torch.load(path, map_location=self.device, weights_only=True)["average"]
         self.net.load_state_dict({**self.net.state_dict(), **weights})
         self.average = {k: v.detach().clone() for k, v in self.net.state_dict().items()}
 
@@ -134,7 +150,16 @@ class Trainer:
 
 
 def run(
-    out: Path, *, seed: int, steps: int, rate: float, threads: int, crops: int, check_every: int, start: Path | None
+    out: Path,
+    *,
+    seed: int,
+    steps: int,
+    rate: float,
+    threads: int,
+    crops: int,
+    check_every: int,
+    start: Path | None,
+    photographs: Sequence[tuple[Path, float]],
 ) -> None:
     """Train until the steps are done, then export."""
     torch.set_num_threads(threads)
@@ -144,19 +169,25 @@ def run(
     makers = _render_crops(out, crops, seed)
     checkpoint = out / "checkpoint.pt"
     trainer = Trainer(seed, device, rate)
-    if start is not None:
-        trainer.start_from(start)
-    if checkpoint.exists():
-        trainer.load(checkpoint)
-        log.info("goes on from step %d after %.1f min", trainer.step_count, trainer.spent_s / 60.0)
+    miner = open_detector(start if start and start.suffix == ".onnx" else None, score=MINING_SCORE, threads=threads)
+    sources = [
+        (open_photographs(choose_in_all(open_folder(folder).images)[0], miner, seed), share)
+        for folder, share in photographs
+    ]
     while pool.refresh() == 0 or held_out.refresh() == 0:
         if any(maker.poll() not in (None, 0) for maker in makers):
             raise RuntimeError(
                 f"{out}: no images were made; run python -m sim.training.crops --out {out / 'pool'} to see why"
             )
         time.sleep(1.0)
+    mixture = Mixture(rendered=pool, photographs=sources, seed=seed)
+    if checkpoint.exists():
+        trainer.load(checkpoint)
+        log.info("goes on from step %d after %.1f min", trainer.step_count, trainer.spent_s / 60.0)
+    elif start is not None:
+        trainer.start_from(start, mixture.batch(0, STATISTICS_IMAGES).images)
     tick = time.monotonic()
-    for batch in _batches(pool, np.random.default_rng([seed, trainer.step_count]), steps - trainer.step_count):
+    for batch in batches(mixture, range(trainer.step_count, steps)):
         row = trainer.step(batch, trainer.step_count / steps)
         now = time.monotonic()
         trainer.spent_s, tick = trainer.spent_s + now - tick, now
@@ -174,13 +205,13 @@ def run(
         maker.wait()
 
 
-def _batches(pool: Pool, rng: np.random.Generator, count: int) -> Iterator[TrainingBatch]:
-    """Batches, the next made while one is learnt from."""
+def batches(mixture: Mixture, steps: range) -> Iterator[TrainingBatch]:
+    """The batch of each step, the next made while one is learnt from."""
     with ThreadPoolExecutor(1) as maker:
-        coming = maker.submit(pool.batch, rng, BATCH)
-        for _ in range(count):
-            batch = coming.result()
-            coming = maker.submit(pool.batch, rng, BATCH)
+        coming = [maker.submit(mixture.batch, step, BATCH) for step in steps[:1]]
+        for step in steps:
+            batch = coming.pop().result()
+            coming += [maker.submit(mixture.batch, after, BATCH) for after in (step + 1,) if after in steps]
             yield batch
 
 
@@ -219,6 +250,14 @@ def _append(path: Path, row: dict[str, float]) -> None:
         writer.writerow({k: f"{v:.6g}" for k, v in row.items()})
 
 
+def _folder_and_share(text: str) -> tuple[Path, float]:
+    folder, _, share = text.rpartition("=")
+    try:
+        return (Path(folder), float(share)) if folder else (Path(text), PHOTOGRAPHS_SHARE)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r}: {share!r} is no share between 0 and 1") from error
+
+
 def main() -> None:
     """Train from the command line."""
     parser = argparse.ArgumentParser(description="Train the bundled oriented detector.")
@@ -226,10 +265,18 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=12000, help="training steps over all runs")
     parser.add_argument("--out", type=Path, default=Path(".train"))
     parser.add_argument("--rate", type=float, default=3e-3, help="highest learning rate")
-    parser.add_argument("--start", type=Path, help="checkpoint of another run whose weights to begin with")
+    parser.add_argument("--start", type=Path, help="checkpoint or .onnx whose weights to begin with")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--crops", type=int, default=8000, help="images to render")
     parser.add_argument("--check-every", type=int, default=1000, help="steps between looks at the held-out images")
+    parser.add_argument(
+        "--photographs",
+        type=_folder_and_share,
+        action="append",
+        default=[],
+        metavar="FOLDER[=SHARE]",
+        help=f"labelled photographs, and their share of the images (else {PHOTOGRAPHS_SHARE}); may be repeated",
+    )
     args = parser.parse_args()
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s")
     run(
@@ -241,6 +288,7 @@ def main() -> None:
         crops=args.crops,
         check_every=args.check_every,
         start=args.start,
+        photographs=args.photographs,
     )
 
 

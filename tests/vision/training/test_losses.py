@@ -1,0 +1,88 @@
+"""What training learns from each kind of label, and that it begins with the bundled network as it is; needs torch."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vision.detect.detector import BUNDLED
+from vision.detect.onnx_model import open_session
+from vision.errors import ModelError
+from vision.training.cuts import Known, Sample
+
+torch = pytest.importorskip("torch", reason="needs the extra 'train'")
+pytest.importorskip("onnx", reason="needs the extra 'train'")
+
+SCORE, OFFSET, BOX, FRONT = slice(0, 1), slice(1, 3), [3, 4, 7, 8], slice(5, 7)
+"""Channels of the map."""
+
+
+def batch_of(known, unjudged=()):
+    from vision.training.data import batch_samples
+
+    boxes = np.array([[128.0, 128.0, 52.0, 24.0, 0.7, 1.0]], np.float32)
+    sample = Sample(
+        image=np.zeros((256, 256, 3), np.uint8),
+        boxes=boxes,
+        known=np.array([int(known)]),
+        unjudged=np.array(unjudged, np.float32).reshape(-1, 4, 2),
+    )
+    return batch_samples([sample], np.random.default_rng(0))
+
+
+def gradients(batch):
+    from vision.training.loss import losses
+
+    out = torch.zeros((1, 9, 64, 64), requires_grad=True)
+    losses(out, batch).total().backward()
+    return out.grad[0].abs()
+
+
+@pytest.mark.parametrize(
+    ("known", "box", "front"), [(Known.CENTRE, False, False), (Known.BOX, True, False), (Known.FRONT, True, True)]
+)
+def test_a_label_teaches_what_it_knows_and_no_more(known, box, front):
+    slope = gradients(batch_of(known))
+    assert slope[SCORE].max() > 0.0
+    assert slope[OFFSET].max() > 0.0
+    assert (slope[BOX].amax(dim=(1, 2)) > 0.0).tolist() == [box] * 4
+    assert (slope[FRONT].amax(dim=(1, 2)) > 0.0).tolist() == [front] * 2
+
+
+def test_nothing_is_a_mistake_where_nothing_was_judged():
+    area = [[(8.0, 8.0), (56.0, 8.0), (56.0, 40.0), (8.0, 40.0)]]
+    free, masked = gradients(batch_of(Known.FRONT))[0], gradients(batch_of(Known.FRONT, area))[0]
+    assert free[2:10, 2:14].min() > 0.0
+    assert masked[2:10, 2:14].max() == 0.0
+    assert torch.equal(free[20:], masked[20:])
+
+
+def test_training_begins_with_what_the_bundled_file_computes():
+    from vision.training.export import read_weights, restore_statistics
+    from vision.training.net import Net
+
+    images = np.random.default_rng(0).integers(0, 256, (4, 128, 128, 3), np.uint8)
+    session = open_session(BUNDLED, ("CPUExecutionProvider",), 1)
+    wanted = np.stack([session.run(None, {"image": image[None]})[0][0] for image in images])
+    net = Net()
+    read_weights(net, BUNDLED)
+    pixels = torch.from_numpy(images).permute(0, 3, 1, 2).float() / 255.0
+    for restored in (False, True):
+        if restored:
+            restore_statistics(net, pixels)
+        with torch.no_grad():
+            assert np.allclose(net.eval()(pixels)[:, 1:].numpy(), wanted[:, 1:], atol=1e-3)
+    # and in training, when norms take the statistics of what they see
+    with torch.no_grad():
+        assert np.allclose(net.train()(pixels)[:, 1:].numpy(), wanted[:, 1:], atol=0.05)
+
+
+def test_another_network_is_refused(tmp_path):
+    from vision.training.export import read_weights
+    from vision.training.net import Net
+
+    with pytest.raises(ModelError, match="of another network"):
+        read_weights(Net(), BUNDLED.with_name("rollcall-front-resnet18.onnx"))
+    (tmp_path / "text.onnx").write_text("no model")
+    with pytest.raises(ModelError, match=r"text\.onnx"):
+        read_weights(Net(), tmp_path / "text.onnx")
