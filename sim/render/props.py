@@ -7,7 +7,7 @@ import numpy as np
 from sim.world.bodies import AMBER, DARK, PAINT, STEEL, TYRE, WHITE, Block, Color, Model
 from sim.world.road_vehicles import paint, shade
 
-__all__ = ["animal", "bicycle", "building", "container", "cooler", "panels", "tank", "tent"]
+__all__ = ["animal", "bicycle", "building", "container", "cooler", "motorcycle", "panels", "tank", "tent"]
 
 
 def building(rng: np.random.Generator) -> Model:
@@ -148,6 +148,28 @@ def bicycle(rng: np.random.Generator) -> Model:
     if rng.random() < 0.7:
         blocks.append(Block(x=(-0.2, 0.12), y=(-0.38, 0.38), z=(0.6, 0.9), layer=2, corner=(0.08, 0.2)))
         blocks.append(Block(x=(-0.08, 0.1), y=(-0.2, 0.2), z=(0.9, 1.0), top=shade(DARK, rng), sides=DARK, layer=3))
+    return Model.of(*blocks)
+
+
+def motorcycle(rng: np.random.Generator) -> Model:
+    """A motorcycle or moped, ridden or parked: two wheels in line, a tank or step, a seat, often a box behind it."""
+    tyre = shade(TYRE, rng)
+    blocks = [
+        Block(x=(-0.5, -0.2), y=(-0.14, 0.14), z=(0.0, 0.4), top=tyre, sides=tyre),
+        Block(x=(0.2, 0.5), y=(-0.14, 0.14), z=(0.0, 0.4), top=tyre, sides=tyre),
+        Block(x=(-0.42, 0.36), y=(-0.26, 0.26), z=(0.2, 0.55), taper=(0.04, 0.06, 0.06), layer=1),
+        Block(x=(0.2, 0.26), y=(-0.5, 0.5), z=(0.55, 0.62), top=shade(STEEL, rng), sides=DARK, layer=2),
+    ]
+    if rng.random() < 0.5:
+        box = shade((DARK, WHITE, AMBER)[int(rng.integers(3))], rng)
+        blocks.append(Block(x=(-0.5, -0.28), y=(-0.35, 0.35), z=(0.5, 0.75), top=box, sides=box, layer=2))
+    if rng.random() < 0.7:
+        coat, helmet = (
+            shade(DARK, rng) if rng.random() < 0.5 else PAINT,
+            shade(WHITE if rng.random() < 0.5 else DARK, rng),
+        )
+        blocks.append(Block(x=(-0.26, 0.1), y=(-0.42, 0.42), z=(0.5, 0.85), top=coat, sides=coat, layer=3))
+        blocks.append(Block(x=(-0.1, 0.06), y=(-0.18, 0.18), z=(0.85, 1.0), top=helmet, sides=helmet, layer=4))
     return Model.of(*blocks)
 
 

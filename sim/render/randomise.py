@@ -15,16 +15,29 @@ from numpy.typing import NDArray
 
 from sim.render.exposure import Exposure
 from sim.render.ground_canvas import near
+from sim.render.houses import flats, house
 from sim.render.open_scene import random_ground, random_scene
-from sim.render.props import animal, bicycle, building, container, cooler, panels, tank, tent
+from sim.render.props import animal, bicycle, building, container, cooler, motorcycle, panels, tank, tent
 from sim.render.render import Style
 from sim.world.bodies import AMBER, DARK, PAINT, STEEL, WHITE, Model, crate, person, pole, rover, tracked
-from sim.world.road_vehicles import bus, lorry, passenger, pickup_truck, shade, trailer_truck, van_body
+from sim.world.road_vehicles import (
+    articulated_bus,
+    bus,
+    lorry,
+    passenger,
+    pickup_truck,
+    shade,
+    trailer,
+    trailer_truck,
+    van_body,
+)
 from sim.world.view import OCCLUDER, OTHER_VEHICLE, PERSON, UGV
 
 __all__ = [
     "FIRST_KIND",
+    "HEAVY",
     "SIZES",
+    "URBAN",
     "VEHICLES",
     "ObjectKind",
     "car_color",
@@ -122,6 +135,23 @@ CLUTTER: tuple[Entry, ...] = (
 )
 """What must not be detected, in the same columns; sizes and shares are a choice."""
 
+HEAVY: tuple[Entry, ...] = (
+    ("bus", 0.3, (7.0, 13.5), (2.3, 2.6), (2.7, 3.4), bus),
+    ("articulated bus", 0.15, (16.0, 24.0), (2.4, 2.65), (2.9, 3.5), articulated_bus),
+    ("lorry", 0.2, (6.0, 10.5), (2.1, 2.55), (2.6, 3.8), lorry),
+    ("trailer truck", 0.15, (14.0, 17.5), (2.45, 2.6), (3.3, 4.0), trailer_truck),
+    ("trailer", 0.2, (6.0, 13.7), (2.3, 2.6), (2.8, 4.0), trailer),
+)
+"""Road vehicles of depots and docks, in the same columns; sizes are those of common models, shares a choice."""
+URBAN: tuple[Entry, ...] = (
+    ("person", 0.2, (0.35, 0.6), (0.4, 0.7), (1.5, 1.9), lambda _: person()),
+    ("bicycle", 0.12, (1.6, 2.1), (0.5, 0.75), (1.1, 1.75), bicycle),
+    ("motorcycle", 0.18, (1.8, 2.3), (0.6, 0.9), (1.1, 1.75), motorcycle),
+    ("house", 0.25, (9.0, 32.0), (7.0, 12.0), (5.0, 12.0), house),
+    ("flats", 0.25, (9.0, 45.0), (8.0, 20.0), (4.0, 24.0), flats),
+)
+"""What stands and moves in towns and must not be detected, in the same columns; sizes and shares are a choice."""
+
 
 _ENTRIES = (*ROAD, *ROVERS, *CLUTTER)
 """Every entry, numbered from ``FIXED_KIND`` on."""
@@ -142,10 +172,16 @@ SIZES: Mapping[int, tuple[Range, Range, Range]] = {
 
 
 def random_catalogue(
-    rng: np.random.Generator, road: int = 8, rovers: int = 3, clutter: int = 10
+    rng: np.random.Generator, *, road: int = 8, rovers: int = 3, clutter: int = 10, heavy: int = 0, urban: int = 0
 ) -> tuple[ObjectKind, ...]:
-    """So many kinds of each group, frequent ones more often."""
-    groups = (("road", ROAD, road), ("rover", ROVERS, rovers), ("clutter", CLUTTER, clutter))
+    """So many kinds of each table, frequent ones more often; heavy vehicles are road vehicles, urban things clutter."""
+    groups = (
+        ("road", ROAD, road),
+        ("rover", ROVERS, rovers),
+        ("clutter", CLUTTER, clutter),
+        ("road", HEAVY, heavy),
+        ("clutter", URBAN, urban),
+    )
     return tuple(_sort(group, table, rng) for group, table, count in groups for _ in range(count))
 
 

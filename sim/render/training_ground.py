@@ -17,6 +17,8 @@ from sim.world.view import FloatArray
 
 __all__ = ["Slots", "TrainingGround", "random_training_ground"]
 
+OPEN_SHARE, DEPOT_SHARE = 0.3, 0.25
+"""Share of grounds that are open, and of those that have depots; a choice."""
 NONE = np.zeros(0)
 """Column of no entries."""
 SIDE_PX = 2048
@@ -74,8 +76,11 @@ class TrainingGround:
 
 
 def random_training_ground(rng: np.random.Generator) -> TrainingGround:
-    """A random ground; four in ten are the open ground of sessions, some others have no streets either."""
-    return _open_ground(rng) if rng.random() < 0.4 else _town(rng)
+    """A random ground: open ground of sessions, or a town, some with depots; some towns have no streets either."""
+    kind = rng.random()
+    if kind < OPEN_SHARE:
+        return _open_ground(rng)
+    return _town(rng, depots=int(rng.integers(1, 6)) if kind > 1.0 - DEPOT_SHARE else 0)
 
 
 def _open_ground(rng: np.random.Generator) -> TrainingGround:
@@ -89,8 +94,8 @@ def _open_ground(rng: np.random.Generator) -> TrainingGround:
     )
 
 
-def _town(rng: np.random.Generator) -> TrainingGround:
-    """Lawns, fields, squares, streets and car parks."""
+def _town(rng: np.random.Generator, depots: int) -> TrainingGround:
+    """Lawns, fields, squares, streets, car parks and depots."""
     sheet = Sheet(SIDE_PX, M_PER_PX, *_ground(rng))
     street = float(rng.uniform(0.0, np.pi))
     slots: list[tuple[float, float, float, float]] = []
@@ -101,6 +106,8 @@ def _town(rng: np.random.Generator) -> TrainingGround:
             slots += _street(sheet, street + 0.5 * np.pi * int(rng.integers(2)) + rng.normal(0.0, 0.1), rng)
         for _ in range(int(rng.integers(0, 7))):
             slots += _car_park(sheet, street, rng)
+    for _ in range(depots):
+        slots += _depot(sheet, street, rng)
     for _ in range(int(rng.integers(0, 60))):
         _trace(sheet, street, rng)
     light = blotches(SIDE_PX, float(rng.uniform(0.02, 0.16)), rng)
@@ -232,7 +239,7 @@ def _car_park(sheet: Sheet, street: float, rng: np.random.Generator) -> list[tup
         area = sheet.rectangle(centre, angle, rows * pitch + 5.0, bays * bay_w + 5.0)
         sheet.fill(area, near(PAVED_GROUND[int(rng.integers(len(PAVED_GROUND)))], 18, rng), rough=0.1)
     slots, lined, closed = [], rng.random() < 0.9, rng.random() < 0.5
-    line_m = rng.uniform(0.08, 0.18)
+    line_m, lettered = rng.uniform(0.08, 0.18), float(rng.choice([0.06, 0.8], p=[0.75, 0.25]))
     for row in range(rows):
         foot = centre + (row - 0.5 * rows) * pitch * forward - 0.5 * bays * bay_w * right
         lean = forward * bay_l + right * np.tan(slant) * bay_l
@@ -245,10 +252,39 @@ def _car_park(sheet: Sheet, street: float, rng: np.random.Generator) -> list[tup
             u, v = foot + (k + 0.5) * bay_w * right + 0.5 * lean
             turn = np.pi if rng.random() < 0.5 else 0.0
             slots.append((float(u), float(v), angle + slant + turn + float(rng.normal(0.0, 0.03)), bay_l + 0.4))
-            if rng.random() < 0.06:
+            bay = sheet.rectangle(np.array([u, v]), angle + slant, bay_l, bay_w - 0.1)
+            if rng.random() < lettered:
                 _sign(sheet, np.array([u, v]), angle, near((WHITE, BLUE)[int(rng.integers(2))], 20, rng), rng)
             elif rng.random() < 0.03:
-                sheet.fill(sheet.rectangle(np.array([u, v]), angle + slant, bay_l, bay_w - 0.1), _ground(rng)[0])
+                sheet.fill(bay, _ground(rng)[0])
+            elif rng.random() < 0.03:  # no parking: crossed out, or hatched
+                sheet.lines([bay[[0, 2]], bay[[1, 3]]], mark, line_m)
+                sheet.stripes(np.array([u, v]), angle + 0.7, (0.8 * bay_w, 0.6 * bay_l), 0.9, 0.2, mark)
+    return slots
+
+
+def _depot(sheet: Sheet, street: float, rng: np.random.Generator) -> list[tuple[float, float, float, float]]:
+    """Rows of long bays side by side on one paved yard, all of a row the same way round, with or without lines."""
+    centre, angle = rng.uniform(0.0, sheet.side_m, 2), street + 0.5 * np.pi * int(rng.integers(2))
+    bays, rows = int(rng.integers(5, 25)), int(rng.integers(1, 4))
+    bay_w, bay_l, aisle = rng.uniform(2.95, 4.2), rng.uniform(9.0, 19.0), rng.uniform(0.0, 16.0)
+    slant = rng.uniform(-0.7, 0.7) if rng.random() < 0.3 else 0.0
+    forward, right = np.array([np.sin(angle), -np.cos(angle)]), np.array([np.cos(angle), np.sin(angle)])
+    pitch = bay_l + aisle
+    yard = sheet.rectangle(centre, angle, rows * pitch + 12.0, bays * bay_w + 12.0)
+    sheet.fill(yard, near(PAVED_GROUND[int(rng.integers(len(PAVED_GROUND)))], 18, rng), rough=0.1)
+    mark, lined = near((WHITE, WHITE, YELLOW)[int(rng.integers(3))], 20, rng), rng.random() < 0.6
+    slots = []
+    for row in range(rows):
+        foot = centre + (row - 0.5 * rows) * pitch * forward - 0.5 * bays * bay_w * right
+        lean = forward * bay_l + right * np.tan(slant) * bay_l
+        if lined:
+            edges = [np.stack([foot + k * bay_w * right, foot + k * bay_w * right + lean]) for k in range(bays + 1)]
+            sheet.lines(edges, mark, rng.uniform(0.1, 0.2))
+        turn = np.pi if rng.random() < 0.5 else 0.0
+        for k in range(bays):
+            u, v = foot + (k + 0.5) * bay_w * right + 0.5 * lean
+            slots.append((float(u), float(v), angle + slant + turn + float(rng.normal(0.0, 0.01)), bay_l + 0.5))
     return slots
 
 

@@ -7,7 +7,7 @@ seed, one shard, so that shards can be made in any order and by several processe
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -36,6 +36,14 @@ PER_GROUND, PER_CATALOGUE = 15, 5
 """Crops until ground and catalogue are drawn anew: making them costs more than a crop."""
 LEAST_PX = 8.0
 """Shorter vehicles count neither way."""
+HEAVY_KINDS, URBAN_KINDS = 4, 5
+"""Of a catalogue: kinds of heavy vehicles, and of what moves and stands in towns; a choice."""
+LOW_FLIGHT = 4
+"""Of the kinds of views in ``_random_view``, the one from 4 to 30 m up, to the horizon."""
+CONTAINER_M = 5.5
+"""A longer container looks like a trailer from above, and counts neither way."""
+DEEP_SHADOW_SHARE = 0.2
+"""Of images, those with shadows as dark as beside high houses at noon; a choice."""
 log = logging.getLogger(__name__)
 
 
@@ -46,7 +54,8 @@ class Crop:
     image: Image
     """(SIDE, SIDE, 3) BGR."""
     boxes: FloatArray
-    """(n, 6) cx, cy, length, width px, heading (rad, clockwise from image up), visible share (0 for the tiny)."""
+    """(n, 6) cx, cy, length, width px, heading (rad, clockwise from image up), visible share (0 for what counts
+    neither way: the tiny, and containers like trailers)."""
     about: FloatArray
     """(5,) tilt from straight down, rad; height, m; light lost in shadows, 0 to 1; exposure gain; 1 where there are
     streets or car parks, else 0."""
@@ -83,18 +92,22 @@ def crop(ground: TrainingGround, catalogue: tuple[ObjectKind, ...], rng: np.rand
     view = _random_view(ground, rng, 2 * round(0.5 * SIDE * over))
     bodies = random_bodies(view, ground, catalogue, rng)
     style = random_style(rng, catalogue)
+    if rng.random() < DEEP_SHADOW_SHARE:
+        lost = float(rng.uniform(0.7, 0.88))
+        # a tall body in the shadow still sees more of the sky than the ground does
+        style = replace(style, shadow=lost, in_shadow=1.1 - lost, ambient=float(rng.uniform(0.3, 0.5)))
     renderer = Renderer(Scene(), style, seed=int(rng.integers(1 << 30)), ground=ground)
     image = as_footage(renderer.draw(view, bodies), rng)
     boxes = labels(view, bodies)
     weight = _visible(view, bodies)
     boxes[:, :4] *= SIDE / view.width
-    vehicle = np.array(
-        [k >= FIRST_KIND and catalogue[k - FIRST_KIND].group != "clutter" for k in bodies.kind], dtype=bool
-    )
+    sorts = [catalogue[k - FIRST_KIND] if k >= FIRST_KIND else None for k in bodies.kind]
+    vehicle = np.array([s is not None and s.group != "clutter" for s in sorts], dtype=bool)
+    unclear = np.array([s is not None and s.name == "container" and s.size[0] > CONTAINER_M for s in sorts], dtype=bool)
     with np.errstate(invalid="ignore"):
         inside = ((boxes[:, :2] > 0.0) & (boxes[:, :2] < SIDE)).all(axis=1) & (boxes[:, 2] > 3.0)
-        weight[~(boxes[:, 2] >= LEAST_PX)] = 0.0
-    keep = np.flatnonzero(vehicle & inside)[:MAX_BOXES]
+        weight[unclear | ~(boxes[:, 2] >= LEAST_PX)] = 0.0
+    keep = np.flatnonzero((vehicle | unclear) & inside)[:MAX_BOXES]
     if over != 1.0:
         image = np.asarray(
             cv2.resize(image, (SIDE, SIDE), interpolation=cv2.INTER_AREA if over > 1.0 else cv2.INTER_LINEAR), np.uint8
@@ -115,10 +128,10 @@ def write_shard(folder: Path, seed: int, count: int) -> Path:
     boxes = np.zeros((count, MAX_BOXES, 6), np.float32)
     about = np.zeros((count, 5), np.float32)
     n = np.zeros(count, np.int64)
-    ground, catalogue = random_training_ground(rng), random_catalogue(rng)
+    ground, catalogue = random_training_ground(rng), _catalogue(rng)
     for i in range(count):
         ground = random_training_ground(rng) if i % PER_GROUND == PER_GROUND - 1 else ground
-        catalogue = random_catalogue(rng) if i % PER_CATALOGUE == PER_CATALOGUE - 1 else catalogue
+        catalogue = _catalogue(rng) if i % PER_CATALOGUE == PER_CATALOGUE - 1 else catalogue
         made = crop(ground, catalogue, rng)
         images[i], about[i], n[i] = made.image, made.about, len(made.boxes)
         boxes[i, : n[i]] = made.boxes
@@ -131,13 +144,18 @@ def write_shard(folder: Path, seed: int, count: int) -> Path:
     return path
 
 
+def _catalogue(rng: np.random.Generator) -> tuple[ObjectKind, ...]:
+    return random_catalogue(rng, heavy=HEAVY_KINDS, urban=URBAN_KINDS)
+
+
 def _random_view(ground: TrainingGround, rng: np.random.Generator, side: int) -> CameraView:
-    """A camera whose image shows 2.5 m at 6 to 44 px per SIDE: straight down more often than oblique."""
+    """A camera whose image shows 2.5 m at 6 to 44 px per SIDE: straight down more often than oblique or low."""
     gsd = 2.5 / float(np.clip(np.exp(rng.normal(np.log(19.0), 0.5)), 6.0, 44.0)) * SIDE / side
-    height = float(np.exp(rng.uniform(np.log(15.0), np.log(250.0))))
-    tilt = (abs(rng.normal(0.0, 0.1)), rng.uniform(0.0, 0.5), rng.uniform(0.5, 1.08), rng.uniform(1.08, 1.34))[
-        int(rng.choice(4, p=[0.4, 0.2, 0.22, 0.18]))
-    ]
+    kind = int(rng.choice(5, p=[0.38, 0.18, 0.2, 0.14, 0.1]))
+    ranges = ((0.0, 0.0), (0.0, 0.5), (0.5, 1.08), (1.08, 1.34), (0.9, 1.45))
+    tilt = rng.uniform(*ranges[kind]) if kind else abs(rng.normal(0.0, 0.1))
+    # the last kind are low flights that see vehicles from the side
+    height = float(np.exp(rng.uniform(*np.log((4.0, 30.0) if kind == LOW_FLIGHT else (15.0, 250.0)))))
     pitch, yaw = float(tilt) - np.pi / 2.0, float(rng.uniform(0.0, 2.0 * np.pi))
     distance = height / np.sin(-pitch)
     focal = distance / gsd

@@ -17,6 +17,14 @@ MOST_IN_SLOTS = 70
 """Bodies after which no more bays are filled: stays below the 80 boxes that a crop keeps."""
 LARGE_M = 9.0
 """Clutter of this length or more keeps off bays and lanes."""
+HEAVY_M = 6.0
+"""Road vehicles of this length or more fill the long bays of depots."""
+TWO_WHEELERS = ("bicycle", "motorcycle")
+"""Names of what rides and stands in lanes and bays and must not be detected."""
+TWO_WHEELER_SHARE = 0.06
+"""Of lanes and bays, those with a two-wheeler where the catalogue has any; a choice."""
+SIDE_VIEW = 0.7
+"""Cosine of a camera's tilt below which houses are seen from the side, and it may fly below their roofs."""
 
 
 @dataclass(slots=True)
@@ -72,7 +80,9 @@ def random_bodies(
     """Vehicles and much else on what the camera sees."""
     placed = _Placed()
     mode = rng.choice(3, p=[0.6, 0.25, 0.15])  # traffic; a team of rovers; all kinds anywhere
-    fleet = car_color(rng) if rng.random() < 0.3 else None
+    paint = rng.random()
+    # now and then most vehicles have one colour, or one that is nearly black
+    fleet = car_color(rng) if paint < 0.3 else rng.integers(8, 50) + rng.integers(0, 12, 3) if paint < 0.4 else None
     _buildings(placed, view, ground, catalogue, rng)
     if mode != 1 or rng.random() < 0.3:
         _in_slots(placed, view, ground, catalogue, fleet, rng)
@@ -93,7 +103,9 @@ def random_bodies(
         _tree(placed, _ground_point(view, rng), float(rng.uniform(1.2, 8.0)), np.array(random_leaf(rng)), rng)
     if rng.random() < 0.4:
         _thicket(placed, view, ground, rng)
-    crowd = [k for k, s in enumerate(catalogue) if s.name in ("person", "bicycle", "animal", "crate", "cooler", "tank")]
+    crowd = [
+        k for k, s in enumerate(catalogue) if s.name in (*TWO_WHEELERS, "person", "animal", "crate", "cooler", "tank")
+    ]
     if crowd and rng.random() < 0.2:
         _crowd(placed, view, int(rng.choice(crowd)), catalogue, rng)
     return placed.bodies()
@@ -157,9 +169,18 @@ def _buildings(
         size = catalogue[k].size
         if len(near) and np.hypot(near[:, 0] - x, near[:, 1] - y).min() < 0.5 * np.hypot(*size[:2]) + 1.5:
             continue
-        if view.p_enu[2] < size[2] + 8.0:
+        if view.p_enu[2] < size[2] + 8.0 and not _stands_behind(view, x, y, size):
             continue
         placed.add(FIRST_KIND + k, (x, y, ground.street + 0.5 * np.pi * int(rng.integers(4))), size, car_color(rng))
+
+
+def _stands_behind(view: CameraView, x: float, y: float, size: tuple[float, float, float]) -> bool:
+    """Whether a house fills the background of a view from the side: beyond what the camera aims at, and clear of it."""
+    if -view.R_enu_cam[2, 2] > SIDE_VIEW:
+        return False
+    aim = ray_ground(view, [0.5 * view.width, 0.6 * view.height])[:2]
+    reach, distance = np.hypot(*(aim - view.p_enu[:2])), np.hypot(x - view.p_enu[0], y - view.p_enu[1])
+    return bool(np.isfinite(reach) and distance > reach + 0.5 * np.hypot(*size[:2]))
 
 
 def _slots_in_view(view: CameraView, ground: TrainingGround) -> FloatArray:
@@ -202,11 +223,18 @@ def _in_slots(
 ) -> None:
     slots = _slots_in_view(view, ground)
     road = [k for k, s in enumerate(catalogue) if s.group == "road"]
+    heavy = [k for k in road if catalogue[k].size[0] >= HEAVY_M]
+    light = [k for k, s in enumerate(catalogue) if s.name in TWO_WHEELERS]
+    own = int(rng.choice(heavy)) if heavy else None
     share = float(rng.choice([0.2, 0.5, 0.9]))
     for x, y, heading, room in slots[rng.permutation(len(slots))]:
         if len(placed.rows) > MOST_IN_SLOTS:
             return
         k = int(rng.choice(road))
+        if light and rng.random() < TWO_WHEELER_SHARE:
+            k = int(rng.choice(light))
+        elif heavy and room > HEAVY_M and rng.random() < 0.6:
+            k = own if own is not None and rng.random() < 0.7 else int(rng.choice(heavy))
         if rng.random() > share or catalogue[k].size[0] > room:
             continue
         at = (x + rng.normal(0.0, 0.1), y + rng.normal(0.0, 0.1), heading)

@@ -6,11 +6,13 @@ and Asian cars, in vehicle lengths and widths.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from sim.world.bodies import AMBER, DARK, GLASS, PAINT, RED, STEEL, TYRE, WHITE, Block, Color, Model
 
-__all__ = ["bus", "lorry", "passenger", "pickup_truck", "trailer_truck", "van_body"]
+__all__ = ["articulated_bus", "bus", "lorry", "passenger", "pickup_truck", "trailer", "trailer_truck", "van_body"]
 
 Blocks = list[Block]
 
@@ -196,6 +198,41 @@ def trailer_truck(rng: np.random.Generator) -> Model:
         *_cabin(rng, rear, 0.0, rng.uniform(0.8, 0.98)),
         *_cargo(rng, -0.5, rear - rng.uniform(0.01, 0.05)),
     )
+
+
+def trailer(rng: np.random.Generator) -> Model:
+    """A trailer that stands without a tractor: its box or bed on wheels at the rear, legs at the front."""
+    dark = shade(DARK, rng)
+    tyre = shade(TYRE, rng)
+    return Model.of(
+        *_sides((-0.42, -0.2), 0.42, 0.06, (0.0, 0.3), tyre, 0),
+        *_sides((0.22, 0.24), 0.35, 0.04, (0.0, 0.3), dark, 0),
+        Block(x=(-0.5, 0.48), y=(-0.3, 0.3), z=(0.2, 0.3), top=dark, sides=dark),
+        *_cargo(rng, -0.5, 0.5),
+    )
+
+
+def articulated_bus(rng: np.random.Generator) -> Model:
+    """Two or more stiff cars with dark joints between them: a long bus or a tram, stretched out straight."""
+    glass, joint_color = _glass(rng), shade(TYRE, rng)
+    cars, joint = int(rng.choice([2, 2, 3])), float(rng.uniform(0.03, 0.07))
+    top = paint(rng.uniform(0.9, 1.1)) if rng.random() < 0.5 else shade(WHITE, rng, 0.15)
+    ends = np.linspace(-0.5, 0.5, cars + 1)
+    blocks = [
+        Block(x=(-0.48, 0.48), y=(-0.45, 0.45), z=(0.1, 0.93), top=joint_color, sides=joint_color),
+        *_sides((0.483, 0.493), 0.52, 0.03, (0.7, 0.9), shade(DARK, rng), 2),
+    ]
+    for rear, front in pairwise(ends):
+        x = (rear + (0.5 * joint if rear > -0.5 else 0.0), front - (0.5 * joint if front < 0.5 else 0.0))
+        blocks += [
+            Block(x=x, y=(-0.49, 0.49), z=(0.1, 0.5), corner=(0.006, 0.05), layer=1),
+            Block(x=x, y=(-0.49, 0.49), z=(0.5, 0.97), taper=(0.004, 0.01, 0.03), corner=(0.01, 0.08), top=top,
+                  sides=glass, layer=1),
+        ]  # fmt: skip
+        for _ in range(int(rng.integers(0, 3))):
+            middle, half, wide = rng.uniform(x[0] + 0.06, x[1] - 0.06), rng.uniform(0.01, 0.05), rng.uniform(0.12, 0.38)
+            blocks.append(_slab((middle - half, middle + half), (-wide, wide), 0.97, shade(STEEL, rng), 2))
+    return Model.of(*blocks)
 
 
 def _cabin(rng: np.random.Generator, rear: float, nose: float, height: float) -> Blocks:

@@ -7,7 +7,7 @@ import pytest
 
 from sim.render.exposure import Exposure
 from sim.render.footage import as_footage
-from sim.render.randomise import FIRST_KIND, SIZES, VEHICLES, random_catalogue, random_scene, random_style
+from sim.render.randomise import FIRST_KIND, HEAVY, SIZES, URBAN, VEHICLES, random_catalogue, random_scene, random_style
 from sim.render.render import Renderer
 from sim.render.training_ground import random_training_ground
 from sim.training.crops import MAX_BOXES, SIDE, _random_view, crop, labels, write_shard
@@ -121,6 +121,63 @@ def test_no_body_stands_in_another(ground, catalogue):
                 ahead, aside = offset @ forward[j], offset @ right[j]
                 inside = (np.abs(ahead) < 0.45 * things.length[j]) & (np.abs(aside) < 0.45 * things.width[j])
                 assert not inside.any()
+
+
+def test_depots_have_rows_of_long_bays_that_face_the_same_way():
+    grounds = (random_training_ground(np.random.default_rng(seed)) for seed in range(40))
+    long = next(s for s in (g.slots for g in grounds) if (s.length > 16.0).sum() > 20 and s.length.max() < 46.0)
+    bays = np.flatnonzero(long.length > 16.0)
+    at = np.stack([long.x, long.y], axis=-1)
+    gap = np.hypot(*(at[bays][:, None] - at[bays][None]).transpose(2, 0, 1)) + 1e3 * np.eye(len(bays))
+    beside = gap.argmin(axis=1)
+    side_by_side = gap.min(axis=1) < 4.5
+    assert side_by_side.mean() > 0.3
+    turned = long.heading[bays] - long.heading[bays][beside]
+    assert np.median(np.cos(turned[side_by_side])) > 0.99
+
+
+def test_long_containers_count_neither_way():
+    """From above they look like trailers."""
+    rng = np.random.default_rng(3)
+    box = next(kind for _ in range(99) for kind in random_catalogue(rng) if kind.name == "container")
+    grounds = (random_training_ground(np.random.default_rng(seed)) for seed in range(20))
+    bare = next(g for g in grounds if not len(g.slots.x))
+    weights = []
+    for length in (8.0, 3.0):
+        made = [crop(bare, (replace(box, size=(length, 2.4, 2.6)),), np.random.default_rng([4, k])) for k in range(6)]
+        weights.append(np.concatenate([m.boxes[:, 5] for m in made]))
+    assert len(weights[0]) > 3
+    assert (weights[0] == 0.0).all()
+    assert len(weights[1]) == 0
+
+
+def test_heavy_and_urban_kinds_leave_the_others_as_they_are():
+    """Scenery of a flight is drawn from the same tables, and stays what it was."""
+    plain = random_catalogue(np.random.default_rng(4))
+    full = random_catalogue(np.random.default_rng(4), heavy=4, urban=5)
+    assert [k.name for k in full[: len(plain)]] == [k.name for k in plain]
+    assert all(k.group == "road" and k.size[0] > 5.0 for k in full[len(plain) : -5])
+    assert all(k.group == "clutter" for k in full[-5:])
+
+
+@pytest.mark.parametrize("name", [entry[0] for entry in (*HEAVY, *URBAN)])
+def test_every_heavy_and_urban_kind_fills_its_box(name):
+    """Along and across; what sticks out over it, like mirrors and eaves, by less than a tenth."""
+    draw = next(entry[-1] for entry in (*HEAVY, *URBAN) if entry[0] == name)
+    for seed in range(5):
+        corners = draw(np.random.default_rng(seed)).corners.reshape(-1, 3)
+        assert (np.abs(corners[:, :2]).max(axis=0) > 0.34).all()
+        assert (np.abs(corners[:, :2]) < 0.6).all()
+        assert corners[:, 2].min() >= 0.0
+        assert 0.5 < corners[:, 2].max() < 1.2
+
+
+def test_some_views_are_low_and_reach_the_horizon(ground):
+    rng = np.random.default_rng(1)
+    views = [_random_view(ground, rng, SIDE) for _ in range(200)]
+    low = [v for v in views if v.p_enu[2] < 12.0]
+    assert len(low) > 5
+    assert any(not np.isfinite(ray_ground(v, [0.5 * v.width, 0.0])).all() for v in low)
 
 
 def test_slots_lie_on_what_is_paved(ground):
