@@ -36,7 +36,7 @@ GSD_M = (1e-4, 100.0)
 
 
 def eval_detector(
-    folder: Annotated[Path, typer.Argument(help="Labelled images: YOLO-OBB, DOTA, VisDrone-DET, or our own shards.")],
+    folder: Annotated[Path, typer.Argument(help="Labelled images: YOLO, DOTA, VisDrone-DET, COCO, or our own shards.")],
     model: Annotated[Path | None, typer.Option(help="ONNX detector; the bundled one if left out.")] = None,
     front: Annotated[Path | None, typer.Option(help="ONNX classifier of fronts, for boxes without.")] = None,
     gsd: Annotated[
@@ -46,7 +46,9 @@ def eval_detector(
     score: Annotated[
         float, typer.Option(callback=check_range(FLOOR, 1.0), help="Operating score, of precision, recall and errors.")
     ] = 0.3,
-    form: Annotated[str | None, typer.Option("--format", help="yolo, dota, visdrone or shards; else detected.")] = None,
+    form: Annotated[
+        str | None, typer.Option("--format", help="yolo, dota, visdrone, coco or shards; else detected.")
+    ] = None,
     classes: Annotated[str | None, typer.Option(help="Labelled classes that count, by comma; else vehicles.")] = None,
     ignore: Annotated[str | None, typer.Option(help="Classes that count neither way, by comma.")] = None,
     names: Annotated[str | None, typer.Option(help="Names of YOLO class numbers, by comma.")] = None,
@@ -64,6 +66,8 @@ def eval_detector(
     opened = open_folder(folder, _format(form), names=_split(names), corners_tell_front=corners_tell_front)
     if opened.unlabelled:
         print_note(f"{opened.unlabelled} images have no label file and are not judged")
+    if opened.missing:
+        print_note(f"{opened.missing} images of the COCO file are not in {folder}")
     images, choice = choose_in_all(opened.images, _split(classes), _split(ignore))
     print_note(f"classes that count: {', '.join(sorted(choice.counts)) or 'none'}")
     detector, native = _open(model, front)

@@ -1,12 +1,14 @@
 """A folder of labelled images in any of the known layouts.
 
-Labels lie beside the images, or in ``labels``, ``labelTxt`` or ``annotations`` where the images lie in ``images``.
-An empty label file means that nothing is there; an image without one is not judged and is counted.
+Labels lie beside the images, or in ``labels``, ``labelTxt`` or ``annotations`` where the images lie in ``images``; or,
+of COCO, in JSON files anywhere in the folder. An empty label file means that nothing is there; an image without one is
+not judged and is counted.
 """
 
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -18,14 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import LabelError
+from vision.evaluation.coco import find_coco, read_coco
 from vision.evaluation.labels import LabelFile, read_dota, read_visdrone, read_yolo
 from vision.evaluation.shards import read_shard
-from vision.evaluation.truth import LabelledImage
+from vision.evaluation.truth import LabelledImage, Truth
 
 __all__ = ["FORMATS", "Folder", "Format", "open_folder"]
 
 Image = NDArray[np.uint8]
-Format = Literal["yolo", "dota", "visdrone", "shards"]
+Format = Literal["yolo", "dota", "visdrone", "coco", "shards"]
 FORMATS: tuple[Format, ...] = get_args(Format)
 """Label formats, as given on the command line."""
 IMAGES = frozenset((".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp"))
@@ -36,6 +39,10 @@ NAME_FILES = ("data.yaml", "dataset.yaml", "classes.txt", "obj.names")
 """Files with the names of classes: of YOLO and Darknet."""
 
 
+WANTED = f"NAME.txt beside NAME.jpg, or in one of {', '.join(LABEL_FOLDERS)} beside images, or a COCO file NAME.json"
+"""Where labels are looked for."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Folder:
     """What was found."""
@@ -44,7 +51,9 @@ class Folder:
     images: tuple[LabelledImage, ...]
     """In the order of their names."""
     unlabelled: int
-    """Images without a label file."""
+    """Images without a label file, or of which none of COCO's files tells."""
+    missing: int = 0
+    """Images of a COCO file that are not in the folder."""
 
 
 def open_folder(
@@ -74,11 +83,10 @@ def open_folder(
         return Folder(format="shards", images=tuple(p for s in shards for p in read_shard(s)), unlabelled=0)
     paths = sorted(p for p in path.rglob("*") if p.suffix.lower() in IMAGES)
     pairs = [(image, label) for image in paths if (label := _label_of(image)) is not None]
+    if format == "coco" or (format is None and not pairs):
+        return _open_coco(path, paths)
     if not pairs:
-        raise LabelError(
-            f"{path}: {len(paths)} images, none with labels; wanted NAME.txt beside NAME.jpg, or in one of "
-            f"{', '.join(LABEL_FOLDERS)} beside images"
-        )
+        raise LabelError(f"{path}: {len(paths)} images, none with labels; wanted {WANTED}")
     kind = format or _told_format([label for _, label in pairs])
     called = dict(enumerate(names)) if names is not None else _class_names(path)
     read = partial(_read, kind=kind, names=called, corners_tell_front=corners_tell_front)
@@ -97,6 +105,35 @@ def _read(image: Path, label: Path, *, kind: Format, names: Mapping[int, str], c
         return read_dota(label, corners_tell_front)
     height, width = _pixels(image).shape[:2]
     return read_yolo(label, (width, height), names, corners_tell_front)
+
+
+def _open_coco(path: Path, images: Sequence[Path]) -> Folder:
+    files = find_coco(path)
+    if not files:
+        raise LabelError(f"{path}: {len(images)} images, none with labels; wanted {WANTED}")
+    by_name: dict[str, list[Path]] = defaultdict(list)
+    for image in images:
+        by_name[image.name].append(image)
+    truths: dict[Path, Truth] = {}
+    missing = 0
+    for file in files:
+        for name, truth in read_coco(file).items():
+            places = [p for p in by_name[Path(name).name] if p.as_posix().endswith("/" + name)]
+            places = places or by_name[Path(name).name]
+            if len(places) > 1:
+                raise LabelError(f"{file}: {name!r} may be {places[0]} or {places[1]}; write more of its path")
+            if any(place in truths for place in places):
+                raise LabelError(f"{file}: {name!r} is labelled more than once; keep one of the files in the folder")
+            missing += not places
+            truths |= dict.fromkeys(places, truth)
+    if not truths:
+        raise LabelError(f"{files[0]}: none of its images is in {path}")
+    found = [
+        LabelledImage(name=str(image.relative_to(path)), read=partial(_pixels, image), truth=truths[image])
+        for image in images
+        if image in truths
+    ]
+    return Folder(format="coco", images=tuple(found), unlabelled=len(images) - len(found), missing=missing)
 
 
 def _label_of(image: Path) -> Path | None:

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SIDE", "Known", "Sample", "cut", "rendered_sample", "worsen"]
+__all__ = ["SIDE", "Known", "TrainingSample", "cut", "rendered_sample", "worsen"]
 
 SIDE = 256
 """Side of the images that training sees, cut from larger ones."""
@@ -34,7 +34,7 @@ class Known(IntEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sample:
+class TrainingSample:
     """An image with its n labels."""
 
     image: NDArray[np.uint8]
@@ -47,13 +47,13 @@ class Sample:
     """(k, 4, 2) corners, px, of areas that may hold vehicles without a label: nothing there is a mistake."""
 
 
-def rendered_sample(image: NDArray[np.uint8], boxes: NDArray[np.float32]) -> Sample:
+def rendered_sample(image: NDArray[np.uint8], boxes: NDArray[np.float32]) -> TrainingSample:
     """A rendered crop: everything on it is known."""
     known = np.full(len(boxes), int(Known.FRONT))
-    return Sample(image=image, boxes=boxes, known=known, unjudged=np.empty((0, 4, 2), np.float32))
+    return TrainingSample(image=image, boxes=boxes, known=known, unjudged=np.empty((0, 4, 2), np.float32))
 
 
-def cut(sample: Sample, rng: np.random.Generator) -> Sample:
+def cut(sample: TrainingSample, rng: np.random.Generator) -> TrainingSample:
     """A (SIDE, SIDE) part of a square sample, turned by any angle, scaled, and mirrored half of the time."""
     scale, turn = float(np.exp(rng.uniform(*np.log(SCALES)))), float(rng.uniform(0.0, 2.0 * np.pi))
     mirror = bool(rng.random() < 0.5)
@@ -77,7 +77,9 @@ def cut(sample: Sample, rng: np.random.Generator) -> Sample:
     moved[(moved[:, 2] < LEAST_LENGTH_PX) | (moved[:, 3] < LEAST_WIDTH_PX), 5] = 0.0
     inside = ((moved[:, :2] > 0.0) & (moved[:, :2] < SIDE)).all(axis=1)
     unjudged = (sample.unjudged @ A.T + b).astype(np.float32)
-    return Sample(image=np.asarray(out, np.uint8), boxes=moved[inside], known=sample.known[inside], unjudged=unjudged)
+    return TrainingSample(
+        image=np.asarray(out, np.uint8), boxes=moved[inside], known=sample.known[inside], unjudged=unjudged
+    )
 
 
 def _share_inside(boxes: NDArray[np.float32]) -> NDArray[np.float32]:

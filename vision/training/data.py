@@ -18,7 +18,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from vision.training.cuts import SIDE, Known, Sample, cut, rendered_sample, worsen
+from vision.training.cuts import SIDE, Known, TrainingSample, cut, rendered_sample, worsen
 from vision.training.net import STRIDE
 from vision.training.photographs import Photographs
 
@@ -74,7 +74,7 @@ class Pool:
                 self.seen.add(path.name)
         return sum(len(n) for n in self.n)
 
-    def samples(self, count: int, rng: np.random.Generator) -> list[Sample]:
+    def samples(self, count: int, rng: np.random.Generator) -> list[TrainingSample]:
         """Random images."""
         made = []
         for _ in range(count):
@@ -117,7 +117,7 @@ class Mixture:
         return batch_samples([cut(sample, rng) for sample in samples], rng)
 
 
-def batch_samples(samples: Sequence[Sample], rng: np.random.Generator) -> TrainingBatch:
+def batch_samples(samples: Sequence[TrainingSample], rng: np.random.Generator) -> TrainingBatch:
     """Cut samples in other light and worse quality, as tensors."""
     n = np.array([len(sample.boxes) for sample in samples])
     boxes = np.zeros((len(samples), max(int(n.max()), 1), 6), np.float32)

@@ -24,7 +24,7 @@ from vision.detect.detector import Detector
 from vision.errors import LabelError
 from vision.evaluation import LabelledImage, Truth
 from vision.evaluation.matching import overlap
-from vision.training.cuts import Known, Sample
+from vision.training.cuts import Known, TrainingSample
 
 __all__ = ["MINING_SCORE", "Photograph", "Photographs", "label_rows", "mine", "open_photographs", "part"]
 
@@ -202,7 +202,7 @@ class Photographs:
         self._seed = seed
         self._pixels = lru_cache(maxsize=OPEN)(lambda i: self.photographs[i].read())
 
-    def samples(self, step: int, count: int, rng: np.random.Generator) -> list[Sample]:
+    def samples(self, step: int, count: int, rng: np.random.Generator) -> list[TrainingSample]:
         """Square parts of PART_SIDE for one training step.
 
         Args:
@@ -220,7 +220,7 @@ class Photographs:
         return int(np.random.default_rng([self._seed, turn]).permutation(len(self.photographs))[place])
 
 
-def part(photograph: Photograph, image: Image, rng: np.random.Generator) -> Sample:
+def part(photograph: Photograph, image: Image, rng: np.random.Generator) -> TrainingSample:
     """A part of PART_SIDE squared at a random place and scale."""
     height, width = image.shape[:2]
     scale = CAR_PX / photograph.car_px * float(np.exp(rng.uniform(*np.log(SCALES))))
@@ -240,7 +240,7 @@ def part(photograph: Photograph, image: Image, rng: np.random.Generator) -> Samp
     boxes[:, 2:4] *= factor
     areas = np.concatenate([photograph.unjudged, _edge(width, height, EDGE_CARS * photograph.car_px)])
     unjudged = ((areas - (left, top)) * factor).astype(np.float32)
-    return Sample(image=np.asarray(small, np.uint8), boxes=boxes, known=photograph.known, unjudged=unjudged)
+    return TrainingSample(image=np.asarray(small, np.uint8), boxes=boxes, known=photograph.known, unjudged=unjudged)
 
 
 def _focus(photograph: Photograph, size: tuple[int, int], rng: np.random.Generator) -> Floats:

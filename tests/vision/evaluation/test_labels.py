@@ -208,7 +208,7 @@ def test_the_command_looks_at_the_resolution_that_labels_tell(tmp_path, monkeypa
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"form": "coco"}, "--format coco"),
+        ({"form": "voc"}, "--format voc"),
         ({"classes": "zebra"}, "zebra|1"),
     ],
 )

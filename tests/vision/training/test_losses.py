@@ -8,7 +8,7 @@ import pytest
 from vision.detect.detector import BUNDLED
 from vision.detect.onnx_model import open_session
 from vision.errors import ModelError
-from vision.training.cuts import Known, Sample
+from vision.training.cuts import Known, TrainingSample
 
 torch = pytest.importorskip("torch", reason="needs the extra 'train'")
 pytest.importorskip("onnx", reason="needs the extra 'train'")
@@ -21,7 +21,7 @@ def batch_of(known, unjudged=()):
     from vision.training.data import batch_samples
 
     boxes = np.array([[128.0, 128.0, 52.0, 24.0, 0.7, 1.0]], np.float32)
-    sample = Sample(
+    sample = TrainingSample(
         image=np.zeros((256, 256, 3), np.uint8),
         boxes=boxes,
         known=np.array([int(known)]),
