@@ -10,6 +10,7 @@ import numpy as np
 
 from bench.apriltag.case import SETTLED_S, TagOutcome
 from bench.apriltag.flight import CAMERAS, CRF, DIAGONAL_DEG, SHUTTER_S, SIDES_M, SPACING_M, camera_of
+from infra.markdown import markdown_table
 
 __all__ = ["METHODS", "report", "shares", "write_csv"]
 
@@ -86,11 +87,11 @@ def _reach(mine: Sequence[TagOutcome], side: float) -> str:
 
 def _table(mine: Sequence[TagOutcome]) -> str:
     head = ("height, m", "vehicle, px", "boxes", *METHODS, "wrong of names")
-    lines = [head, ["---:"] * len(head)]
+    rows = []
     for o in mine:
         cells = [_percent(v) for v in (*shares(o).values(), _wrong_names(o))]
-        lines.append([f"{o.case.height_m:g}", f"{o.vehicle_px:.0f}", str(o.boxes), *cells])
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+        rows.append([f"{o.case.height_m:g}", f"{o.vehicle_px:.0f}", str(o.boxes), *cells])
+    return markdown_table(head, rows)
 
 
 def _wrong_names(o: TagOutcome) -> float:

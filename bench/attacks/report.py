@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
+from infra.markdown import markdown_table
+
 __all__ = ["AttackRow", "page", "read_rows", "write_rows"]
 
 NAN = math.nan
@@ -69,7 +71,7 @@ def page(rows: Sequence[AttackRow], title: str, words: str, before: Sequence[Att
     """
     then = {(row.attack, row.case): row for row in before}
     head = [*HEAD, *(["before"] if before else [])]
-    lines = [f"# {title}", "", words.strip(), "", f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
+    lines = []
     for row in rows:
         cells = [
             row.attack,
@@ -86,14 +88,13 @@ def page(rows: Sequence[AttackRow], title: str, words: str, before: Sequence[Att
         if before:
             earlier = then.get((row.attack, row.case))
             cells.append(earlier.summary if earlier else "–")
-        lines.append(f"| {' | '.join(map(_cell, cells))} |")
+        lines.append(list(map(_cell, cells)))
     held = sum(row.held for row in rows)
-    return "\n".join([*lines, "", f"{held} of {len(rows)} cases held.", ""])
+    return f"# {title}\n\n{words.strip()}\n\n{markdown_table(head, lines)}\n\n{held} of {len(rows)} cases held.\n"
 
 
 def _cell(text: str) -> str:
     """As a cell of a table; an event's text is cut where addresses begin to fill it."""
-    text = text.replace("|", "/")
     return text if len(text) <= MOST_TEXT else text[:MOST_TEXT].rstrip() + " …"
 
 

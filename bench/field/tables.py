@@ -13,8 +13,9 @@ from bench.field.families import FAMILIES, UNRELATED
 from bench.field.goals import ALL, GOALS, judge
 from bench.field.measure import EDGES, BoxCounts
 from bench.field.summary import Outcome, Summary, summarise
+from infra.markdown import markdown_table
 
-__all__ = ["RIVALS", "number", "report", "table", "write_reliability", "write_sessions"]
+__all__ = ["RIVALS", "number", "report", "write_reliability", "write_sessions"]
 
 RIVALS = ("projection", "topology", "fused", "TTS", "mean residual")
 _HEAD = (
@@ -52,12 +53,6 @@ et al. 2022, doi:10.3390/drones6050119) name windows of 10 + 2 frames; n/a: more
 assignments. mean residual: the reported camera pose at face value, who has been nearest for two seconds."""
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table in Markdown."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(row) + " |" for row in lines)
-
-
 def _grouped(outcomes: Sequence[Outcome]) -> list[tuple[str, list[Outcome]]]:
     numbers = sorted({o.family for o in outcomes})
     groups = [(f"{n} {FAMILIES[n].name}", [o for o in outcomes if o.family == n]) for n in numbers]
@@ -68,7 +63,7 @@ def _grouped(outcomes: Sequence[Outcome]) -> list[tuple[str, list[Outcome]]]:
 
 def _product_table(outcomes: Sequence[Outcome]) -> str:
     rows = [_product_row(name, group) for name, group in _grouped(outcomes)]
-    return table((*_HEAD, "goals"), rows)
+    return markdown_table((*_HEAD, "goals"), rows)
 
 
 def _product_row(name: str, group: Sequence[Outcome]) -> list[str]:
@@ -104,7 +99,7 @@ def _rival_table(outcomes: Sequence[Outcome]) -> str:
     for name, group in _grouped([o for o in outcomes if o.rivals]):
         own = _three(summarise([o.product for o in group]))
         rows.append([name, f"**{own}**", *(_three(summarise([o.rivals[r] for o in group])) for r in RIVALS)])
-    return table(("family", "the product", *RIVALS), rows)
+    return markdown_table(("family", "the product", *RIVALS), rows)
 
 
 def _unrelated_table(outcomes: Sequence[Outcome]) -> str:
@@ -113,7 +108,7 @@ def _unrelated_table(outcomes: Sequence[Outcome]) -> str:
     for o in (o for o in outcomes if o.family == UNRELATED):
         named = 100.0 * o.product.named / max(o.product.false, 1)
         rows.append([o.label, str(o.seed), number(named), number(o.product.wrong_sure_s, 1), number(o.mismatch_s, 1)])
-    return table(("film", "seed", "boxes named, %", "at ≥ 0.9, s", "alarm after s"), rows)
+    return markdown_table(("film", "seed", "boxes named, %", "at ≥ 0.9, s", "alarm after s"), rows)
 
 
 def _three(s: Summary) -> str:
@@ -131,7 +126,7 @@ def _missed(outcomes: Sequence[Outcome]) -> str:
             number_of = verdict.goal.family
             name = "all" if number_of == ALL else f"{number_of} {FAMILIES[number_of].name}"
             rows.append([name, version, verdict.text()])
-    return table(("family", "version", "goal"), rows) if rows else "None."
+    return markdown_table(("family", "version", "goal"), rows) if rows else "None."
 
 
 def _worst(outcomes: Sequence[Outcome], most: int = 20) -> str:
@@ -142,7 +137,7 @@ def _worst(outcomes: Sequence[Outcome], most: int = 20) -> str:
         name = f"{o.family} {FAMILIES[o.family].name}{', hard' if o.hard else ''}: {o.label}"
         shares = (s.precision, s.right, s.fper, s.track_idf1)
         rows.append([name, str(o.seed), *(number(v, 1) for v in shares), number(s.wrong_sure_s, 1)])
-    return table(("session", "seed", "precision", "right", "FPER", "tracks' IDF1", "wrong ≥ 0.9, s"), rows)
+    return markdown_table(("session", "seed", "precision", "right", "FPER", "tracks' IDF1", "wrong ≥ 0.9, s"), rows)
 
 
 def _claims(counts: BoxCounts) -> int:

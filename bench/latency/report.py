@@ -13,6 +13,7 @@ from bench.latency.waits import FrameWait, measure_waits
 from bench.latency.waits import text_of as waits_text
 from bench.paper.published import LATENCY_MS
 from bench.paper.rows import write
+from infra.markdown import markdown_table
 
 __all__ = ["measure"]
 
@@ -55,15 +56,15 @@ def _text(timings: list[MethodTiming], odd: list[str], machine: str) -> str:
         "row.\n\n"
     )
     header = ("method", "variant", "vehicles × tracks", "calls", *TIMES, "faster", "published")
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
+    rows = []
     for t in timings:
         published = f"{LATENCY_MS[t.method]:.2f}" if t.method in LATENCY_MS and t.vehicles == 7 else ""
         values = (t.cpu_mean_ms, t.cpu_median_ms, t.cpu_p95_ms, t.wall_median_ms, t.wall_p95_ms)
-        numbers = " | ".join(f"{value:.3f}" if value < 10.0 else f"{value:.1f}" for value in values)
-        what = f"{t.method} | {t.variant} | {t.vehicles} × {t.tracks} | {t.calls}"
-        lines.append(f"| {what} | {numbers} | {_faster(t, timings)} | {published} |")
+        numbers = [f"{value:.3f}" if value < 10.0 else f"{value:.1f}" for value in values]
+        size = f"{t.vehicles} × {t.tracks}"
+        rows.append([t.method, t.variant, size, str(t.calls), *numbers, _faster(t, timings), published])
     tail = "\n".join(odd) if odd else "All variants of a method gave the same answers on the same inputs."
-    return head + "\n".join(lines) + f"\n\n{tail}\n"
+    return head + markdown_table(header, rows) + f"\n\n{tail}\n"
 
 
 def _faster(t: MethodTiming, timings: list[MethodTiming]) -> str:

@@ -10,6 +10,7 @@ from bench.paper import published
 from bench.paper.experiments import CONTINUOUS, Count
 from bench.paper.occlusion import Kept
 from bench.paper.rows import read
+from infra.markdown import markdown_table
 
 __all__ = ["pooled", "write_tables"]
 
@@ -72,12 +73,6 @@ def pooled(counts: Iterable[Count], experiment: str, method: str, **where: objec
     )
 
 
-def table(header: list[str], rows: list[list[str]]) -> str:
-    """A Markdown table."""
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
-
-
 def percent(value: float | None) -> str:
     """Two digits, or a dash."""
     return "–" if value is None or value != value else f"{value:.2f}"
@@ -118,7 +113,7 @@ def _sweep(counts: list[Count], experiment: str, method: str, title: str, axis: 
             *(f"{method}, {r:g}°" for r in rotations),
             "identifier: precision / right of all",
         ]
-        parts.append(f"\n## {road.capitalize()} road\n\n" + table(header, rows))
+        parts.append(f"\n## {road.capitalize()} road\n\n" + markdown_table(header, rows) + "\n")
     return "".join(parts) + "\n" + _REMARKS[experiment]
 
 
@@ -149,7 +144,7 @@ def _figure10(counts: list[Count]) -> str:
             ]
             for level in levels
         ]
-        parts.append(f"\n## {road.capitalize()} road\n\n" + table(["σ", *methods], rows))
+        parts.append(f"\n## {road.capitalize()} road\n\n" + markdown_table(["σ", *methods], rows) + "\n")
     return (
         "".join(parts) + "\nPublished: TTS is acceptable at low noise and falls behind topology under noise (a plot).\n"
     )
@@ -165,7 +160,7 @@ def _table1(latency: Path) -> str:
         rows.append([name, f"{ms:.2f}", times or "not measured yet: python -m bench.latency"])
     head = "# Table 1: latency, ms\n\nPublished on an i9-13900HX with an RTX 3090; ours is the median CPU time of one "
     head += "thread for seven vehicles and six boxes, all variants in one run of `python -m bench.latency`.\n\n"
-    return head + table(["method", "published", "ours"], rows)
+    return head + markdown_table(["method", "published", "ours"], rows) + "\n"
 
 
 def _pair(count: Count | None) -> str:
@@ -185,7 +180,7 @@ def _table2(counts: list[Count]) -> str:
         rows.append(["identifier", "", "", f"{_pair(ours)}, right of all {percent(ours.recall if ours else None)}"])
         frames = ours.frames if ours else 0
         header = ["method", "published", "our implementation", "identifier"]
-        parts.append(f"σ = {sigma:g} m and degrees, {frames} frames\n\n" + table(header, rows) + "\n")
+        parts.append(f"σ = {sigma:g} m and degrees, {frames} frames\n\n" + markdown_table(header, rows) + "\n\n")
     return "".join(parts) + "Half of the frames have a look-alike among the vehicles, half something by the road.\n"
 
 
@@ -210,7 +205,7 @@ def _table3(counts: list[Count]) -> str:
         f"by 1.5 m (τ 60 s) and 0.2 m white, twelve flights, {frames.frames if frames else 0} frames. The published "
     )
     head += "column is their field recording.\n\n"
-    return head + table(["method", "published", "our implementation", "identifier"], rows)
+    return head + markdown_table(["method", "published", "our implementation", "identifier"], rows) + "\n"
 
 
 def _variants(counts: list[Count]) -> str:
@@ -228,7 +223,8 @@ def _variants(counts: list[Count]) -> str:
     head += (
         '"Least squares, true places" compares noisy reports with the true places: what positions alone can decide.\n\n'
     )
-    return head + table(["windows", "road", "σ, m", "method", "boxes", "precision", "right of all"], rows)
+    columns = ["windows", "road", "σ, m", "method", "boxes", "precision", "right of all"]
+    return head + markdown_table(columns, rows) + "\n"
 
 
 def _occlusion(kept: list[Kept]) -> str:
@@ -239,6 +235,5 @@ def _occlusion(kept: list[Kept]) -> str:
         rows.append([keeper, *map(str, sums)])
     head = "# Occlusion: id switches\n\nCurved road, each vehicle hidden for 1.2–2.2 s at its three sharpest turns. "
     head += "Published: in the two cases shown, ByteTrack switches and the enhanced one does not.\n\n"
-    return head + table(
-        ["tracker", "frames", "returns after ≥ 0.5 s", "id switches", "tracks gone to another vehicle"], rows
-    )
+    columns = ["tracker", "frames", "returns after ≥ 0.5 s", "id switches", "tracks gone to another vehicle"]
+    return head + markdown_table(columns, rows) + "\n"

@@ -21,6 +21,7 @@ from pathlib import Path
 
 from bench.ports import free_port
 from bench.receiving.senders import FLOODER, send_fleet, send_flood
+from infra.markdown import markdown_table
 from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.ingest import Ingest
 from mavlink.tlog.log import Tlog
@@ -118,19 +119,14 @@ def table(rows: list[tuple[FloodCase, FloodResult]], seconds: float) -> str:
     """The results as Markdown."""
     names = ["case", "sent", "recorded", "lost", "handed over", "flood sent", "of it recorded", "turned away"]
     names += ["dropped by the system", "restarts", "p99 to the station", "CPU a record"]
-    lines = [
-        f"{VEHICLES} vehicles, {seconds:.0f} s a case, {os.cpu_count()} cores shared by sender, flood and station.",
-        "",
-        f"| {' | '.join(names)} |",
-        "|" + "---|" * len(names),
-    ]
+    about = f"{VEHICLES} vehicles, {seconds:.0f} s a case, {os.cpu_count()} cores shared by sender, flood and station."
+    lines = []
     for case, r in rows:
         link = r.health.links[0].counts
         counts = [r.sent, r.logged, r.sent - r.logged, r.taken, r.flooded, r.let_in]
         counts += [link.turned_away, link.dropped, r.health.restarts]
-        cells = [case.name, *(f"{count:,}" for count in counts), f"{r.latency_ms:.1f} ms", f"{r.cpu_us:.1f} µs"]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
+        lines.append([case.name, *(f"{count:,}" for count in counts), f"{r.latency_ms:.1f} ms", f"{r.cpu_us:.1f} µs"])
+    return f"{about}\n\n{markdown_table(names, lines)}\n"
 
 
 def main() -> None:

@@ -27,6 +27,7 @@ from pathlib import Path
 from bench.ports import free_port
 from bench.receiving.senders import fleet_frames, send_fleet, send_flood
 from infra.files.segments import segments
+from infra.markdown import markdown_table
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.signing.keys import Key, write_key
 from mavlink.signing.signer import Signer
@@ -180,18 +181,24 @@ def _result(session: Path, sent: Sequence[int], flooded: int, began_us: int, flo
 
 def table(rows: Sequence[tuple[ClaimCase, ClaimResult]]) -> str:
     """The results as Markdown."""
-    lines = [
-        f"{VEHICLES} vehicles, {RATE:,.0f} packets/s in all, {os.cpu_count()} cores shared by fleet, flood and flight.",
-        "",
-        "| attack | flood sent | of it recorded | sent by the others | lost | sent by the one imitated | lost |",
-        "|" + "---|" * 7,
-    ]
+    about = (
+        f"{VEHICLES} vehicles, {RATE:,.0f} packets/s in all, {os.cpu_count()} cores shared by fleet, flood and flight."
+    )
+    head = ("attack", "flood sent", "of it recorded", "sent by the others", "lost", "sent by the one imitated", "lost")
+    counts = []
     for case, r in rows:
         mine, recorded = r.sent[CLAIMED - 1], r.recorded[CLAIMED - 1]
         others, kept = sum(r.sent) - mine, sum(r.recorded) - recorded
-        cells = [case.name, *(f"{n:,}" for n in (r.flooded, r.of_it, others, others - kept, mine, mine - recorded))]
-        lines.append(f"| {' | '.join(cells)} |")
-    lines += ["", "What the link reported, in seconds since the flood began:", ""]
+        numbers = (r.flooded, r.of_it, others, others - kept, mine, mine - recorded)
+        counts.append([case.name, *(f"{n:,}" for n in numbers)])
+    lines = [
+        about,
+        "",
+        markdown_table(head, counts),
+        "",
+        "What the link reported, in seconds since the flood began:",
+        "",
+    ]
     for case, r in rows:
         lines.append(f"- {case.name} ({r.flood_s:.0f} s):")
         lines += [f"  - {at_s:.1f}: {text}" for at_s, text in r.reported]

@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from bench.field.product import identify
-from bench.field.tables import number, table
+from bench.field.tables import number
 from gcs.session.frame_tables import read_times
+from infra.markdown import markdown_table
 
 __all__ = ["PairingScore", "measure_pairings", "pair_up", "pairings_text"]
 
@@ -93,7 +94,7 @@ def pairings_text(rows: Sequence[PairingScore]) -> str:
     """The table in Markdown."""
     cells = [[r.film, r.telemetry, str(r.boxes), number(r.named), number(r.mismatch_s, 1)] for r in rows]
     head = ("film", "telemetry", "boxes", "boxes named, %", "alarm after s")
-    return f"# Films with telemetry that is not theirs\n\n{_WORDS}\n\n{table(head, cells)}\n"
+    return f"# Films with telemetry that is not theirs\n\n{_WORDS}\n\n{markdown_table(head, cells)}\n"
 
 
 _WORDS = f"""\

@@ -19,6 +19,7 @@ from bench.field.product import identify
 from bench.field.summary import summarise
 from bench.field.tables import number
 from bench.recorded.true_tracks import tracked_by_truth
+from infra.markdown import markdown_table
 
 __all__ = ["SessionScore", "measure", "sessions_in", "text_of"]
 
@@ -110,15 +111,15 @@ def text_of(rows: Sequence[SessionScore], before: Sequence[SessionScore], *, tru
     earlier = {row.session: row for row in before}
     names = ("precision", "right", "FPER", "wrong ≥ 0.9, s", "ECE", "switches", "swaps", "tracks", "alarm after s")
     head = ("session", *names, "ms, mean / p95")
-    lines = [f"| {' | '.join(head)} |", "|" + " --- |" * len(head)]
+    lines = []
     for row in rows:
         cells = _cells(row)
         if row.session in earlier:
             old = _cells(earlier[row.session])
             cells = [now if was == now else f"{was} → {now}" for was, now in zip(old, cells, strict=True)]
-        lines.append(f"| {row.session} | {' | '.join(cells)} |")
+        lines.append((row.session, *cells))
     title = "Recorded sessions" + (", boxes tracked by the truth" if true_tracks else "")
-    return f"# {title}\n\n{_WORDS}\n\n" + "\n".join(lines) + "\n"
+    return f"# {title}\n\n{_WORDS}\n\n{markdown_table(head, lines)}\n"
 
 
 _WORDS = """\

@@ -21,6 +21,7 @@ from bench.command_line import RESULTS
 from bench.screens.checker import check_screens
 from bench.screens.flights import Script, fly
 from bench.screens.scripts import SCRIPTS, SIZES
+from infra.markdown import markdown_table
 
 Size = tuple[int, int]
 Row = tuple[str, str, int, str, int]
@@ -53,17 +54,16 @@ def _by(rows: Sequence[Row], before: Sequence[Row], column: int, title: str) -> 
     for row in rows:
         screens[str(row[column])] += row[2]
     heads = [title, *(["screens"] if column != 3 else []), *(["violations before"] if before else []), "violations"]
-    lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
+    lines = []
     for name in dict.fromkeys([*(str(row[column]) for row in rows), *earlier]):
         if not name:
             continue
         cells = [name, *([f"{screens[name]:,}"] if column != 3 else [])]
         cells += [f"{earlier[name]:,}"] if before else []
-        lines.append("| " + " | ".join([*cells, f"**{now[name]:,}**"]) + " |")
-    total = [f"{sum(now.values()):,}"]
+        lines.append([*cells, f"**{now[name]:,}**"])
     sums = ["all", *([f"{screens.total():,}"] if column != 3 else [])]
     sums += [f"{sum(earlier.values()):,}"] if before else []
-    return "\n".join([*lines, "| " + " | ".join([*sums, f"**{total[0]}**"]) + " |"])
+    return markdown_table(heads, [*lines, [*sums, f"**{sum(now.values()):,}**"]])
 
 
 def _sums(rows: Sequence[Row], column: int) -> Counter[str]:

@@ -28,6 +28,7 @@ import numpy as np
 from bench.command_line import RESULTS
 from bench.ports import free_port
 from bench.screens.session import TerminalSession
+from infra.markdown import markdown_table
 
 RECORDING = Path("sitl_logs/curved-road")
 WIDE, DENSE = (120, 40), (160, 45)
@@ -157,21 +158,19 @@ def simulate(gcs: Path, folder: Path) -> Path:
 
 def table(checkouts: dict[str, Figures]) -> str:
     """In Markdown, one column for each checkout."""
-    lines = ["| | " + " | ".join(checkouts) + " | goal |", "|---" * (len(checkouts) + 2) + "|"]
+    rows = []
     every = list(checkouts.values())
     for case in every[-1].key_ms:
         for name, share, most_ms in (("median", 0.5, 50), ("p99", 0.99, 120)):
             cells = [f"{np.quantile(each.key_ms[case], share):.0f} ms" for each in every]
-            lines.append(f"| key to screen, {case}, {name} | {' | '.join(cells)} | ≤ {most_ms} ms |")
+            rows.append([f"key to screen, {case}, {name}", *cells, f"≤ {most_ms} ms"])
     goals = {"idle": "≤ 2 %", "live": "≤ 10 %", "replay, 10": "≤ 15 %", "replay, 15": "≤ 50 %"}
     for case in every[-1].drawing:
         goal = next(text for start, text in goals.items() if case.startswith(start))
-        drawing = [f"{np.median(each.drawing[case]):.1%}" for each in every]
-        whole = [f"{np.median(each.whole[case]):.1%}" for each in every]
-        lines.append(f"| drawing, {case} | {' | '.join(drawing)} | {goal} |")
-        lines.append(f"| the whole program, {case} | {' | '.join(whole)} | |")
-    first = [f"{np.median(each.first_s):.2f} s" for each in every]
-    return "\n".join([*lines, f"| start to first picture | {' | '.join(first)} | ≤ 1.5 s |"])
+        rows.append([f"drawing, {case}", *(f"{np.median(each.drawing[case]):.1%}" for each in every), goal])
+        rows.append([f"the whole program, {case}", *(f"{np.median(each.whole[case]):.1%}" for each in every), ""])
+    rows.append(["start to first picture", *(f"{np.median(each.first_s):.2f} s" for each in every), "≤ 1.5 s"])
+    return markdown_table(["", *checkouts, "goal"], rows)
 
 
 def main() -> None:

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
+from infra.markdown import markdown_table
 from vision.evaluation.measures import Evaluation
 from vision.evaluation.shares import Share
 
@@ -33,7 +34,7 @@ def as_markdown(result: Evaluation, about: Mapping[str, Any]) -> str:
         result: the figures.
         about: what was judged on what.
     """
-    parts = ["# Detector on labelled images", *(_markdown(head, rows) for head, rows in tables(result, about))]
+    parts = ["# Detector on labelled images", *(markdown_table(head, rows) for head, rows in tables(result, about))]
     return "\n\n".join([*parts, WORDS]) + "\n"
 
 
@@ -92,11 +93,6 @@ def _shares(title: str, shares: Sequence[Share], with_ap: bool) -> tuple[Sequenc
         row = [s.name, str(s.objects), str(s.found), number(s.found / s.objects, 3)]
         rows.append([*row, number(s.ap50, 3)] if with_ap else row)
     return head, rows
-
-
-def _markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in lines)
 
 
 def number(value: float, digits: int) -> str:
