@@ -19,7 +19,15 @@ from sim.world.scenario import UAV_ID, Scenario
 from sim.world.scenario_file import save_scenario
 from sim.world.world import World, random_stream
 
-__all__ = ["frame_times", "session_toml", "write_session", "write_visible_truth"]
+__all__ = [
+    "frame_times",
+    "make_folder",
+    "session_toml",
+    "write_frames",
+    "write_session",
+    "write_tlog",
+    "write_visible_truth",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -60,6 +68,29 @@ def write_session(
     world = World(scenario)
     filmed = world if film is None else World(film)
     ours = film is None
+    make_folder(folder)
+    t, stamps_us = frame_times(scenario)
+    save_scenario(scenario, folder / "scenario.toml")
+    (folder / METADATA).write_bytes(tomli_w.dumps(session_toml(scenario)).encode())
+    write_frames(folder / FRAMES.name, stamps_us)
+    write_tlog(folder / LOG, world)
+    if video:
+        # renderer and encoder are imported only where they are needed: that takes time
+        from sim.render.film import write_video
+
+        write_visible_truth(folder / TRUTH.name, filmed, t, ours=ours)
+        write_video(filmed, t, folder / "video.mp4", report)
+    else:
+        _write_detections(folder, filmed, t, ours=ours)
+    return world
+
+
+def make_folder(folder: Path) -> None:
+    """Make the folder of a session.
+
+    Raises:
+        SessionWriteError: if it exists or cannot be made.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=False)
     except FileExistsError as error:
@@ -70,20 +101,6 @@ def write_session(
         raise SessionWriteError(
             f"{folder}: cannot be made: {error.strerror}; give a folder that can be written"
         ) from error
-    t, stamps_us = frame_times(scenario)
-    save_scenario(scenario, folder / "scenario.toml")
-    (folder / METADATA).write_bytes(tomli_w.dumps(session_toml(scenario)).encode())
-    _write_frames(folder / FRAMES.name, stamps_us)
-    _write_tlog(folder / LOG, world)
-    if video:
-        # renderer and encoder are imported only where they are needed: that takes time
-        from sim.render.film import write_video
-
-        write_visible_truth(folder / TRUTH.name, filmed, t, ours=ours)
-        write_video(filmed, t, folder / "video.mp4", report)
-    else:
-        _write_detections(folder, filmed, t, ours=ours)
-    return world
 
 
 def frame_times(scenario: Scenario) -> tuple[FloatArray, NDArray[np.int64]]:
@@ -125,12 +142,14 @@ def session_toml(scenario: Scenario) -> dict[str, Any]:
     }
 
 
-def _write_frames(path: Path, stamps_us: NDArray[np.int64]) -> None:
+def write_frames(path: Path, stamps_us: NDArray[np.int64]) -> None:
+    """Write ``frames.csv`` from the stamps (k,) of the frames, Unix µs."""
     rows = "".join(f"{index},{stamp}\n" for index, stamp in enumerate(stamps_us.tolist()))
     path.write_bytes((FRAMES.header + rows).encode())
 
 
-def _write_tlog(path: Path, world: World) -> None:
+def write_tlog(path: Path, world: World) -> None:
+    """Write what all vehicles send as a telemetry log."""
     path.write_bytes(b"".join(struct.pack(">Q", packet.t_us) + packet.raw for packet in fleet_telemetry(world)))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from bench.field.draws import gnss, road, session, signed, slight
+from sim.world.error_draws import hard_errors
 from sim.world.scenario import (
     Blackout,
     Scenario,
@@ -48,18 +49,12 @@ UNLIKE = ("tau 10 s and steps", "slope 5°, oblique", "merged and look-alikes")
 
 def nominal(k: int, rng: np.random.Generator) -> Scenario:
     """Everything wrong at once."""
+    errors = hard_errors(rng)
     return session(
         ground=road(k),
-        gnss=gnss(rng, white=0.5, bias=1.0, uav_bias_m=1.5, height_bias_m=signed(rng, 0.5, 1.5)),
-        attitude=slight(
-            rng,
-            compass_bias_deg=signed(rng, 7.0, 10.0),
-            tilt_pitch_deg=signed(rng, 0.8, 1.5),
-            tilt_roll_deg=signed(rng, 0.8, 1.5),
-        ),
-        timing=ScenarioTiming(
-            video_offset_s=signed(rng, 0.3, 0.4), declared_offset="auto", rate_min_hz=1.0, jitter_s=0.1, loss=0.1
-        ),
+        gnss=errors.gnss,
+        attitude=errors.attitude,
+        timing=errors.timing,
         detector=ScenarioDetector(miss=0.05, flip=0.08, bursts_per_min=2.0, burst_min_s=1.0, burst_max_s=3.0),
         targets=Targets(still=2, moving=2),
     )

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from bench.field.draws import gnss, road, session, signed, slight
+from sim.world.error_draws import standard_errors
 from sim.world.scenario import (
     Scenario,
     ScenarioCamera,
@@ -55,7 +56,8 @@ UNLIKE = ("tau 10 s", "tau 600 s", "satellite steps", "slope 3°", "merged boxes
 
 
 def nominal(k: int, rng: np.random.Generator) -> Scenario:
-    return session(ground=road(k), gnss=gnss(rng), attitude=slight(rng))
+    errors = standard_errors(rng)
+    return session(ground=road(k), gnss=errors.gnss, attitude=errors.attitude)
 
 
 def paper_noise(k: int, rng: np.random.Generator) -> Scenario:

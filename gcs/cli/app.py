@@ -31,6 +31,7 @@ _COMMANDS: dict[str, str] = {
     "calibrate": "Measure a camera: focal length, centre, lens distortion.",
     "eval-detector": "Measure a detector on labelled images.",
     "sim": "Simulate a flight with truth, as a session or live.",
+    "sim from-tracks": "Put telemetry under an annotated film, as a session with truth.",
     "doctor": "Show what this machine has for a flight, and what to mend.",
     "demo": "Replay the bundled recording.",
     "bench": "Run a benchmark.",
@@ -41,15 +42,22 @@ _PASSED_ON = {"allow_extra_args": True, "ignore_unknown_options": True, "help_op
 
 
 class _CommandTable(TyperGroup):
-    """Module ``gcs.cli.NAME`` holds command NAME, with _ for -, as a function of that name, or a group as ``app``."""
+    """Module ``gcs.cli.NAME`` holds command NAME, with _ for -, as a function of that name, or a group as ``app``.
+
+    Of a command of two words NAME is the second; the first is also a command by itself.
+    """
 
     def list_commands(self, ctx: object) -> list[str]:
         return list(_COMMANDS)
 
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:  # noqa: ANN401
+        two = " ".join(args[:2])
+        return super().resolve_command(ctx, [two, *args[2:]] if two in _COMMANDS else args)
+
     def get_command(self, ctx: object, cmd_name: str) -> Any:  # noqa: ANN401  (the command class of whatever typer is built on)
         if cmd_name not in _COMMANDS:
             return None
-        name = cmd_name.replace("-", "_")
+        name = cmd_name.split()[-1].replace("-", "_")
         module = import_module(f"gcs.cli.{name}")
         if cmd_name in _GROUPS:
             return get_command(module.app)

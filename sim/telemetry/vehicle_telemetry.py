@@ -106,7 +106,8 @@ def _ugv(scenario: Scenario, sensors: Sensors, vehicle: int) -> Stream:
         messages.positions(scenario, clock, t, p, v, hdg, zeroed, scenario.gnss.altitude_quirk_m),
         messages.fixes(scenario, clock, t[some], p[some], v[some], zeroed[some]),
     ]
-    if not scenario.attitude.ugv_heading_missing:
+    # a vehicle whose heading is unknown throughout reports none
+    if not scenario.attitude.ugv_heading_missing and np.isfinite(reading.heading).all():
         level = np.zeros(len(t))
         rates = np.stack([level, level, reading.yaw_rate], axis=-1)
         streams.append(messages.attitudes(clock, t, reading.heading, level, level, rates))

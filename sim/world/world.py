@@ -43,13 +43,19 @@ class WorldState:
 
 
 class World:
-    """Generated once from the scenario's seed; looking up changes nothing."""
+    """Generated once from the scenario's seed; looking up changes nothing.
 
-    def __init__(self, scenario: Scenario) -> None:
+    Args:
+        scenario: what is simulated.
+        actors: bodies whose motion is known, in place of generated ones; the first ``scenario.fleet_size`` are ours.
+        flight: the UAV's known motion, in place of a generated one.
+    """
+
+    def __init__(self, scenario: Scenario, *, actors: Actors | None = None, flight: UavMotion | None = None) -> None:
         self.scenario = scenario
         t = time_grid(-LEAD_S, scenario.duration_s + TAIL_S)
-        self._actors: Actors = simulate_actors(scenario, t, random_stream(scenario, "cast"))
-        self._flight = self._fly(t)
+        self._actors: Actors = actors or simulate_actors(scenario, t, random_stream(scenario, "cast"))
+        self._flight = flight or self._fly(t)
         self._R_enu_ground = _sloping(scenario)
         self._canopies = self._place_canopies()
 

@@ -10,6 +10,7 @@ from tests.support.bundled import SWARM
 from tests.support.command_line import help_pages, run_gcs
 
 LOG = SWARM / "telemetry.tlog"
+FILM = ("gt.txt", "--video", "film.mp4", "-o", "out")
 FLIGHT = (SWARM / "session.toml", "-l", "udpin:127.0.0.1:0", "--headless", "--sessions", "sessions")
 OPTIONS = [
     ("fly", FLIGHT, "--duration"),
@@ -29,6 +30,15 @@ OPTIONS = [
     ("eval-detector", (SWARM,), "--score"),
     ("sim", ("curved-road",), "--duration"),
     ("sim", ("curved-road",), "--seed"),
+    ("sim from-tracks", FILM, "--first-frame"),
+    ("sim from-tracks", FILM, "--fps"),
+    ("sim from-tracks", FILM, "--duration"),
+    ("sim from-tracks", FILM, "--height"),
+    ("sim from-tracks", FILM, "--fov"),
+    ("sim from-tracks", FILM, "--pitch"),
+    ("sim from-tracks", FILM, "--team"),
+    ("sim from-tracks", FILM, "--vehicle"),
+    ("sim from-tracks", FILM, "--seed"),
 ]
 
 

@@ -1,0 +1,61 @@
+"""Writes an annotated film's world as a session folder, without the film itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import tomli_w
+from numpy.typing import NDArray
+
+from infra.session_format import DETECTIONS, FRAMES, LOG, METADATA, TRUTH
+from sim.annotated.film_world import FilmWorld
+from sim.annotated.tracks import AnnotatedTracks
+from sim.session import make_folder, session_toml, write_frames, write_tlog
+from sim.world.scenario_file import save_scenario
+
+__all__ = ["write_film_session"]
+
+FloatArray = NDArray[np.float64]
+
+LABEL_SCORE = 0.9
+"""Score of a label that takes a detection's place: that of a clear one."""
+
+
+def write_film_session(
+    film: FilmWorld, tracks: AnnotatedTracks, t: FloatArray, folder: Path, *, boxes_from_labels: bool
+) -> None:
+    """Write ``session.toml``, ``telemetry.tlog``, ``frames.csv``, ``truth.csv`` and ``scenario.toml``.
+
+    ``truth.csv`` has every label whose centre is in the image and that is not mostly hidden. Of the scenario only
+    camera, errors and seed tell how the session came about: the vehicles and the UAV moved as in the film.
+
+    Args:
+        film: its vehicles and its camera.
+        tracks: labels.
+        t: (T,) seconds of the images.
+        folder: must not exist yet.
+        boxes_from_labels: write the labels as ``detections.csv`` too, so that no detector looks at the film.
+
+    Raises:
+        SessionWriteError: if the folder exists or cannot be made.
+    """
+    scenario = film.world.scenario
+    make_folder(folder)
+    save_scenario(scenario, folder / "scenario.toml")
+    (folder / METADATA).write_bytes(tomli_w.dumps(session_toml(scenario)).encode())
+    stamps_us = scenario.start_us + np.rint((t + scenario.timing.video_offset_s) * 1e6).astype(np.int64)
+    write_frames(folder / FRAMES.name, stamps_us)
+    write_tlog(folder / LOG, film.world)
+    truth, detections = [TRUTH.header], [DETECTIONS.header]
+    name = dict(zip((track.track for track in film.team), scenario.ugv_ids, strict=True))
+    boxes = tracks.boxes()
+    inside = ((boxes[:, :2] >= 0.0) & (boxes[:, :2] < (scenario.camera.width, scenario.camera.height))).all(axis=1)
+    for row in np.flatnonzero(inside & ~tracks.hidden).tolist():
+        cx, cy, w, h, angle = boxes[row].tolist()
+        box = f"{tracks.frame[row]},{cx:.2f},{cy:.2f},{w:.2f},{h:.2f},{angle:.4f}"
+        truth.append(f"{box},{name.get(int(tracks.track[row]), 0)}\n")
+        detections.append(f"{box},{LABEL_SCORE},\n")
+    (folder / TRUTH.name).write_bytes("".join(truth).encode())
+    if boxes_from_labels:
+        (folder / DETECTIONS.name).write_bytes("".join(detections).encode())
