@@ -10,8 +10,8 @@ from gcs.annotated_film import FilmOptions, NumberedImages, session_from_film
 from gcs.errors import GcsError
 from gcs.report.score import score_files
 from sim.render.film import Film, write_video
-from tests.support.films.annotated import FILMED, FOV_DEG, SUFFIXES, film_of, ground_errors, labels_of
 from tests.support.command_line import run_gcs
+from tests.support.films.annotated import FILMED, FOV_DEG, SUFFIXES, film_of, ground_errors, labels_of
 
 
 @pytest.fixture(scope="module")
