@@ -1,0 +1,100 @@
+import cv2
+import numpy as np
+import pytest
+
+from bench.annotated.films import find_films
+from bench.annotated.made_films import link, make_films
+from bench.annotated.table import measure_films, text_of_films
+from gcs.annotated_film import FilmOptions
+from gcs.errors import GcsError
+from sim.annotated.layouts import read_tracks
+from vision.evaluation import open_folder
+
+SPEEDS_PX = ((0.0, 0.0), (14.0, 0.0), (-11.0, 3.0))
+"""Of three vehicles, from one picture to the next."""
+
+
+@pytest.fixture(scope="module")
+def pictures(tmp_path_factory):
+    """Six pictures of ground that slides by, with three vehicles, and YOLO labels in another order each time."""
+    folder = tmp_path_factory.mktemp("pictures")
+    rng = np.random.default_rng(3)
+    ground = cv2.resize(rng.integers(60, 200, (60, 90, 3), dtype=np.uint8), (720, 480), interpolation=cv2.INTER_CUBIC)
+    for index in range(6):
+        image = np.roll(ground, (2 * index, -3 * index), axis=(0, 1))[:300, :500].copy()
+        rows = []
+        for k in rng.permutation(3).tolist():
+            x, y = np.array([120.0 + 90 * k, 80.0 + 60 * k]) + index * np.add(SPEEDS_PX[k], (-3.0, 2.0))
+            cv2.rectangle(image, (int(x) - 15, int(y) - 7), (int(x) + 15, int(y) + 7), (30 + 60 * k, 40, 40), -1)
+            rows.append(f"0 {x / 500} {y / 300} {30 / 500} {14 / 300}")
+        cv2.imwrite(str(folder / f"MOS{index + 7}.png"), image)
+        (folder / f"MOS{index + 7}.txt").write_text("\n".join(rows) + "\n")
+    return folder
+
+
+def test_labels_of_pictures_in_a_row_are_linked(pictures):
+    images = sorted(open_folder(pictures).images, key=lambda image: int(image.name[3:-4]))
+    frames, rows = link(images)
+    assert len(frames) == 6
+    tracks = {}
+    for row in rows:
+        cells = row.split(",")
+        tracks.setdefault(cells[1], []).append(np.array(cells[2:10], dtype=float).reshape(4, 2).mean(axis=0))
+    assert [len(places) for places in tracks.values()] == [6, 6, 6]
+    moved = sorted(tuple(np.round(places[-1] - places[0]).tolist()) for places in tracks.values())
+    assert moved == sorted((5 * (dx - 3.0), 5 * (dy + 2.0)) for dx, dy in SPEEDS_PX)
+
+
+def test_films_are_made_found_and_measured(pictures, tmp_path):
+    assert make_films(pictures, tmp_path / "films", 2.0) == ["MOS7"]
+    (tmp_path / "films" / "MOS7.toml").write_text('team = 2\nerrors = "hard"\npitch_deg = -90\n')
+    (film,) = find_films(tmp_path / "films")
+    assert film.options == FilmOptions(team=2, errors="hard", pitch_deg=-90.0)
+    (row,), failed = measure_films([film], ("labels",))
+    assert not failed
+    assert (row.frames, row.vehicles, row.team, row.recall, row.box_precision) == (6, 3, 2, 100.0, 100.0)
+    text = text_of_films([row], ["other: no label"], "Films")
+    assert "| MOS7" in text
+    assert "- not used: other: no label" in text
+
+
+def test_a_film_over_one_picture(pictures, tmp_path):
+    alone = tmp_path / "alone"
+    alone.mkdir()
+    for suffix in (".png", ".txt"):
+        (alone / f"street{suffix}").write_bytes((pictures / f"MOS7{suffix}").read_bytes())
+    assert make_films(alone, tmp_path / "films") == ["street-pan"]
+    tracks = read_tracks(tmp_path / "films" / "street-pan.csv")
+    assert set(tracks.track.tolist()) == {0, 1, 2}
+    away = np.ptp(tracks.centre[tracks.track == 1], axis=0)
+    assert away.min() > 5.0
+
+
+def test_films_of_the_data_sets_are_found(tmp_path):
+    for name in (
+        "A/img1/1.jpg",
+        "A/gt/gt.txt",
+        "GT/M1_gt.txt",
+        "GT/M1_gt_whole.txt",
+        "GT/M1_gt_ignore.txt",
+        "M1/1.jpg",
+    ):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    for name in ("annotations/uav1.txt", "sequences/uav1/0000001.jpg", "drift.csv", "drift.mp4", "notes.txt"):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    found = {film.name: (film.labels.name, film.video.name) for film in find_films(tmp_path)}
+    assert found == {
+        "A": ("gt.txt", "img1"),
+        "M1": ("M1_gt_whole.txt", "M1"),
+        "uav1": ("uav1.txt", "uav1"),
+        "drift": ("drift.csv", "drift.mp4"),
+    }
+    with pytest.raises(GcsError, match="no film with labels"):
+        find_films(tmp_path / "GT")
+    (tmp_path / "drift.toml").write_text("hight_m = 250\n")
+    with pytest.raises(GcsError, match="height_m"):
+        find_films(tmp_path)
