@@ -5,7 +5,6 @@ The only place where telemetry, vision and association meet. A live flight, a re
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,8 +12,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.geometry.ground import OFFSET, PITCH, YAW
+from assoc.geometry.ground import YAW
 from assoc.identification.identifier import CameraState, Identifier, IdentifierParams, Identities
+from gcs.fold.camera_errors import with_camera_errors
 from gcs.fold.candidates import CandidateWords
 from gcs.fold.evidence import camera_of, observation_of, reports_of
 from gcs.fold.fences import Fences
@@ -224,7 +224,10 @@ class Pipeline:
         if self._tracker is None:
             self._tracker = Tracker(TrackerParams(new_score=self._score, frame_size=self._cameras.size))
         stitch, known, focal_px = self._stitch(t_us, view), self._known(state), view.intrinsics.fx if view else None
-        tracks = self._tracker.update(detections, t_us, warp=warp, stitch=stitch, known=known, focal_px=focal_px)
+        expected_px = np.array(list((self._expected_px(state, view) or {}).values())).reshape(-1, 2)
+        tracks = self._tracker.update(
+            *(detections, t_us), warp=warp, stitch=stitch, known=known, focal_px=focal_px, reported_px=expected_px
+        )
         self._events += self._statements.apply(t_us, index, tracks, self._identifier)
         view = self._cameras.seen(telemetry_us, view, detections, tracks) if view else None
         self._view = view
@@ -309,6 +312,10 @@ class Pipeline:
 
         return stitch
 
+    def _expected_px(self, state: FleetState, view: FrameCamera | None) -> dict[int, tuple[float, float]] | None:
+        """Where the vehicles' reports put them, by system id; None while the camera's pose is unknown."""
+        return expected_pixels(state, view, lambda p, by: self._identifier.expected_rays(p, self._camera(by)))
+
     def _known(self, state: FleetState) -> list[int]:
         """Tracks that carry a name whose vehicle reports a position."""
         positioned = set(state.system_id[state.valid].tolist())
@@ -324,21 +331,6 @@ class Pipeline:
 
     def _camera(self, view: FrameCamera) -> CameraState:
         return camera_of(view, self._cameras.stabilized)
-
-    def _with_corrections(self, health: Health) -> Health:
-        """Health with the estimated errors of the camera's clock, heading and pitch, and whether it is mirrored."""
-        theta, std = self._identifier.pose_correction, self._identifier.pose_correction_std
-        return replace(
-            health,
-            time_offset_s=self._offset_s + float(theta[OFFSET]),
-            time_offset_std_s=float(std[OFFSET]),
-            yaw_offset=float(theta[YAW]) if np.isfinite(std[YAW]) else math.nan,
-            yaw_offset_std=float(std[YAW]),
-            pitch_offset=float(theta[PITCH]),
-            pitch_offset_std=float(std[PITCH]),
-            mirrored=self._identifier.mirrored,
-            fit=self._identifier.fit_probability,
-        )
 
     def _snapshot(
         self,
@@ -362,7 +354,7 @@ class Pipeline:
                 stated=self._statements.by_track,
                 score=self._score,
             )
-        expected_px = expected_pixels(state, view, lambda p, by: self._identifier.expected_rays(p, self._camera(by)))
+        expected_px = self._expected_px(state, view)
         width, height = self._cameras.size or (0, 0)
         self._fences.set_origin(self.fleet.origin)
         lapsed = bool(self._frame_us) and t_us - self._frame_us > HELD_US
@@ -382,7 +374,9 @@ class Pipeline:
             footprint_enu=footprint(view.intrinsics, view.pose, view.ground_z) if view else None,
             uav_enu=state.uav.p_enu,
             uav_heading=state.uav.yaw,
-            health=self._with_corrections(self._link_rates.with_rates(t_us, health or Health())),
+            health=with_camera_errors(
+                self._link_rates.with_rates(t_us, health or Health()), self._identifier, self._offset_s
+            ),
             pose="unknown" if view is None else "known" if view.attitude_known else "no attitude",
             conflicts=self._names.conflicts,
             origin=self.fleet.origin,

@@ -54,7 +54,7 @@ def find_merged(state: TrackState, params: TrackerParams, boxes: Detections, apa
     Returns:
         The boxes and their tracks, None where there are none.
     """
-    settled = np.flatnonzero((state.hits >= params.confirm_hits) & (state.gap_s <= params.short_s))
+    settled = np.flatnonzero(state.confirmed & (state.gap_s <= params.short_s))
     size = np.sqrt(boxes.w * boxes.h)
     large = np.flatnonzero(size > LARGER * np.min(state.length[settled], initial=np.inf))
     place, length = state.x[settled, :2].copy(), state.length[settled]

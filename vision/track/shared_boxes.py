@@ -50,7 +50,7 @@ def find_shared(
         The boxes, which continue no track, and their tracks, which move on by themselves and stay in sight; None where
         there are none.
     """
-    recent = (state.hits >= params.confirm_hits) & (state.gap_s <= params.short_s) & (state.shared_s < params.coast_s)
+    recent = state.confirmed & (state.gap_s <= params.short_s) & (state.shared_s < params.coast_s)
     reach = REACH * state.length
     near = (apart < (reach * reach)[:, None]) & recent[:, None] & free
     bound = near & (np.count_nonzero(near, axis=1) == 1)[:, None]

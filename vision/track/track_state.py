@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from vision.detect.detections import Detections
 from vision.track import kalman
+from vision.track.evidence import ENOUGH
+from vision.track.fronts import front_of, vote_of, votes_after, way_after
 
 __all__ = ["TrackState"]
 
@@ -17,10 +19,10 @@ Flags = NDArray[np.bool_]
 
 SIZE_TIME_S = 0.5
 """Time constant of the smoothed sides."""
+CONFIRM_HITS = 2
+"""What looks most like a vehicle for a single frame may still be none."""
 AXIS_TIME_S = 0.12
 """Time constant of the smoothed axis."""
-VOTES = 5.0
-"""Most votes for a front that are remembered: a turned front is accepted after about as many detections."""
 NEARLY_SQUARE = 1.4
 """Ratio of sides below which width and length may have been confused."""
 
@@ -31,10 +33,11 @@ RATES = -1.0 / np.array([[SIZE_TIME_S], [SIZE_TIME_S], [AXIS_TIME_S]])
 X, SIDES, SHAPE, AGES, REPORTED, WHOLE, COVARIANCE, EXPECTED = (
     slice(*ends) for ends in ((0, 4), (4, 6), (4, 7), (10, 12), (0, 12), (12, 15), (15, 31), (31, 33))
 )
-SHARED = 33
+SHARED, WAY, EVIDENCE = range(33, 36)
 W, H, AXIS, LENGTH, FRONT, SCORE, AGE, GAP, TRACK_ID, DETECTION, HITS = range(4, 15)
-ROWS = 34
+ROWS = 36
 """Rows of the table."""
+SPEED_VARIANCES = COVARIANCE.start + 10, COVARIANCE.start + 15
 BOX = np.array([0, 1, W, H, AXIS])
 """Rows that make up a box."""
 # rows of a detections' table
@@ -44,11 +47,12 @@ SEEN_SHAPE, SEEN_SCORE, SEEN_HEADING = slice(2, 5), 5, 6
 class TrackState:
     """k tracks in order of their ids.
 
-    The rows of its table (34, k): centre px and velocity px/s; sides px and axis, an angle without jumps; length
-    √(w h) px, at least one; votes for the front along the axis (positive) or against (0: unknown); score; seconds
+    The rows of its table (36, k): centre px and velocity px/s; sides px and axis, an angle without jumps; length
+    √(w h) px, at least one; votes for the front along the axis (positive) or against (0: none); score; seconds
     since first and since last seen; in whole numbers the id, the index into this frame's detections (-1 unseen) and
     the frames in which it was seen; the covariance of the first four; the centre expected in this frame, px, NaN where
-    there was none; seconds for which it shared boxes since it last had one of its own.
+    there was none; seconds for which it shared boxes since it last had one of its own; the way that it went along its
+    axis, lengths; evidence that it is of a vehicle, nats.
     """
 
     __slots__ = ("table",)
@@ -121,6 +125,21 @@ class TrackState:
         return self.table[HITS, :]
 
     @property
+    def evidence(self) -> Floats:
+        """(k,) that it is of a vehicle, nats; may be written to."""
+        return self.table[EVIDENCE, :]
+
+    @property
+    def confirmed(self) -> Flags:
+        """(k,) enough speaks for it, and more than one box."""
+        return (self.table[EVIDENCE, :] >= ENOUGH) & (self.table[HITS, :] >= CONFIRM_HITS)
+
+    @property
+    def score(self) -> Floats:
+        """(k,) of the last box."""
+        return self.table[SCORE, :]
+
+    @property
     def unseen(self) -> Flags:
         """(k,) no detection of this frame is its."""
         return self.table[DETECTION, :] < 0.0
@@ -136,9 +155,14 @@ class TrackState:
         return self.table[DETECTION, :].astype(np.intp)
 
     @property
-    def ahead(self) -> Floats:
-        """Axis turned to the voted front, (k,) rad clockwise from image right; the axis itself when none was seen."""
-        return self.table[AXIS, :] + np.pi * (self.table[FRONT, :] < 0.0)
+    def front(self) -> Floats:
+        """(k,) positive where the front is along the axis, negative where it is against it, 0 unknown."""
+        return front_of(self.table[FRONT, :], self.table[WAY, :])
+
+    @property
+    def axis(self) -> Floats:
+        """(k,) rad clockwise from image right, without jumps."""
+        return self.table[AXIS, :]
 
     def move(self, rows: Indices, place: Floats, gap_s: Floats) -> None:
         """Put tracks (h,) to places (h, 2) px, unseen for (h,) seconds."""
@@ -147,6 +171,13 @@ class TrackState:
     def share(self, rows: Indices, dt: float) -> None:
         """Tracks (h,) share boxes in this frame, ``dt`` seconds after the one before."""
         self.table[SHARED, rows] += dt
+
+    def drive(self, dt: float) -> None:
+        """Note which way the tracks that are seen went in ``dt`` seconds, the camera's motion being taken out."""
+        at = self.table
+        variance = 0.5 * (at[SPEED_VARIANCES[0]] + at[SPEED_VARIANCES[1]])
+        way = way_after(at[WAY], at[2], at[3], variance, at[AXIS], at[W], dt)
+        at[WAY] = np.where(self.unseen, at[WAY], way)
 
     def apart(self, boxes: Detections) -> Floats:
         """Squared distances of tracks and boxes, (k, m) px²."""
@@ -228,7 +259,8 @@ def _place(table: Floats, seen: Floats, noise: Floats, speed: Floats) -> None:
     """Put the tracks of a table where boxes (7, k) are seen, with their shape."""
     _move(table, *kalman.initial(seen[:2].T, noise, speed))
     table[SHAPE], table[EXPECTED] = seen[SEEN_SHAPE], np.nan
-    table[FRONT] = np.where(np.isnan(seen[SEEN_HEADING]), 0.0, _vote(seen[SEEN_HEADING], table[AXIS]))
+    table[FRONT] = np.where(np.isnan(seen[SEEN_HEADING]), 0.0, vote_of(seen[SEEN_HEADING], table[AXIS]))
+    table[WAY] = 0.0
     _measure(table)
 
 
@@ -256,7 +288,7 @@ def _reshape(table: Floats, seen: Floats) -> None:
     unknown = np.isnan(seen[SEEN_HEADING])
     doubtful = np.count_nonzero(unknown)
     if doubtful < len(unknown):
-        votes = _poll(table[FRONT], _vote(seen[SEEN_HEADING], table[AXIS]))
+        votes = votes_after(table[FRONT], vote_of(seen[SEEN_HEADING], table[AXIS]))
         table[FRONT] = np.where(unknown, table[FRONT], votes) if doubtful else votes
 
 
@@ -269,21 +301,6 @@ def _turn_back(change: Floats, table: Floats, seen: Floats) -> None:
         swapped &= sides.max(axis=0) < NEARLY_SQUARE * np.maximum(sides.min(axis=0), 1e-9)
         change[:2, swapped] = (sides[::-1] - table[SIDES])[:, swapped]
         change[2, swapped] = _near_zero(turn[swapped] + np.pi / 2, np.pi)
-
-
-def _poll(front: Floats, vote: Floats) -> Floats:
-    """Votes for the front after one more each."""
-    votes = front + vote
-    if np.count_nonzero(votes) < len(votes):
-        # a draw goes to the previous front
-        votes = np.where(votes == 0, -0.5 * vote, votes)
-    return np.minimum(np.maximum(votes, -VOTES), VOTES)
-
-
-def _vote(heading: Floats, axis: Floats) -> Floats:
-    """+1 for a front along the axis, -1 against it; means nothing where the heading is unknown."""
-    # cos(heading − π/2 − axis) = sin(heading − axis)
-    return np.copysign(1.0, np.sin(heading - axis))
 
 
 def _near_zero(angle: Floats, period: float) -> Floats:

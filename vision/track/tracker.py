@@ -19,6 +19,7 @@ from vision.detect.boxes import prob_iou, prob_iou_pairs, wrap
 from vision.detect.detections import Detections
 from vision.track import kalman
 from vision.track.alignment import Alignment, BoxShapes, Lens, align
+from vision.track.evidence import ENOUGH, UsualScore
 from vision.track.matching import Pairs, assign, one_to_one
 from vision.track.merged_detections import find_merged
 from vision.track.shared_boxes import find_shared
@@ -46,6 +47,8 @@ REST = 0.25
 """A displacement of so many sizes is never unusual."""
 REACH_SHARE = 0.05
 """... or than this share of the frame's width, if that is more: small boxes jump as far as large ones."""
+REPORTED_REACH = 3.0
+"""A track so near to where a vehicle reports to be needs no further evidence to be reported, sizes."""
 SURE_SHARE = 0.7
 """Share of all that could be explained from which on the warp is not doubted."""
 BETTER_START = 6.0
@@ -72,6 +75,7 @@ class Tracker:
         """The tracks of this frame without its warp, which may be wrong."""
         self._inside = np.zeros(0, dtype=bool)
         """(k,) the tracks that are inside a box around several in this frame."""
+        self._usual = UsualScore(self.params.new_score)
         self._unrest = FIRST_UNREST_PX2
         """Mean square of the recent displacements that were common to all tracks, px²."""
 
@@ -84,6 +88,7 @@ class Tracker:
         stitch: Stitch | None = None,
         known: Collection[int] = (),
         focal_px: float | None = None,
+        reported_px: Floats | None = None,
     ) -> Tracks:
         """Continue, begin and end tracks by the boxes of one frame.
 
@@ -95,6 +100,7 @@ class Tracker:
             known: ids of tracks whose vehicle is known. Once they have been out of sight for a while, ``stitch`` alone
                 continues them: the vehicle's report is better evidence than the track's course.
             focal_px: of the camera; None unknown.
+            reported_px: (n, 2) where vehicles report to be: what looks like one there most probably is one.
         """
         dt = 0.0 if self._t_us is None else max(t_us - self._t_us, 0) / 1e6
         self._t_us = t_us
@@ -116,8 +122,23 @@ class Tracker:
             if stitch is not None:
                 free = self._stitch(strong, free, stitch)
         self._drop()
+        if warp is not None:
+            self._state.drive(dt)
         self._begin(boxes, free)
+        self._weigh(dt, reported_px)
         return self._tracks(order)
+
+    def _weigh(self, dt: float, reported_px: Floats | None) -> None:
+        """Gather evidence for the tracks that are not reported yet, by what is usual for those that are."""
+        state, evidence = self._state, self._state.evidence
+        young = evidence < ENOUGH
+        self._usual.learn(state.score[~young & ~state.unseen], dt)
+        if np.count_nonzero(young):
+            gain = self._usual.gain(state.score, state.unseen)
+            if reported_px is not None and len(reported_px):
+                away = np.linalg.norm(state.x[:, None, :2] - reported_px, axis=2).min(axis=1)
+                gain += ENOUGH * (away < REPORTED_REACH * state.length)
+            evidence[:] += young * gain
 
     def _strong_first(self, score: Floats) -> tuple[Indices | None, int]:
         """The boxes (m,) that count, strong ones first, None where all are strong; and how many are."""
@@ -164,7 +185,7 @@ class Tracker:
     def _extend(self, boxes: Detections, n: int, known: Collection[int]) -> None:
         """ByteTrack's second round: boxes (m,) from the n-th on are weak, and only continue confirmed tracks."""
         state, params = self._state, self.params
-        lost = (state.hits >= params.confirm_hits) & state.unseen & (state.gap_s <= params.short_s) & ~self._inside
+        lost = state.confirmed & state.unseen & (state.gap_s <= params.short_s) & ~self._inside
         if len(known):
             lost &= ~self._owned(known)
         if not np.count_nonzero(lost):
@@ -201,7 +222,9 @@ class Tracker:
         nearest = state.apart(boxes)[voters][:, chosen].min(axis=1)
         near = nearest < (LEAST_SHIFT * state.length[voters]) ** 2
         # boxes of nothing come once, but at the start nothing has come twice
-        settled = state.hits[voters] >= min(self.params.confirm_hits, state.hits[voters].max())
+        settled = state.confirmed[voters]
+        if not np.count_nonzero(settled):
+            settled[:] = True
         if np.count_nonzero(near & settled) > min(int(np.count_nonzero(settled)), count) // 2:
             return
         seen = BoxShapes.of(boxes.boxes[chosen])
@@ -284,7 +307,7 @@ class Tracker:
         columns = np.flatnonzero(free)
         if not len(columns):
             return free
-        rows = np.flatnonzero(state.unseen & (state.hits >= self.params.confirm_hits))
+        rows = np.flatnonzero(state.unseen & state.confirmed)
         if not len(rows):
             return free
         pairs = np.asarray(stitch(state.track_id[rows], boxes.centre[columns]), dtype=np.intp).reshape(-1, 2)
@@ -301,7 +324,7 @@ class Tracker:
         if not len(gap) or gap.max() <= min(params.tentative_s, params.short_s, params.coast_s):
             return
         patience = np.minimum(np.maximum(state.age_s - gap, params.short_s), params.coast_s)
-        brief = state.hits < params.confirm_hits
+        brief = ~state.confirmed
         if params.frame_size is not None:
             centre = state.x[:, :2]
             brief |= ((centre < 0) | (centre > params.frame_size)).any(axis=1)
@@ -333,9 +356,14 @@ class Tracker:
         return np.maximum(self.params.centre_noise * size, 1.0)
 
     def _tracks(self, order: Indices | None) -> Tracks:
-        angle = wrap(self._state.ahead)
+        state = self._state
+        known = state.evidence >= ENOUGH
+        if np.count_nonzero(known) < len(known):
+            state = state.select(np.flatnonzero(known))
+        front = state.front
+        angle = wrap(state.axis + np.pi * (front < 0.0))
         heading = (angle + 0.5 * np.pi) % (2 * np.pi)
-        (cx, cy, vx, vy, w, h, _, _, front, score, age_s, gap_s), (track_id, detection, hits) = self._state.columns()
+        (cx, cy, vx, vy, w, h, _, _, _, score, age_s, gap_s), (track_id, detection, hits) = state.columns()
         if order is not None:
             # the last entry answers for -1, unseen
             detection = np.append(order, -1)[detection]
@@ -356,7 +384,7 @@ class Tracker:
             gap_s=gap_s,
             vx=vx,
             vy=vy,
-            expected=self._state.expected,
+            expected=state.expected,
         )
 
 

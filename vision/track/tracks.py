@@ -32,8 +32,6 @@ class TrackerParams:
     new_score: float = 0.3
     """Boxes that may begin a track; weaker ones only continue tracks that are confirmed. Raise → fewer false tracks;
     lower → weak vehicles are tracked at all."""
-    confirm_hits: int = 2
-    """Detections that confirm a track. Raise → false boxes stay tentative longer; lower → tracks count sooner."""
     gate: float = 16.0
     """Largest squared Mahalanobis distance (2 degrees of freedom; 16 keeps 99.97 %). Raise → jerks are followed;
     lower → fewer swaps between neighbours."""
@@ -52,7 +50,7 @@ class TrackerParams:
     top_speed: float = 12.0
     """No vehicle moves faster, sizes/s. Raise → lost tracks reach further; lower → fewer foreign boxes are taken."""
     tentative_s: float = 0.35
-    """A track seen less than ``confirm_hits`` times ends after this long unseen."""
+    """A track that is not confirmed ends after this long unseen."""
     short_s: float = 1.0
     """A confirmed track coasts as long as it was seen, but at least this long ..."""
     coast_s: float = 2.5
@@ -68,8 +66,8 @@ class TrackerParams:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tracks:
-    """The k tracks at one frame, in order of their ids, those that coast unseen included. Arrays (k,) unless noted,
-    read-only."""
+    """The k tracks at one frame, in order of their ids, those that coast unseen included; none for which too little
+    speaks yet (``vision.track.evidence``). Arrays (k,) unless noted, read-only."""
 
     track_id: Ints
     """From 1."""

@@ -191,7 +191,8 @@ def test_doubtful_boxes_continue_tracks_but_begin_none():
         tracker.update(boxes([50.0, 50.0]), k * STEP)
     tracks = tracker.update(boxes([[51.0, 50.0], [200.0, 200.0]], score=0.2), 4 * STEP)
     assert tracks.track_id.tolist() == [1] and tracks.detection.tolist() == [0]
-    assert len(Tracker().update(boxes([50.0, 50.0], score=0.35), 0)) == 1
+    begun = Tracker()
+    assert [len(begun.update(boxes([50.0, 50.0], score=0.35), k * STEP)) for k in range(3)] == [0, 1, 1]
 
 
 def test_a_double_box_begins_no_track():
