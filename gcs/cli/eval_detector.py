@@ -139,7 +139,7 @@ def _detect_in_all(
             took += time.perf_counter() - began
             report(len(found), len(images))
     if blind and native is not None:
-        print_note(f"{blind} images of unknown ground resolution: the model sees them at half their size; give --gsd")
+        print_note(f"{blind} images of unknown ground resolution: their scale is found by the vehicles in them")
     return found, took
 
 

@@ -17,6 +17,7 @@ from infra.wall_clock import now_us
 from mavlink.protocol.packet import Packet
 from vision.detect.detections import Detections
 from vision.detect.detector import Detector
+from vision.detect.scale_finder import ScaleFinder
 from vision.motion.estimator import MotionEstimator
 from vision.motion.image_motion import ImageMotion
 from vision.video.video import Frame
@@ -68,6 +69,7 @@ class FrameLoop:
         now_us: Callable[[], int] = now_us,
     ) -> None:
         self._pipeline, self._detector, self._recorder = pipeline, detector, recorder
+        self._scale = ScaleFinder(detector)
         self._motions = MotionEstimator()
         self._faults, self._on_snapshot = faults, on_snapshot
         self._now_us = now_us
@@ -220,11 +222,14 @@ class FrameLoop:
         """Boxes, recorded; None where the detector failed, so that the fleet goes on without it."""
         assert self._detector is not None
         try:
-            boxes = self._detector.detect(frame.image, gsd_m=self._pipeline.gsd_m(frame.t_us, frame.image))
+            known_m = self._pipeline.gsd_m(frame.t_us, frame.image)
+            boxes = self._detector.detect(frame.image, gsd_m=self._scale.gsd_m(frame.image, frame.t_us, known_m))
         except Exception as error:  # noqa: BLE001 - a detector that fails must not cost the fleet's table
             self._faults.turn_failed("detecting", error)
             return None
         self._faults.turn_succeeded("detecting")
+        if news := self._scale.news():
+            self._pipeline.add_event(Event(t_us=frame.t_us, level="info", kind="camera", text=news))
         self._recorder.detections(frame.index, boxes)
         return boxes
 

@@ -293,6 +293,8 @@ class Analysis:
     ) -> Snapshot:
         for packet in packets.awaited(pipeline, frame.t_us):
             self._add_packet(pipeline, packet)
+        if frame.news:
+            pipeline.add_event(Event(t_us=frame.t_us, level="info", kind="camera", text=frame.news))
         return pipeline.add_frame(
             frame.index,
             frame.t_us,
@@ -372,8 +374,7 @@ class Analysis:
         health = self._health(index)
         if self.frames_us is None:
             return health
-        before = int(np.searchsorted(self._frames_order_us, t_us, side="right"))
-        if not before:
+        if not (before := int(np.searchsorted(self._frames_order_us, t_us, side="right"))):
             return replace(health, video="waiting" if self.video else "none")
         stalled = t_us - int(self._frames_order_us[before - 1]) > self._stall_s * 1e6
         return replace(health, video="stalled") if stalled else health

@@ -39,6 +39,8 @@ class LookedFrame:
     """None: the detector did not look at it."""
     motion: ImageMotion | None
     """How the camera moved since the last frame that was looked at; None: not known."""
+    news: str = ""
+    """What was found out about the film's scale until this frame, one line."""
 
 
 class RecordedLooks:
@@ -97,15 +99,29 @@ def look_again(
     Args:
         video: decoded as frames are asked for.
         detector: may be asked from several threads at once.
-        gsd_m: metres on the ground per pixel of a frame, None unknown.
+        gsd_m: metres on the ground per pixel of a frame as telemetry has it, None unknown: then the vehicles tell it.
         score: weaker boxes do not count in how the camera moved.
         first: index of the first frame.
     """
+    from vision.detect.scale_finder import ScaleFinder
     from vision.motion.estimator import MotionEstimator
     from vision.video.prefetch import look_ahead
 
-    motions = MotionEstimator()
-    with closing(look_ahead(video.frames(first), detector, gsd_m)) as looked:
+    motions, scale, news = MotionEstimator(), ScaleFinder(detector), dict[int, str]()
+
+    def used_gsd_m(frame: Frame) -> float | None:
+        used = scale.gsd_m(frame.image, frame.t_us, gsd_m(frame))
+        news[frame.index] = scale.news()
+        return used
+
+    with closing(look_ahead(video.frames(first), detector, used_gsd_m)) as looked:
         for frame, boxes in looked:
             motion = motions.update(frame.image, boxes.at_least(score))
-            yield LookedFrame(index=frame.index, t_us=frame.t_us, image=frame.image, boxes=boxes, motion=motion)
+            yield LookedFrame(
+                index=frame.index,
+                t_us=frame.t_us,
+                image=frame.image,
+                boxes=boxes,
+                motion=motion,
+                news=news.pop(frame.index),
+            )

@@ -119,11 +119,13 @@ class FrontedDetector:
     """
 
     def __init__(self, detector: Detector, classifier: FrontClassifier, *, score: float = 0.0) -> None:
-        self._detector, self._classifier, self._score = detector, classifier, score
+        self.detector = detector
+        """What finds the boxes."""
+        self._classifier, self._score = classifier, score
 
     def detect(self, image: Image, *, gsd_m: float | None = None) -> Detections:
         """See ``vision.detect.detector.Detector``."""
-        found = self._detector.detect(image, gsd_m=gsd_m)
+        found = self.detector.detect(image, gsd_m=gsd_m)
         unknown = np.flatnonzero(np.isnan(found.heading) & (found.score >= self._score))
         if not len(unknown):
             return found

@@ -8,13 +8,15 @@ many pixels.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Generator, Mapping
+from functools import partial
 
 import numpy as np
 import onnxruntime as ort
 from numpy.typing import NDArray
 
 from vision.detect import decode_heatmap
+from vision.detect.apparent_length import FLOOR, ApparentLength, examine, finish
 from vision.detect.detections import Detections
 from vision.detect.letterbox import letterbox, undo
 from vision.detect.onnx_model import RUN_ERRORS, described, metadata
@@ -28,8 +30,13 @@ Image = NDArray[np.uint8]
 ACCEPTED = "Rollcall's own (image [1, H, W, 3] uint8 → map [1, 9, H/4, W/4], metadata 'rollcall', 'stride')"
 
 DEFAULT_SCALE, DEFAULT_WIDTH = 0.5, 960
-"""How the model sees images of unknown ground resolution: scaled by so much, but not made narrower than so many px,
-nor enlarged."""
+"""How the model sees images in which nothing tells the scale: scaled by so much, but not made narrower than so many
+px, nor enlarged."""
+VEHICLE_M, ENOUGH_M = 4.5, 2.8
+"""Where vehicles alone tell the scale, most are taken to be as long as a car; in films it is enough that they are seen
+as large as a vehicle of the second length, where more would take longer than the scale above."""
+STILL_PX, FILM_PX = 1 << 20, 400_000
+"""Pixels that are looked at at one scale to find the scale of an image, and of a film meanwhile."""
 SIDE_STEP = 32
 """Sides of a canvas are multiples of this, px."""
 LEAST_SIDE, MOST_SIDE = 64, 4096
@@ -66,15 +73,39 @@ class HeatmapDetector:
         """See ``vision.detect.detector.Detector``."""
         height, width = image.shape[:2]
         known = gsd_m is not None and np.isfinite(gsd_m) and gsd_m > 0.0
-        unknown = max(DEFAULT_SCALE, min(DEFAULT_WIDTH / max(width, height), 1.0))
-        scale = min(gsd_m * self._px_per_m, MOST_SCALE) if known and gsd_m else unknown
+        scale = min(gsd_m * self._px_per_m, MOST_SCALE) if known and gsd_m else self._scale_of_still(image)
         if max(width, height) * scale <= MOST_SIDE:
-            return self._detect_at_scale(image, scale)
+            return self._detect_at_scale(image, scale, self._score)
         side = int(MOST_SIDE / scale)
         tiles = tile_grid((width, height), (side, side), OVERLAP_LENGTHS * self._length_px / scale)
-        return detect_in_tiles(image, tiles, lambda parts: [self._detect_at_scale(part, scale) for part in parts])
+        return detect_in_tiles(
+            image, tiles, lambda parts: [self._detect_at_scale(part, scale, self._score) for part in parts]
+        )
 
-    def _detect_at_scale(self, image: Image, scale: float) -> Detections:
+    def examine(self, image: Image, most_px: int = FILM_PX) -> Generator[None, None, ApparentLength | None]:
+        """How long vehicles are in an image, see ``vision.detect.apparent_length.examine``."""
+        return examine(image, partial(self._detect_at_scale, score=FLOOR), finest=MOST_SCALE, most_px=most_px)
+
+    def film_gsd_m(self, image: Image, length_px: float | None) -> float:
+        """The ground resolution to ask ``detect`` for in a film in which nothing but the vehicles tells it, m per px.
+
+        Args:
+            image: (H, W, 3) any frame.
+            length_px: how long vehicles are in it, None unknown.
+        """
+        scale = default_scale(image)
+        if length_px is not None:
+            best, enough = (self._px_per_m * metres / length_px for metres in (VEHICLE_M, ENOUGH_M))
+            scale = min(max(enough, min(best, scale)), MOST_SCALE)
+        return float(scale / self._px_per_m)
+
+    def _scale_of_still(self, image: Image) -> float:
+        found = finish(self.examine(image, STILL_PX))
+        if found is None:
+            return default_scale(image)
+        return float(min(VEHICLE_M / found.px * self._px_per_m, MOST_SCALE))
+
+    def _detect_at_scale(self, image: Image, scale: float, score: float) -> Detections:
         canvas, fit = letterbox(image, _canvas(image.shape[1], image.shape[0], scale))
         try:
             (cells,) = self._session.run(None, {"image": canvas[None]})
@@ -83,7 +114,12 @@ class HeatmapDetector:
         wanted = (1, decode_heatmap.CHANNELS, fit.height // self._stride, fit.width // self._stride)
         if cells.shape != wanted:
             raise ModelError(f"{self._where}: gave a map {list(cells.shape)}, wanted {list(wanted)}; {ACCEPTED}")
-        return undo(decode_heatmap.decode(cells[0], self._stride, self._score), fit, image)
+        return undo(decode_heatmap.decode(cells[0], self._stride, score), fit, image)
+
+
+def default_scale(image: Image) -> float:
+    """How an image (H, W, 3) is scaled in which nothing tells the scale."""
+    return max(DEFAULT_SCALE, min(DEFAULT_WIDTH / float(max(image.shape[:2])), 1.0))
 
 
 def _ranged(notes: Mapping[str, str], key: str, least: float, most: float) -> float:

@@ -163,7 +163,11 @@ def test_small_images_of_unknown_ground_resolution_are_not_made_smaller_still(im
 
     widths: list[int] = []
     HeatmapDetector(Session(), "a fake", score=0.3).detect(np.zeros((image[1], image[0], 3), np.uint8))
-    assert widths == [seen]
+    # before, vehicles were looked for at other scales, that would have told how large they are
+    assert widths[-1] == seen
+    widths.clear()
+    HeatmapDetector(Session(), "a fake", score=0.3).detect(np.zeros((720, 1280, 3), np.uint8), gsd_m=0.5 / (29 / 2.5))
+    assert widths == [640]
 
 
 def test_bundled_model_is_small_and_says_what_it_is():
