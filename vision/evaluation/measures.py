@@ -14,14 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.detect.detections import Detections
+from vision.evaluation.centres import match_centres
 from vision.evaluation.matching import ASIDE, FALSE_ALARM, THRESHOLDS, Matches, match
 from vision.evaluation.precision import average_precision
-from vision.evaluation.shares import Share, by_class, by_hiding, by_size
+from vision.evaluation.reliability import ScoreBin, score_bins, score_for
+from vision.evaluation.shares import Share, by_class, by_hiding, by_place, by_size
 from vision.evaluation.truth import Truth
 
-__all__ = ["Directions", "Evaluation", "evaluate"]
+__all__ = ["USUAL_PRECISION", "Centres", "Directions", "Evaluation", "Reliability", "evaluate"]
 
 Floats = NDArray[np.float64]
+
+USUAL_PRECISION = 0.85
+"""What the bundled detector's operating score is set to."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +43,26 @@ class Directions:
     """Median error of the front."""
     turned_about: float
     """Share of the detected fronts that are more than 90° off."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Centres:
+    """Judged by centres alone: a detection is right if its centre lies in an object, one detection for each."""
+
+    ap: float
+    precision: float
+    recall: float
+    sizes: tuple[Share, ...]
+    places: tuple[Share, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reliability:
+    """What scores are worth: judged by centres with upright labels, by overlap of a half with others."""
+
+    bins: tuple[ScoreBin, ...]
+    usual_score: float
+    """Lowest score from which on USUAL_PRECISION of the detections are right."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,6 +93,8 @@ class Evaluation:
     sizes: tuple[Share, ...]
     hidden: tuple[Share, ...]
     """By how hidden they are, where labels have it; last those that do not count."""
+    centres: Centres
+    reliability: Reliability
 
 
 def evaluate(
@@ -82,13 +109,15 @@ def evaluate(
         floor: the smallest score that the detector returned, for the record.
     """
     matches = [match(d, t) for d, t in zip(found, truth, strict=True)]
+    by_centre = [match_centres(d, t) for d, t in zip(found, truth, strict=True)]
     all_scores = np.concatenate([np.empty(0), *(d.score for d in found)])
-    number = np.concatenate([np.empty((len(THRESHOLDS), 0), np.int64), *(m.truth for m in matches)], axis=1)
+    number = _numbers(matches, len(THRESHOLDS))
     objects = sum(int(t.counts.sum()) for t in truth)
     ap = tuple(average_precision(all_scores[row != ASIDE], row[row != ASIDE] >= 0, objects) for row in number)
-    strong = all_scores >= score
-    hits, false = int((number[0, strong] >= 0).sum()), int((number[0, strong] == FALSE_ALARM).sum())
-    seen = [_seen(d, t, m, score) for d, t, m in zip(found, truth, matches, strict=True)]
+    hits, false = _counts(number[0], all_scores, score)
+    seen = _seen_in_all(found, truth, matches, score)
+    upright = any(t.upright for t in truth)
+    judged = by_centre if upright else matches
     return Evaluation(
         images=len(truth),
         objects=objects,
@@ -102,11 +131,45 @@ def evaluate(
         precision=hits / (hits + false) if hits + false else float("nan"),
         recall=hits / objects if objects else float("nan"),
         centre_px=_median(np.concatenate([np.empty(0), *(_apart(*pair) for pair in _pairs(found, truth, seen))])),
-        directions=_directions(_pairs(found, truth, seen), any(t.upright for t in truth)),
+        directions=_directions(_pairs(found, truth, seen), upright),
         classes=by_class(all_scores, matches, truth, seen),
         sizes=by_size(truth, seen),
         hidden=by_hiding(truth, seen),
+        centres=_centres(found, truth, by_centre, score),
+        reliability=Reliability(bins=score_bins(found, judged), usual_score=score_for(USUAL_PRECISION, found, judged)),
     )
+
+
+def _numbers(matches: Sequence[Matches], thresholds: int) -> NDArray[np.int64]:
+    """(thresholds, k) what each detection of all images is."""
+    return np.concatenate([np.empty((thresholds, 0), np.int64), *(m.truth for m in matches)], axis=1)
+
+
+def _counts(number: NDArray[np.int64], all_scores: Floats, score: float) -> tuple[int, int]:
+    """Right ones and false alarms at the operating score."""
+    strong = number[all_scores >= score]
+    return int((strong >= 0).sum()), int((strong == FALSE_ALARM).sum())
+
+
+def _centres(found: Sequence[Detections], truth: Sequence[Truth], matches: Sequence[Matches], score: float) -> Centres:
+    number = _numbers(matches, 1)[0]
+    all_scores = np.concatenate([np.empty(0), *(d.score for d in found)])
+    objects = sum(int(t.counts.sum()) for t in truth)
+    hits, false = _counts(number, all_scores, score)
+    seen = _seen_in_all(found, truth, matches, score)
+    return Centres(
+        ap=average_precision(all_scores[number != ASIDE], number[number != ASIDE] >= 0, objects),
+        precision=hits / (hits + false) if hits + false else float("nan"),
+        recall=hits / objects if objects else float("nan"),
+        sizes=by_size(truth, seen),
+        places=by_place(truth, seen),
+    )
+
+
+def _seen_in_all(
+    found: Sequence[Detections], truth: Sequence[Truth], matches: Sequence[Matches], score: float
+) -> list[NDArray[np.int64]]:
+    return [_seen(d, t, m, score) for d, t, m in zip(found, truth, matches, strict=True)]
 
 
 def _seen(found: Detections, truth: Truth, matches: Matches, score: float) -> NDArray[np.int64]:

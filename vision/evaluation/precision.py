@@ -15,13 +15,16 @@ from numpy.typing import NDArray
 __all__ = ["average_precision"]
 
 
-def average_precision(score: NDArray[np.float64], hit: NDArray[np.bool_], objects: int) -> float:
+def average_precision(
+    score: NDArray[np.float64], hit: NDArray[np.bool_], objects: int, times: NDArray[np.int64] | None = None
+) -> float:
     """Area under the precision-recall curve.
 
     Args:
         score: (k,) of detections.
         hit: (k,) whether each is right.
         objects: how many there are to be found.
+        times: (k,) how often each detection counts; None: once.
 
     Returns:
         0 to 1, NaN without objects.
@@ -29,10 +32,11 @@ def average_precision(score: NDArray[np.float64], hit: NDArray[np.bool_], object
     if not objects:
         return float("nan")
     order = np.argsort(-score, kind="stable")
-    right = np.cumsum(hit[order])
+    count = np.ones(len(order), np.int64) if times is None else times[order]
+    right, given = np.cumsum(count * hit[order]), np.cumsum(count)
     last = np.append(np.diff(score[order]) != 0.0, True) if len(order) else np.zeros(0, dtype=bool)
     # detections of one score come in together: their order is arbitrary
-    precision, recall = (right / np.arange(1, len(right) + 1))[last], (right / objects)[last]
+    precision, recall = (right / np.maximum(given, 1))[last], (right / objects)[last]
     best = np.maximum.accumulate(precision[::-1])[::-1]
     # AP = Σ (r_k − r_{k−1}) max_{j ≥ k} p_j
     return float(np.sum(np.diff(recall, prepend=0.0) * best))

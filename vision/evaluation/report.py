@@ -9,8 +9,9 @@ from dataclasses import asdict
 from typing import Any
 
 from infra.markdown import markdown_table
-from vision.evaluation.measures import Evaluation
-from vision.evaluation.shares import Share
+from vision.evaluation.measures import USUAL_PRECISION, Evaluation
+from vision.evaluation.reliability import ScoreBin
+from vision.evaluation.shares import Share, range_name
 
 __all__ = ["WORDS", "as_json", "as_markdown", "tables"]
 
@@ -51,15 +52,21 @@ def tables(result: Evaluation, about: Mapping[str, Any]) -> Iterator[tuple[Seque
         ("class", result.classes, True),
         ("length, px", result.sizes, False),
         ("occlusion", result.hidden, False),
+        ("centres by length, px", result.centres.sizes, False),
+        ("centres by place", result.centres.places, False),
     ):
         if shares:
             yield _shares(title, shares, with_ap)
+    yield _reliability(result.reliability.bins)
 
 
 WORDS = """\
 AP: area under the precision-recall curve, all-point interpolation; AP50-95 is the mean over overlaps of 0.50 to 0.95.
 Detections are matched image by image, best score first, each object once. The detector returns no classes: AP50 of a
-class sets the others' objects aside and holds every false alarm against it, which is hard on rare ones."""
+class sets the others' objects aside and holds every false alarm against it, which is hard on rare ones. Centres: a
+detection is right if its centre lies in an object, which is fair where labels are upright boxes around turned vehicles;
+thirds are of each image's objects, from the top down. Share right: of detections of this score and length, by centres
+with upright labels, by overlap with others."""
 """What the figures are."""
 
 
@@ -74,6 +81,10 @@ def _figures(r: Evaluation) -> list[tuple[str, str]]:
         ("AP50-95", number(r.ap50_95, 3)),
         (f"precision at score {r.score:g}", number(r.precision, 3)),
         (f"recall at score {r.score:g}", number(r.recall, 3)),
+        ("AP of centres", number(r.centres.ap, 3)),
+        (f"precision of centres at score {r.score:g}", number(r.centres.precision, 3)),
+        (f"recall of centres at score {r.score:g}", number(r.centres.recall, 3)),
+        (f"score from which on {USUAL_PRECISION:.0%} are right", number(r.reliability.usual_score, 2)),
         ("median distance of centres, px", number(r.centre_px, 2)),
         ("median error of the long axis, °", number(d.axis_deg, 1)),
     ]
@@ -84,6 +95,17 @@ def _figures(r: Evaluation) -> list[tuple[str, str]]:
             ("fronts not given, %", number(100.0 * d.missing / (d.given + d.missing), 1)),
         ]
     return rows
+
+
+def _reliability(bins: Sequence[ScoreBin]) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+    lengths = list(dict.fromkeys(b.length_px for b in bins))
+    head = ("score", *(f"share right, {range_name(*length)} px" for length in lengths))
+    rows = []
+    for score in dict.fromkeys(b.score for b in bins):
+        mine = [b for b in bins if b.score == score]
+        cells = [f"{b.right / b.detections:.2f} of {b.detections}" if b.detections else "–" for b in mine]
+        rows.append([range_name(*score), *cells])
+    return head, rows
 
 
 def _shares(title: str, shares: Sequence[Share], with_ap: bool) -> tuple[Sequence[str], Sequence[Sequence[str]]]:

@@ -13,7 +13,7 @@ from vision.evaluation.matching import FALSE_ALARM, Matches
 from vision.evaluation.precision import average_precision
 from vision.evaluation.truth import HIDDEN, Truth
 
-__all__ = ["SIZES_PX", "Share", "by_class", "by_hiding", "by_size"]
+__all__ = ["SIZES_PX", "Share", "by_class", "by_hiding", "by_place", "by_size", "range_name"]
 
 Floats = NDArray[np.float64]
 Seen = Sequence[NDArray[np.int64]]
@@ -21,6 +21,9 @@ Seen = Sequence[NDArray[np.int64]]
 
 SIZES_PX = (0.0, 12.0, 16.0, 24.0, 32.0, 48.0, 64.0, 96.0, np.inf)
 """Edges of the classes by length, px."""
+
+PLACES = ("upper third", "middle third", "lower third")
+"""Of an image's objects."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,6 +35,11 @@ class Share:
     found: int
     ap50: float = np.nan
     """Of these alone, the others set aside; false alarms count in full for each. NaN where it is not asked for."""
+
+
+def range_name(low: float, high: float) -> str:
+    """``16–24``, or ``96 and more``."""
+    return f"{low:g}–{high:g}" if np.isfinite(high) else f"{low:g} and more"
 
 
 def by_class(score: Floats, matches: Sequence[Matches], truth: Sequence[Truth], seen: Seen) -> tuple[Share, ...]:
@@ -59,8 +67,20 @@ def by_size(truth: Sequence[Truth], seen: Seen) -> tuple[Share, ...]:
     length = [np.where(t.counts, np.maximum(t.boxes[:, 2], t.boxes[:, 3]), np.nan) for t in truth]
     shares = []
     for low, high in pairwise(SIZES_PX):
-        name = f"{low:g}–{high:g}" if np.isfinite(high) else f"{low:g} and more"
-        shares.append(_share(name, ((one >= low) & (one < high) for one in length), seen))
+        shares.append(_share(range_name(low, high), ((one >= low) & (one < high) for one in length), seen))
+    return tuple(s for s in shares if s.objects)
+
+
+def by_place(truth: Sequence[Truth], seen: Seen) -> tuple[Share, ...]:
+    """Recall by thirds of the objects of each image, from the top down: on oblique images the top is farthest."""
+    counted = [np.where(t.counts, t.boxes[:, 1], np.nan) for t in truth]
+    edges = [np.nanquantile(y, (0.0, 1 / 3, 2 / 3, 1.0)) if np.isfinite(y).any() else np.zeros(4) for y in counted]
+    shares = []
+    for k, name in enumerate(PLACES):
+        # the lowest object belongs to the lowest third
+        upto = [np.inf if k == len(PLACES) - 1 else edge[k + 1] for edge in edges]
+        which = [(y >= edge[k]) & (y < high) for y, edge, high in zip(counted, edges, upto, strict=True)]
+        shares.append(_share(name, which, seen))
     return tuple(s for s in shares if s.objects)
 
 

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.support.labelled import found_of, truth_of
 from vision.detect.boxes import corners, rotated_iou
-from vision.detect.detections import Detections
-from vision.evaluation import LabelledImage, Truth, average_precision, choose, evaluate, match, shard_truth
+from vision.evaluation import LabelledImage, average_precision, choose, evaluate, match, shard_truth
 from vision.evaluation.matching import ASIDE, FALSE_ALARM, overlap
 from vision.evaluation.report import as_json, as_markdown
 from vision.evaluation.sheet import TILE_PX, worst, worst_sheet
@@ -22,25 +22,6 @@ from vision.training.quality import measure
 
 MODEST = settings(max_examples=25, deadline=None)
 SIDE_PX = 400.0
-
-
-def truth_of(boxes, *, counts=None, heading=None, name=None, hidden=None, upright=False):
-    boxes = np.array(boxes, dtype=float).reshape(-1, 5)
-    n = len(boxes)
-    return Truth(
-        boxes=boxes,
-        heading=np.full(n, np.nan) if heading is None else np.array(heading, float),
-        name=np.array(["car"] * n if name is None else name, dtype=np.str_),
-        counts=np.ones(n, bool) if counts is None else np.array(counts, bool),
-        hidden=np.full(n, -1) if hidden is None else np.array(hidden),
-        upright=upright,
-    )
-
-
-def found_of(boxes, score, heading=None):
-    cx, cy, w, h, angle = np.array(boxes, dtype=float).reshape(-1, 5).T
-    heading = np.full(len(cx), np.nan) if heading is None else heading
-    return Detections(cx=cx, cy=cy, w=w, h=h, angle=angle, score=np.array(score, float), heading=heading)
 
 
 def row(cx, cy=50.0, w=40.0, h=20.0, angle=0.3):
