@@ -44,6 +44,10 @@ FPS = 30.0
 """Of numbered images whose rate nothing tells: what most cameras film at."""
 CRF = 17
 """Quality of numbered images as video: no difference is seen."""
+OUTSIDE = "outside the image"
+"""Why a label is left out."""
+MOST_OUTSIDE, MOST_UNKNOWN = 0.05, 0.2
+"""Shares of labels outside the image, and of steps whose motion the pixels do not tell, from which on it is said."""
 LEAST_FPS, MOST_FPS = 0.5, 120.0
 """Rates that the simulator takes."""
 
@@ -192,6 +196,7 @@ def session_from_film(
         shutil.copyfile(video, out / f"video{video.suffix.lower()}")
     left = ", ".join(f"{count} {reason}" for reason, count in fitting.left_out.items())
     told = None if motions is None else sum(H is not None for H in motions[1:])
+    doubts = _doubts(fitting, None if told is None else (told, len(t) - 1))
     lines = (
         ("labels", f"{len(fitting)} of {made.vehicles} vehicles, read as {fitting.layout}"),
         ("left_out", f"{left or 'nothing'}; {int(fitting.hidden.sum())} mostly hidden are not in the truth"),
@@ -202,9 +207,21 @@ def session_from_film(
         ("team", ", ".join(_member(made, index) for index in range(len(made.team)))),
         ("errors", options.errors),
         ("boxes", "the labels" if options.boxes_from_labels else "the detector's, on the film"),
+        *((("doubts", "; ".join(doubts)),) if doubts else ()),
     )
     (out / "film.toml").write_text(tomli_w.dumps(dict(lines)), encoding="utf-8")
     return FilmReport(lines=lines, film=made)
+
+
+def _doubts(tracks: AnnotatedTracks, told: tuple[int, int] | None) -> list[str]:
+    """What may be wrong with labels or film; told: steps whose motion is known, and all of them."""
+    doubts = []
+    outside = tracks.left_out.get(OUTSIDE, 0)
+    if outside > MOST_OUTSIDE * (len(tracks) + outside):
+        doubts.append(f"{outside} labels lie outside the image: are they of this film, at this size?")
+    if told is not None and told[0] < (1.0 - MOST_UNKNOWN) * told[1]:
+        doubts.append("where the pixels do not tell the motion the camera is taken to stand: vehicles may leap there")
+    return doubts
 
 
 def _member(made: FilmWorld, index: int) -> str:
@@ -249,7 +266,9 @@ def _fitting(tracks: AnnotatedTracks, n: int, size: tuple[int, int], labels: Pat
     """Labels of images that are there, in the image."""
     fitting = tracks.select(tracks.frame < n, "after the film's last image")
     touches = ((fitting.corners.max(axis=1) > 0.0) & (fitting.corners.min(axis=1) < size)).all(axis=1)
-    fitting = fitting.select(touches, "outside the image")
+    fitting = fitting.select(touches, OUTSIDE)
+    if len(fitting) and fitting.hidden.all():
+        raise GcsError(f"{labels}: read as {fitting.layout}, every vehicle is mostly hidden; is --layout right?")
     if not len(fitting):
         raise GcsError(
             f"{labels}: no label in the {n} images of {video}; do they belong together, is --first-frame right?"

@@ -38,6 +38,8 @@ __all__ = ["LAYOUTS", "read_tracks"]
 
 MOST_BYTES = 1 << 30
 """A label file has some ten million rows at most."""
+MOST_NUMBER = 2**53
+"""Of an image or a vehicle: up to here floating point has every whole number."""
 LAYOUTS = ("csv", "mot", "visdrone", "uavdt")
 CORNER_COLUMNS = ("x1", "y1", "x2", "y2", "x3", "y3", "x4", "y4")
 DRIFT_KINDS = {"0": "bus", "1": "car", "2": "truck"}
@@ -79,7 +81,9 @@ def read_tracks(path: Path, layout: str = "auto", first_frame: int | None = None
     try:
         lines = read_small(path, MOST_BYTES).decode("utf-8-sig", errors="replace").splitlines()
     except (OSError, ValueError) as error:
-        raise AnnotationError(f"{path}: cannot be read: {error}; give a file of labels") from error
+        raise AnnotationError(
+            f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}; give a file of labels"
+        ) from error
     rows = [row for row in csv.reader(lines, delimiter=_delimiter(lines)) if any(cell.strip() for cell in row)]
     if not rows:
         raise AnnotationError(f"{path}: no label in it")
@@ -183,7 +187,13 @@ def _csv_parser(rows: _Rows, path: Path) -> _Parser:
     def parse(cells: Sequence[str]) -> _VehicleLabel:
         word = cells[named].strip().lower() if named is not None else kind
         box = tuple(float(cells[at[name]]) for name in CORNER_COLUMNS)
-        return _VehicleLabel(_number(cells[at["frame"]]), _number(cells[track]), box, _kind_of(word), hidden=False)
+        return _VehicleLabel(
+            _whole_number(float(cells[at["frame"]])),
+            _whole_number(float(cells[track])),
+            box,
+            _kind_of(word),
+            hidden=False,
+        )
 
     return parse
 
@@ -250,18 +260,14 @@ def _listed(number: int, kinds: Mapping[int, str]) -> str:
 
 
 def _frame_and_track(numbers: Sequence[float]) -> tuple[int, int]:
-    frame, track = int(numbers[0]), int(numbers[1])
-    if track < 0:
+    if numbers[1] < 0.0:
         raise UnusedLabelError("without a track (a detection)")
-    if frame != numbers[0] or track != numbers[1]:
-        raise ValueError("not a whole number")
-    return frame, track
+    return _whole_number(numbers[0]), _whole_number(numbers[1])
 
 
-def _number(cell: str) -> int:
-    value = float(cell)
-    if not value.is_integer() or value < 0:
-        raise ValueError("not a whole number from 0 on")
+def _whole_number(value: float) -> int:
+    if not (value.is_integer() and 0.0 <= value < MOST_NUMBER):
+        raise ValueError("not the number of an image or a vehicle")
     return int(value)
 
 

@@ -96,6 +96,17 @@ def test_what_cannot_be_used_is_said(filmed, words, told, tmp_path, monkeypatch)
     assert not (tmp_path / "out").exists()
 
 
+def test_labels_of_another_film_are_doubted(filmed, tmp_path):
+    left, right = tmp_path / "gt.txt", "".join(f"{frame},9,{700 - 20 * frame},5,40,20,1\n" for frame in range(1, 10))
+    left.write_text(right)
+    made = session_from_film(left, filmed / "film.mp4", tmp_path / "session", FilmOptions(static=True))
+    assert dict(made.lines)["doubts"].startswith("3 labels lie outside the image")
+    hidden = tmp_path / "M0101_gt_whole.txt"
+    hidden.write_text("1,9,70,5,40,20,1,4,1\n")
+    with pytest.raises(GcsError, match="every vehicle is mostly hidden"):
+        session_from_film(hidden, filmed / "film.mp4", tmp_path / "other", FilmOptions())
+
+
 def test_nothing_is_overwritten(filmed, tmp_path):
     with pytest.raises(GcsError, match="exists already"):
         session_from_film(filmed / "gt.txt", filmed / "film.mp4", tmp_path, FilmOptions())

@@ -16,6 +16,8 @@ three,0,595,744,176,106,1,4,0,0
 2,7,595,744,0,106,1,9,0,0
 0,8,595,744,10,106,1,9,0,0
 2,9,nan,744,10,106,1,9,0,0
+2,99999999999999999999,595,744,10,106,1,9,0,0
+1e40,9,595,744,10,106,1,9,0,0
 """
 
 
@@ -45,7 +47,7 @@ def test_rows_that_are_not_used_are_counted(tmp_path):
         "not a vehicle": 1,
         "marked as not to be considered": 1,
         "a second label of the same vehicle in a frame": 1,
-        "unreadable": 2,
+        "unreadable": 4,
         "without width or height": 1,
         "before the film's first image": 1,
     }
