@@ -40,13 +40,16 @@ SPREAD_OCTAVES = 0.25
 """Standard deviation of the lengths of vehicles of one kind, with the error of the boxes."""
 GRID_OCTAVES = 0.05
 """Resolution of the length."""
-LEAST_EVIDENCE = 0.8
-"""Two vehicles that are found at two scales with a score of 0.65, or one at three scales."""
+LEAST_EVIDENCE, LEAST_LENGTH_PX = 0.35, 40.0
+"""Two vehicles that two scales find with a score of 0.4, where vehicles are so long on the finest canvas. Of shorter
+ones an image has room for more, by the square, and what is none agrees by chance as much more often."""
+CAR_ASPECT = 2.5
+"""Length of a car, in widths. A bus is little wider than a car and three times as long: in a depot widths tell more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ApparentLength:
-    """The length that most vehicles of an image have."""
+    """The length that most vehicles of an image have, or would have if they were cars of their width."""
 
     px: float
     """In pixels of the image."""
@@ -77,7 +80,8 @@ def examine(image: Image, look: Look, *, finest: float, most_px: float) -> Gener
             found.append(confirmed(coarse, fine))
         coarse = fine
         yield
-    return common_length(*np.concatenate(found, axis=1))
+    length, weight = np.concatenate(found, axis=1)
+    return common_length(length, weight, finest)
 
 
 def finish(examination: Generator[None, None, ApparentLength | None]) -> ApparentLength | None:
@@ -106,18 +110,24 @@ def confirmed(coarse: Detections, fine: Detections) -> Floats:
     rows = np.arange(len(a))
     i = np.flatnonzero((overlap.argmax(axis=0)[best] == rows) & (overlap[rows, best] >= AGREE))
     j = best[i]
-    length_a, length_b = np.maximum(a.w[i], a.h[i]), np.maximum(b.w[j], b.h[j])
+    length_a, length_b = _length(a)[i], _length(b)[j]
     same = np.abs(np.log2(length_a / length_b)) <= SAME_OCTAVES
     # the geometric mean of either's length, √(L₁ L₂), and of its squared score, s₁ s₂
     return np.stack([np.sqrt(length_a * length_b), a.score[i] * b.score[j]])[:, same]
 
 
-def common_length(length: Floats, weight: Floats) -> ApparentLength | None:
+def _length(found: Detections) -> Floats:
+    """(m,) px, that of a car of this width at most."""
+    return np.asarray(np.minimum(np.maximum(found.w, found.h), CAR_ASPECT * np.minimum(found.w, found.h)))
+
+
+def common_length(length: Floats, weight: Floats, finest: float) -> ApparentLength | None:
     """The length about which the evidence is densest.
 
     Args:
         length: (k,) px, above 0.
         weight: (k,) evidence.
+        finest: the largest scale that was looked at.
 
     Returns:
         None for too little evidence.
@@ -129,7 +139,7 @@ def common_length(length: Floats, weight: Floats) -> ApparentLength | None:
     # evidence(g) = Σ wᵢ e^(−½ ((oᵢ − g) / σ)²)
     evidence = np.exp(-0.5 * ((octave - grid[:, None]) / SPREAD_OCTAVES) ** 2) @ weight
     best = int(evidence.argmax())
-    if evidence[best] < LEAST_EVIDENCE:
+    if evidence[best] < LEAST_EVIDENCE * max(LEAST_LENGTH_PX / (2.0 ** grid[best] * finest), 1.0) ** 2:
         return None
     return ApparentLength(px=float(2.0 ** grid[best]), evidence=float(evidence[best]))
 

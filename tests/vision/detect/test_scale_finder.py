@@ -132,14 +132,14 @@ def test_the_same_frames_give_the_same_scales(renderer, detector):
     assert seen(ScaleFinder(detector), film) == seen(ScaleFinder(detector), film)
 
 
-def boxes(length, score=0.8, at=50.0):
+def boxes(length, score=0.8, at=50.0, width=None):
     length = np.atleast_1d(np.asarray(length, dtype=float))
     n = len(length)
     return Detections(
         cx=np.full(n, at) + 200.0 * np.arange(n),
         cy=np.full(n, 50.0),
         w=length,
-        h=0.45 * length,
+        h=0.45 * length if width is None else np.full(n, width),
         angle=np.zeros(n),
         score=np.full(n, score),
         heading=np.full(n, np.nan),
@@ -176,8 +176,21 @@ def test_large_images_are_looked_at_in_the_part_where_most_is():
 
 def test_evidence_is_dense_where_most_vehicles_are():
     length = np.array([50.0, 52.0, 48.0, 51.0, 130.0, 20.0])
-    found = common_length(length, np.array([0.5, 0.5, 0.5, 0.5, 0.9, 0.3]))
+    found = common_length(length, np.array([0.5, 0.5, 0.5, 0.5, 0.9, 0.3]), 2.0)
     assert found is not None
     assert found.px == pytest.approx(50.0, rel=0.05)
-    assert common_length(length[:1], np.array([0.5])) is None
-    assert common_length(np.empty(0), np.empty(0)) is None
+    assert common_length(length[:1], np.array([0.3]), 2.0) is None
+    assert common_length(np.empty(0), np.empty(0), 2.0) is None
+
+
+def test_small_boxes_need_more_evidence():
+    weight = np.array([0.5])
+    assert common_length(np.array([30.0]), weight, 2.0) is not None
+    assert common_length(np.array([10.0]), weight, 2.0) is None
+
+
+def test_in_a_depot_the_width_of_buses_tells():
+    image = np.zeros((720, 1280, 3), np.uint8)
+    found = finish(examine(image, lambda part, scale: boxes([120.0] * 5, width=25.0), finest=2.0, most_px=1e9))
+    assert found is not None
+    assert found.px == pytest.approx(62.5, rel=0.05)
