@@ -4,12 +4,13 @@ VisionError
 ├── VideoError    a file, stream or recording that cannot be opened, read or written
 ├── ModelError    a detector model that is missing or has inputs or outputs we cannot use
 ├── CameraError   intrinsics or a mount that describe no camera
-└── LabelError    a folder of labelled images, or a line of its labels, that cannot be used
+├── LabelError    a folder of labelled images, or a line of its labels, that cannot be used
+└── TrainingError a folder of a training run that cannot be begun or continued
 """
 
 from __future__ import annotations
 
-__all__ = ["CameraError", "LabelError", "ModelError", "VideoError", "VisionError"]
+__all__ = ["CameraError", "LabelError", "ModelError", "TrainingError", "VideoError", "VisionError"]
 
 
 class VisionError(Exception):
@@ -30,3 +31,7 @@ class CameraError(VisionError):
 
 class LabelError(VisionError):
     """Labelled images cannot be used: the message names the file and the line."""
+
+
+class TrainingError(VisionError):
+    """A training run cannot be begun, or not continued as it began."""

@@ -30,6 +30,7 @@ _COMMANDS: dict[str, str] = {
     "keys": "Make, list and check the keys that vehicles sign with.",
     "calibrate": "Measure a camera: focal length, centre, lens distortion.",
     "eval-detector": "Measure a detector on labelled images.",
+    "train-detector": "Fine-tune the bundled detector on labelled images.",
     "sim": "Simulate a flight with truth, as a session or live.",
     "sim from-tracks": "Put telemetry under an annotated film, as a session with truth.",
     "doctor": "Show what this machine has for a flight, and what to mend.",

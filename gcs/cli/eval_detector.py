@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from vision.detect.detector import Detector
     from vision.evaluation import LabelledImage
 
-__all__ = ["eval_detector"]
+__all__ = ["FLOOR", "GSD_M", "detect_in_all", "eval_detector", "open_images", "open_model"]
 
 FLOOR = 0.01
 """Smallest score that average precision sees."""
@@ -59,23 +59,17 @@ def eval_detector(
     as_json: AsJson = False,
 ) -> None:
     """Measure a detector on a folder of labelled images."""
-    from vision.evaluation import choose_in_all, evaluate, open_folder
+    from vision.evaluation import evaluate
     from vision.evaluation.report import WORDS, as_markdown, tables
     from vision.evaluation.report import as_json as to_json
 
-    opened = open_folder(folder, _format(form), names=_split(names), corners_tell_front=corners_tell_front)
-    if opened.unlabelled:
-        print_note(f"{opened.unlabelled} images have no label file and are not judged")
-    if opened.missing:
-        print_note(f"{opened.missing} images of the COCO file are not in {folder}")
-    images, choice = choose_in_all(opened.images, _split(classes), _split(ignore))
-    print_note(f"classes that count: {', '.join(sorted(choice.counts)) or 'none'}")
-    detector, native = _open(model, front)
-    found, took = _detect_in_all(images, detector, gsd, native)
+    labels, images = open_images(folder, form, names, classes, ignore, corners_tell_front)
+    detector, native = open_model(model, front)
+    found, took = detect_in_all(images, detector, gsd, native)
     result = evaluate(found, [p.truth for p in images], score=score, floor=FLOOR)
     about = {
         "pictures": folder.name,
-        "labels": opened.format,
+        "labels": labels,
         "judged by": "upright boxes" if any(p.truth.upright for p in images) else "oriented boxes",
         "model": model.name if model else "bundled",
         "fronts": front.name if front else "the model's own",
@@ -95,6 +89,31 @@ def eval_detector(
         _write(out, to_json(result, about), as_markdown(result, about), images, found, score)
 
 
+def open_images(
+    folder: Path,
+    form: str | None,
+    names: str | None,
+    classes: str | None,
+    ignore: str | None,
+    corners_tell_front: bool,
+) -> tuple[str, list[LabelledImage]]:
+    """The format of a folder's labels, and its images with the classes that count; arguments as the commands have them.
+
+    Raises:
+        LabelError, GcsError: they cannot be used.
+    """
+    from vision.evaluation import choose_in_all, open_folder
+
+    opened = open_folder(folder, _format(form), names=_split(names), corners_tell_front=corners_tell_front)
+    if opened.unlabelled:
+        print_note(f"{opened.unlabelled} images have no label file and are not judged")
+    if opened.missing:
+        print_note(f"{opened.missing} images of the COCO file are not in {folder}")
+    images, choice = choose_in_all(opened.images, _split(classes), _split(ignore))
+    print_note(f"classes that count: {', '.join(sorted(choice.counts)) or 'none'}")
+    return opened.format, images
+
+
 def _split(text: str | None) -> list[str] | None:
     return None if text is None else [part.strip() for part in text.split(",") if part.strip()]
 
@@ -107,7 +126,7 @@ def _format(form: str | None) -> Any:  # noqa: ANN401  (one of FORMATS from here
     return form
 
 
-def _open(model: Path | None, front: Path | None) -> tuple[Detector, float | None]:
+def open_model(model: Path | None, front: Path | None = None) -> tuple[Detector, float | None]:
     """The detector, and the ground resolution at which it looks at images as they are, if it is Rollcall's own."""
     from vision.detect.detector import BUNDLED, open_detector
     from vision.detect.onnx_model import metadata, open_session
@@ -123,15 +142,14 @@ def _open(model: Path | None, front: Path | None) -> tuple[Detector, float | Non
     return FrontedDetector(detector, open_front_classifier(front)), native
 
 
-def _detect_in_all(
-    images: list[LabelledImage], detector: Detector, gsd: float | None, native: float | None
+def detect_in_all(
+    images: Sequence[LabelledImage], detector: Detector, gsd: float | None, native: float | None
 ) -> tuple[list[Detections], float]:
     """Detections of each image, and the seconds that all of them took."""
     found, took, blind = [], 0.0, 0
     with progress("eval-detector") as report:
         for labelled in images:
-            known = labelled.gsd_m if math.isfinite(labelled.gsd_m) else (native if labelled.as_seen else None)
-            used = gsd or known
+            used = gsd or labelled.ground_resolution_m(native)
             blind += used is None
             image: NDArray[np.uint8] = labelled.read()
             began = time.perf_counter()

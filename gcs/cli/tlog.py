@@ -14,7 +14,7 @@ import typer
 
 from gcs.cli.output.console import FAR_S, AsJson, check_range, print_json, print_lines
 from gcs.cli.output.tables import print_table
-from gcs.cli.tlog_report import check_json, check_lines, repair_lines
+from gcs.cli.output.tlog_report import check_json, check_lines, repair_lines
 from mavlink.errors import TlogError
 from mavlink.tlog.check import check as examine
 from mavlink.tlog.log import Tlog

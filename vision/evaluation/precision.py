@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["average_precision"]
+__all__ = ["average_precision", "balanced_score"]
 
 
 def average_precision(
@@ -40,3 +40,21 @@ def average_precision(
     best = np.maximum.accumulate(precision[::-1])[::-1]
     # AP = Σ (r_k − r_{k−1}) max_{j ≥ k} p_j
     return float(np.sum(np.diff(recall, prepend=0.0) * best))
+
+
+def balanced_score(score: NDArray[np.float64], hit: NDArray[np.bool_], objects: int) -> float:
+    """The operating score with the highest F1, the harmonic mean of precision and recall.
+
+    Args:
+        score: (k,) of detections.
+        hit: (k,) whether each is right.
+        objects: how many there are to be found.
+
+    Returns:
+        0 to 1, NaN where nothing right is found.
+    """
+    order = np.argsort(-score, kind="stable")
+    right = np.cumsum(hit[order])
+    # F1 = 2 TP / (TP + FP + objects)
+    f1 = 2.0 * right / (np.arange(1, len(right) + 1) + objects)
+    return float(score[order][int(np.argmax(f1))]) if hit.any() else float("nan")

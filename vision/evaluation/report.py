@@ -13,7 +13,7 @@ from vision.evaluation.measures import USUAL_PRECISION, Evaluation
 from vision.evaluation.reliability import ScoreBin
 from vision.evaluation.shares import Share, range_name
 
-__all__ = ["WORDS", "as_json", "as_markdown", "tables"]
+__all__ = ["WORDS", "as_json", "as_markdown", "figure_rows", "tables"]
 
 
 def as_json(result: Evaluation, about: Mapping[str, Any]) -> str:
@@ -47,7 +47,7 @@ def tables(result: Evaluation, about: Mapping[str, Any]) -> Iterator[tuple[Seque
         about: what was judged on what.
     """
     yield ("what", "which"), [(k, str(v)) for k, v in about.items()]
-    yield ("figure", "value"), _figures(result)
+    yield ("figure", "value"), figure_rows(result)
     for title, shares, with_ap in (
         ("class", result.classes, True),
         ("length, px", result.sizes, False),
@@ -70,7 +70,8 @@ with upright labels, by overlap with others."""
 """What the figures are."""
 
 
-def _figures(r: Evaluation) -> list[tuple[str, str]]:
+def figure_rows(r: Evaluation) -> list[tuple[str, str]]:
+    """Names and values of the main figures."""
     d = r.directions
     rows = [
         ("images", str(r.images)),

@@ -87,6 +87,16 @@ class LabelledImage:
     as_seen: bool = False
     """A training crop: Rollcall's own network takes it unscaled."""
 
+    def ground_resolution_m(self, native_m: float | None) -> float | None:
+        """What a detector is told, metres per pixel, None unknown.
+
+        Args:
+            native_m: at which the detector sees images unscaled, None for one that does not scale them.
+        """
+        if np.isfinite(self.gsd_m):
+            return self.gsd_m
+        return native_m if self.as_seen else None
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:

@@ -25,7 +25,8 @@ def draw_curves(folder: Path) -> Path:
     loss, quality = read_columns(folder / "loss.csv"), read_columns(folder / "quality.csv")
     left = plot("loss", loss["step"], {"total": _smooth(loss["total"])}, (0.0, float(loss["total"][:3].max())))
     shown = {name: quality[name] for name in ("ap50", "recall", "precision")}
-    right = plot("held-out images", quality["step"], shown, (0.5, 1.0))
+    least = min(0.5, *(float(np.min(values, initial=1.0, where=np.isfinite(values))) for values in shown.values()))
+    right = plot("held-out images", quality["step"], shown, (least, 1.0))
     path = folder / "curves.png"
     cv2.imwrite(str(path), np.hstack([left, right]))
     return path
@@ -58,7 +59,8 @@ def plot(title: str, x: FloatArray, lines: dict[str, FloatArray], span: tuple[fl
         cv2.line(image, ends[0].tolist(), ends[1].tolist(), GRID, 1)
         _write(image, f"{value:.2g}", (6, int(ends[0, 1]) + 4), INK)
     for k, (name, values) in enumerate(lines.items()):
-        cv2.polylines(image, [place(x, values)], False, COLORS[k], 2, cv2.LINE_AA)
+        known = np.isfinite(values)  # without a detection there is no precision
+        cv2.polylines(image, [place(x[known], values[known])], False, COLORS[k], 2, cv2.LINE_AA)
         _write(image, f"{name} {values[-1]:.3f}", (MARGIN + 150 * k, HEIGHT - 8), COLORS[k])
     _write(image, f"{title}, steps 0 to {int(x[-1])}", (MARGIN, 24), INK)
     return image

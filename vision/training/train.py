@@ -17,10 +17,11 @@ import math
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
+from typing import IO
 
 import cv2
 import torch
@@ -37,15 +38,15 @@ from vision.training.net import Net
 from vision.training.photographs import MINING_SCORE, open_photographs
 from vision.training.quality import score_at_precision
 
-__all__ = ["Trainer"]
+__all__ = ["BATCH", "STATISTICS_IMAGES", "Trainer", "append_row", "batches", "best_device", "render_crops"]
 
 log = logging.getLogger(__name__)
 BATCH = 16
 """Images of one step; a choice."""
 WARM_UP_STEPS = 200
 """Steps in which the learning rate rises to its full value; a choice."""
-AVERAGE_KEEP = 0.999
-"""Share of the weights' running average that one step keeps: it averages over about 1,000 steps."""
+AVERAGE_STEPS = 1000
+"""Steps over which the running average of the weights goes; a choice."""
 HELD_OUT_SEED = 900_000
 """Shard of the held-out crops: training begins at 1000 × seed, so no seed below 900 has them among its own."""
 PHOTOGRAPHS_SHARE = 0.25
@@ -62,6 +63,7 @@ class Trainer:
     def __init__(self, seed: int, device: str, rate: float) -> None:
         torch.manual_seed(seed)
         self.rate = rate
+        self.warm_up_steps, self.average_steps = WARM_UP_STEPS, AVERAGE_STEPS
         self.device = device
         self.net = Net().to(device, memory_format=torch.channels_last)
         self.average: dict[str, Tensor] = {k: v.detach().clone() for k, v in self.net.state_dict().items()}
@@ -74,13 +76,14 @@ class Trainer:
 
     def step(self, batch: TrainingBatch, progress: float) -> dict[str, float]:
         """One update; ``progress`` 0..1 sets the learning rate: a warm-up, then half a cosine."""
-        warm = min(1.0, (self.step_count + 1) / WARM_UP_STEPS)
+        warm = min(1.0, (self.step_count + 1) / self.warm_up_steps)
         rate = self.rate * warm * (0.5 + 0.5 * math.cos(math.pi * min(progress, 1.0))) + 1e-6
         for group in self.optimiser.param_groups:
             group["lr"] = rate
         self.net.train()
         batch = batch.to(self.device)
-        with torch.autocast(self.device, dtype=torch.bfloat16):
+        # few processors have arithmetic for half floats: without it they take 2.5 times as long as floats
+        with torch.autocast(self.device, dtype=torch.bfloat16, enabled=self.device == "cuda"):
             cells = self.net(batch.images)
         parts = losses(cells.float(), batch)
         total = parts.total()
@@ -141,12 +144,17 @@ class Trainer:
         self.step_count, self.spent_s = int(state["step_count"]), float(state["spent_s"])
 
     def _average(self) -> None:
-        keep = min(AVERAGE_KEEP, 1.0 - 1.0 / (self.step_count + 1))
+        keep = 1.0 - 1.0 / min(self.average_steps, self.step_count + 1)
         for name, value in self.net.state_dict().items():
             if value.is_floating_point():
                 self.average[name].mul_(keep).add_(value.detach(), alpha=1.0 - keep)
             else:
                 self.average[name].copy_(value)
+
+
+def best_device() -> str:
+    """The name of what torch computes on here."""
+    return "cuda" if torch.cuda.is_available() else "cpu"
 
 
 def run(
@@ -164,11 +172,10 @@ def run(
     """Train until the steps are done, then export."""
     torch.set_num_threads(threads)
     cv2.setNumThreads(1)
-    device = "cuda" if torch.cuda.is_available() else "cpu"
     pool, held_out = Pool(folder=out / "pool"), Pool(folder=out / "held_out")
-    makers = _render_crops(out, crops, seed)
+    makers = _render_missing(out, crops, seed)
     checkpoint = out / "checkpoint.pt"
-    trainer = Trainer(seed, device, rate)
+    trainer = Trainer(seed, best_device(), rate)
     miner = open_detector(start if start and start.suffix == ".onnx" else None, score=MINING_SCORE, threads=threads)
     sources = [
         (open_photographs(choose_in_all(open_folder(folder).images)[0], miner, seed), share)
@@ -192,7 +199,7 @@ def run(
         now = time.monotonic()
         trainer.spent_s, tick = trainer.spent_s + now - tick, now
         if trainer.step_count % 50 == 0:
-            _append(out / "loss.csv", row)
+            append_row(out / "loss.csv", row)
         if trainer.step_count % check_every == 0:
             _check(trainer, held_out, out, pool.refresh())
             tick = time.monotonic()
@@ -218,30 +225,44 @@ def batches(mixture: Mixture, steps: range) -> Iterator[TrainingBatch]:
 def _check(trainer: Trainer, held_out: Pool, out: Path, images: int) -> None:
     trainer.save(out / "checkpoint.pt")
     quality = asdict(evaluate(trainer.averaged(), held_out.all()))
-    _append(out / "quality.csv", {"step": trainer.step_count, "minutes": trainer.spent_s / 60.0, **quality})
+    append_row(out / "quality.csv", {"step": trainer.step_count, "minutes": trainer.spent_s / 60.0, **quality})
     figures = " ".join(f"{name} {value:.4f}" for name, value in quality.items())
     log.info("%.1f min, step %d, %d images: %s", trainer.spent_s / 60.0, trainer.step_count, images, figures)
 
 
-def _render_crops(out: Path, crops: int, seed: int) -> list[subprocess.Popen[bytes]]:
-    """Render what is missing beside the training, in a process of its own."""
-    command = [sys.executable, "-m", "sim.training.crops"]
+def _render_missing(out: Path, crops: int, seed: int) -> list[subprocess.Popen[bytes]]:
+    """Render what is missing beside the training."""
     jobs, shards = [], crops // PER_SHARD
     if not any((out / "held_out").glob("crops_*.npz")):
-        count = str(HELD_OUT_CROPS)
-        jobs.append(
-            ["--out", str(out / "held_out"), "--seed", str(HELD_OUT_SEED), "--shards", "1", "--per-shard", count]
-        )
+        jobs.append(render_crops(out / "held_out", HELD_OUT_SEED, 1, HELD_OUT_CROPS))
     if len(list((out / "pool").glob("crops_*.npz"))) < shards:
-        jobs.append(["--out", str(out / "pool"), "--seed", str(1000 * seed), "--shards", str(shards)])
-    return [subprocess.Popen([*command, *job]) for job in jobs]
+        jobs.append(render_crops(out / "pool", 1000 * seed, shards, PER_SHARD))
+    return jobs
+
+
+def render_crops(
+    folder: Path, seed: int, shards: int, per_shard: int, words: IO[bytes] | None = None
+) -> subprocess.Popen[bytes]:
+    """Begin to render shards of crops, in a process of its own; those that exist are left as they are.
+
+    Args:
+        folder: of the shards.
+        seed: of the first shard; the others follow.
+        shards: how many.
+        per_shard: crops in each.
+        words: where what it prints goes, else where this process's goes.
+    """
+    numbers = ("--seed", str(seed), "--shards", str(shards), "--per-shard", str(per_shard))
+    command = [sys.executable, "-m", "sim.training.crops", "--out", str(folder), *numbers]
+    return subprocess.Popen(command, stdout=words, stderr=words, start_new_session=words is not None)
 
 
 def _parts(parts: object) -> dict[str, Tensor]:
     return {name: getattr(parts, name) for name in ("score", "offset", "size", "front", "axis")}
 
 
-def _append(path: Path, row: dict[str, float]) -> None:
+def append_row(path: Path, row: Mapping[str, float]) -> None:
+    """Append numbers to a csv file, which begins with their names."""
     new = not path.exists()
     with path.open("a", newline="") as file:
         writer = csv.DictWriter(file, list(row))

@@ -15,6 +15,7 @@ from tests.support.labelled import found_of, truth_of
 from vision.detect.boxes import corners, rotated_iou
 from vision.evaluation import LabelledImage, average_precision, choose, evaluate, match, shard_truth
 from vision.evaluation.matching import ASIDE, FALSE_ALARM, overlap
+from vision.evaluation.precision import balanced_score
 from vision.evaluation.report import as_json, as_markdown
 from vision.evaluation.sheet import TILE_PX, worst, worst_sheet
 from vision.evaluation.truth import choose_classes
@@ -71,6 +72,21 @@ def scenes(draw, most=6):
     )
     every = np.concatenate([moved[rng.random(n) < 0.8], stray[: rng.integers(4)]])
     return found_of(every, rng.permutation(len(every)) / 10.0 + 0.05), truth
+
+
+@pytest.mark.parametrize(
+    ("hit", "objects", "wanted"),
+    [
+        ((1, 1, 0, 0), 2, 0.8),  # both found before any false alarm
+        ((1, 0, 1, 1), 3, 0.5),  # worth a false alarm
+        ((1, 0, 0, 0), 9, 0.9),
+        ((0, 0, 0, 0), 2, math.nan),
+    ],
+)
+def test_the_balanced_score_by_hand(hit, objects, wanted):
+    shuffled = [2, 0, 3, 1]
+    score, right = np.array([0.9, 0.8, 0.6, 0.5]), np.array(hit, bool)
+    assert balanced_score(score[shuffled], right[shuffled], objects) == pytest.approx(wanted, nan_ok=True)
 
 
 def test_average_precision_by_hand():

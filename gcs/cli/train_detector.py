@@ -1,0 +1,147 @@
+"""``gcs train-detector``: the bundled detector, fine-tuned on a user's labelled images."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import signal
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gcs.cli.eval_detector import FLOOR, GSD_M, detect_in_all, open_images, open_model
+from gcs.cli.output.console import check_range, print_note
+from gcs.cli.output.progress import progress
+from gcs.cli.output.tables import print_table
+from gcs.errors import GcsError
+
+if TYPE_CHECKING:
+    from vision.evaluation import Evaluation, LabelledImage
+    from vision.training.finetune import FineTuning
+
+__all__ = ["train_detector"]
+
+INTERRUPTED = 130
+"""Exit code of a program that the keyboard ended."""
+KEPT_SHARE, WATCHED_SHARE = 0.2, 0.15
+"""Of the labelled objects, those kept apart for the figures at the end; and of the others, those that tell when to
+stop. A choice."""
+STEPS, MINUTES, SHARES, SEEDS = (20, 100_000), (1.0, 10_000.0), (0.0, 0.9), (0, 2**31 - 1)
+"""Ranges of the options."""
+
+
+def train_detector(
+    folder: Annotated[Path, typer.Argument(help="Labelled images: YOLO, DOTA, VisDrone-DET, COCO, or our own shards.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the run, new; model.onnx is written there.")],
+    resume: Annotated[bool, typer.Option("--resume", help="Continue the run in --out, with the same options.")] = False,
+    minutes: Annotated[
+        float, typer.Option(callback=check_range(*MINUTES), help="Train about so long, at most.")
+    ] = 60.0,
+    steps: Annotated[int, typer.Option(min=STEPS[0], max=STEPS[1], help="Train so many steps, at most.")] = 3000,
+    rendered: Annotated[
+        float, typer.Option(callback=check_range(*SHARES), help="Share of rendered images, so that nothing is lost.")
+    ] = 0.4,
+    seed: Annotated[
+        int, typer.Option(min=SEEDS[0], max=SEEDS[1], help="Another seed: other images in other order.")
+    ] = 0,
+    gsd: Annotated[
+        float | None,
+        typer.Option(callback=check_range(*GSD_M), help="Metres on the ground per pixel; overrides the labels'."),
+    ] = None,
+    form: Annotated[
+        str | None, typer.Option("--format", help="yolo, dota, visdrone, coco or shards; else detected.")
+    ] = None,
+    classes: Annotated[str | None, typer.Option(help="Labelled classes that are vehicles, by comma.")] = None,
+    ignore: Annotated[str | None, typer.Option(help="Classes that are neither vehicle nor background.")] = None,
+    names: Annotated[str | None, typer.Option(help="Names of YOLO class numbers, by comma.")] = None,
+    corners_tell_front: Annotated[
+        bool, typer.Option("--corners-tell-front", help="The first two corners of a label are its front.")
+    ] = False,
+) -> None:
+    """Fine-tune the bundled detector on labelled images: an hour on a CPU, less on a GPU that torch finds."""
+    if missing := [name for name in ("torch", "onnx") if find_spec(name) is None]:
+        raise GcsError(
+            f"training needs {' and '.join(missing)}: install the extra 'train' with "
+            "python -m pip install 'rollcall-gcs[train]'; in a checkout, python -m pip install -e '.[train]'"
+        )
+    from vision.training.finetune import FineTuning, TrainingOptions
+    from vision.training.split import split
+    from vision.training.train import best_device
+
+    _, images = open_images(folder, form, names, classes, ignore, corners_tell_front)
+    if gsd is not None:
+        images = [replace(image, gsd_m=gsd) for image in images]
+    kept = split(images, KEPT_SHARE, seed)
+    watched = split(kept.rest, WATCHED_SHARE, seed)
+    print_note(
+        f"trains on {len(watched.rest)} images, {len(watched.kept)} tell when to stop; {len(kept.kept)} are kept apart "
+        f"to measure: {kept.how}"
+    )
+    options = TrainingOptions(seed=seed, steps=steps, minutes=minutes, rendered=rendered)
+    run = FineTuning(out, kept, watched, options, resume=resume)
+    if not run.finished:
+        if rendered > 0.0:
+            with progress("render") as report:
+                run.render(report)
+        with progress("look for false alarms") as report:
+            run.mine(report)
+        print_note(
+            f"trains on the {'GPU' if best_device() == 'cuda' else 'CPU'}; Ctrl-C interrupts, --resume continues"
+        )
+        with progress("train") as report, _stop_between_steps() as stopped:
+            whole = run.train(report, stopped)
+        if not whole:
+            print_note(f"interrupted; the same command with --resume continues the run in {out}")
+            raise SystemExit(INTERRUPTED)
+        run.finish()
+    if run.best_step == 0:
+        print_note(
+            "no weights did better on the watched images than those of the bundled detector: it is kept as it was"
+        )
+    _compare(run, kept.kept)
+    print_note(f"wrote {out / 'model.onnx'}; use it with [detector] model in a mission, or gcs eval-detector --model")
+
+
+@contextlib.contextmanager
+def _stop_between_steps() -> Iterator[Callable[[], bool]]:
+    """Ctrl-C and a request to end are seen after the step that is being computed; a second Ctrl-C ends at once."""
+    asked: list[int] = []
+
+    def ask(number: int, frame: object) -> None:
+        if asked:
+            raise KeyboardInterrupt
+        asked.append(number)
+
+    before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: bool(asked)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _compare(run: FineTuning, images: tuple[LabelledImage, ...]) -> None:
+    """Measure the bundled detector and the new one on the images kept apart, as ``gcs eval-detector`` does."""
+    from vision.evaluation.report import as_json, figure_rows
+
+    before, after = (_evaluate(model, images) for model in (None, run.out / "model.onnx"))
+    old, new = (dict(figure_rows(result)) for result in (before, after))
+    print_table(
+        ("on the images kept apart", "bundled", "fine-tuned"),
+        [(name, old.get(name, "–"), new.get(name, "–")) for name in old | new],
+        right=("bundled", "fine-tuned"),
+    )
+    for name, result in (("bundled", before), ("fine-tuned", after)):
+        run.add_result(name, json.loads(as_json(result, {"model": name})))
+
+
+def _evaluate(model: Path | None, images: tuple[LabelledImage, ...]) -> Evaluation:
+    from vision.evaluation import evaluate
+
+    detector, native = open_model(model)
+    found, _ = detect_in_all(images, detector, None, native)
+    return evaluate(found, [image.truth for image in images], floor=FLOOR)
