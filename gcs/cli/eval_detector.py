@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -25,10 +25,11 @@ if TYPE_CHECKING:
 
     from vision.detect.detections import Detections
     from vision.detect.detector import Detector
-    from vision.evaluation import LabelledImage
+    from vision.evaluation import Evaluation, LabelledImage
 
 __all__ = ["FLOOR", "GSD_M", "detect_in_all", "eval_detector", "open_images", "open_model"]
 
+BUNDLED = "bundled"
 FLOOR = 0.01
 """Smallest score that average precision sees."""
 GSD_M = (1e-4, 100.0)
@@ -38,6 +39,9 @@ GSD_M = (1e-4, 100.0)
 def eval_detector(
     folder: Annotated[Path, typer.Argument(help="Labelled images: YOLO, DOTA, VisDrone-DET, COCO, or our own shards.")],
     model: Annotated[Path | None, typer.Option(help="ONNX detector; the bundled one if left out.")] = None,
+    against: Annotated[
+        str | None, typer.Option(help="Another ONNX detector to compare with on the same images, or 'bundled'.")
+    ] = None,
     front: Annotated[Path | None, typer.Option(help="ONNX classifier of fronts, for boxes without.")] = None,
     gsd: Annotated[
         float | None,
@@ -55,13 +59,15 @@ def eval_detector(
     corners_tell_front: Annotated[
         bool, typer.Option("--corners-tell-front", help="The first two corners of a label are its front.")
     ] = False,
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for eval.json, eval.md, worst.png.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for eval.json, eval.md and images.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure a detector on a folder of labelled images."""
     from vision.evaluation import evaluate
+    from vision.evaluation.comparison import Comparison, compare
     from vision.evaluation.report import WORDS, as_markdown, tables
     from vision.evaluation.report import as_json as to_json
+    from vision.evaluation.sheet import worst_sheet
 
     labels, images = open_images(folder, form, names, classes, ignore, corners_tell_front)
     detector, native = open_model(model, front)
@@ -71,22 +77,52 @@ def eval_detector(
         "pictures": folder.name,
         "labels": labels,
         "judged by": "upright boxes" if any(p.truth.upright for p in images) else "oriented boxes",
-        "model": model.name if model else "bundled",
+        "model": model.name if model else BUNDLED,
         "fronts": front.name if front else "the model's own",
         "ground resolution": f"{gsd:g} m per px" if gsd else "from the labels",
         "time a picture, ms": f"{1e3 * took / max(len(images), 1):.0f}",
     }
-    result = replace(result, classes=tuple(replace(share, name=plain(share.name)) for share in result.classes))
-    about = {what: plain(which) for what, which in about.items()}
+    result, about = _plain_classes(result), {what: plain(which) for what, which in about.items()}
+    sheets = {"worst.png": lambda: worst_sheet(images, found, score)}
+    beside = None
+    if against is not None:
+        other, their_native = open_model(None if against == BUNDLED else Path(against), front)
+        theirs, _ = detect_in_all(images, other, gsd, their_native)
+        name, truth = plain(Path(against).name), [p.truth for p in images]
+        beside = Comparison(
+            against=name,
+            other=_plain_classes(evaluate(theirs, truth, score=score, floor=FLOOR)),
+            differences=compare(found, theirs, truth, score),
+        )
+        sheets["apart.png"] = lambda: _apart(images, found, theirs, score, name)
     if as_json:
-        print_json(json.loads(to_json(result, about)))
+        print_json(json.loads(to_json(result, about, beside)))
     else:
-        for head, rows in tables(result, about):
+        for head, rows in tables(result, about, beside):
             print_table(head, rows, right=head[1:] if head[0] != "what" else ())
             print_lines("")
         print_lines(*WORDS.split("\n"))
     if out is not None:
-        _write(out, to_json(result, about), as_markdown(result, about), images, found, score)
+        _write(out, to_json(result, about, beside), as_markdown(result, about, beside), sheets)
+
+
+def _plain_classes(result: Evaluation) -> Evaluation:
+    return replace(result, classes=tuple(replace(share, name=plain(share.name)) for share in result.classes))
+
+
+def _apart(
+    images: list[LabelledImage], found: list[Detections], theirs: list[Detections], score: float, name: str
+) -> NDArray[np.uint8]:
+    """What this detector finds and the other does not, and the other way round."""
+    from vision.evaluation.apart_sheet import apart_sheet, odd_ones
+
+    truth = [p.truth for p in images]
+    mine, alarms = odd_ones(found, theirs, truth, score)
+    others, their_alarms = odd_ones(theirs, found, truth, score)
+    kinds = [("found by this alone", mine), (f"found by {name} alone", others)]
+    return apart_sheet(
+        images, [*kinds, ("false alarms of this alone", alarms), (f"false alarms of {name} alone", their_alarms)]
+    )
 
 
 def open_images(
@@ -161,18 +197,15 @@ def detect_in_all(
     return found, took
 
 
-def _write(
-    out: Path, figures: str, text: str, images: list[LabelledImage], found: list[Detections], score: float
-) -> None:
+def _write(out: Path, figures: str, text: str, sheets: Mapping[str, Callable[[], NDArray[np.uint8]]]) -> None:
     import cv2
 
-    from vision.evaluation.sheet import worst_sheet
-
-    sheet = cv2.imencode(".png", worst_sheet(images, found, score))[1].tobytes()
-    words = text + "\n![worst frames](worst.png)\n"
+    words = text + "".join(f"\n![{Path(name).stem}]({name})\n" for name in sheets)
+    files = {"eval.json": figures.encode(), "eval.md": words.encode()}
+    files |= {name: cv2.imencode(".png", draw())[1].tobytes() for name, draw in sheets.items()}
     try:
         out.mkdir(parents=True, exist_ok=True)
-        for name, data in (("eval.json", figures.encode()), ("eval.md", words.encode()), ("worst.png", sheet)):
+        for name, data in files.items():
             with os.fdopen(create(out / name), "wb") as file:
                 file.write(data)
     except OSError as error:

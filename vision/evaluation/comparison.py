@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from vision.detect.detections import Detections
 from vision.evaluation.centres import match_centres
 from vision.evaluation.matching import ASIDE, Matches, match
+from vision.evaluation.measures import Evaluation
 from vision.evaluation.precision import average_precision
 from vision.evaluation.truth import Truth
 
-__all__ = ["Difference", "compare"]
+__all__ = ["Comparison", "Difference", "compare"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -37,6 +38,17 @@ class Difference:
     other: float
     interval: tuple[float, float]
     """95 % of ``one − other`` over draws of the images; NaN with fewer than two images."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """A detector beside another."""
+
+    against: str
+    """Name of the other."""
+    other: Evaluation
+    """How good the other is by itself."""
+    differences: tuple[Difference, ...]
 
 
 def compare(
@@ -67,9 +79,10 @@ def compare(
 
 def _draws(images: int, seed: int) -> Ints:
     """(draws, images) how often each image is drawn; first each once."""
-    count = DRAWS if images > 1 else 0
-    drawn = np.random.default_rng(seed).multinomial(images, np.full(images, 1.0 / max(images, 1)), count)
-    return np.concatenate([np.ones((1, images), np.int64), drawn])
+    each = np.ones((1, images), np.int64)
+    if images < 2:
+        return each
+    return np.concatenate([each, np.random.default_rng(seed).multinomial(images, np.full(images, 1.0 / images), DRAWS)])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

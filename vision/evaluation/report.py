@@ -9,6 +9,7 @@ from dataclasses import asdict
 from typing import Any
 
 from infra.markdown import markdown_table
+from vision.evaluation.comparison import Comparison
 from vision.evaluation.measures import USUAL_PRECISION, Evaluation
 from vision.evaluation.reliability import ScoreBin
 from vision.evaluation.shares import Share, range_name
@@ -16,35 +17,37 @@ from vision.evaluation.shares import Share, range_name
 __all__ = ["WORDS", "as_json", "as_markdown", "figure_rows", "tables"]
 
 
-def as_json(result: Evaluation, about: Mapping[str, Any]) -> str:
+def as_json(result: Evaluation, about: Mapping[str, Any], beside: Comparison | None = None) -> str:
     """Everything; unknown numbers are null.
 
     Args:
         result: the figures.
         about: what was judged on what.
+        beside: another detector's.
     """
     figures = asdict(result)
     figures = {"pictures": figures.pop("images"), **figures}  # the key of earlier files
+    if beside is not None:
+        figures["comparison"] = asdict(beside)
     return json.dumps(_plain({"about": dict(about), **figures}), indent=2, ensure_ascii=False) + "\n"
 
 
-def as_markdown(result: Evaluation, about: Mapping[str, Any]) -> str:
-    """Tables to read.
-
-    Args:
-        result: the figures.
-        about: what was judged on what.
-    """
-    parts = ["# Detector on labelled images", *(markdown_table(head, rows) for head, rows in tables(result, about))]
+def as_markdown(result: Evaluation, about: Mapping[str, Any], beside: Comparison | None = None) -> str:
+    """Tables to read; arguments as ``tables``."""
+    every = (markdown_table(head, rows) for head, rows in tables(result, about, beside))
+    parts = ["# Detector on labelled images", *every]
     return "\n\n".join([*parts, WORDS]) + "\n"
 
 
-def tables(result: Evaluation, about: Mapping[str, Any]) -> Iterator[tuple[Sequence[str], Sequence[Sequence[str]]]]:
+def tables(
+    result: Evaluation, about: Mapping[str, Any], beside: Comparison | None = None
+) -> Iterator[tuple[Sequence[str], Sequence[Sequence[str]]]]:
     """Names of the columns, and the rows, of each table; numbers are in all columns but the first.
 
     Args:
         result: the figures.
         about: what was judged on what.
+        beside: another detector's figures.
     """
     yield ("what", "which"), [(k, str(v)) for k, v in about.items()]
     yield ("figure", "value"), figure_rows(result)
@@ -58,6 +61,15 @@ def tables(result: Evaluation, about: Mapping[str, Any]) -> Iterator[tuple[Seque
         if shares:
             yield _shares(title, shares, with_ap)
     yield _reliability(result.reliability.bins)
+    if beside is not None:
+        yield _differences(beside)
+        for title, mine, theirs in (
+            ("centres by length, px", result.centres.sizes, beside.other.centres.sizes),
+            ("centres by place", result.centres.places, beside.other.centres.places),
+            ("class", result.classes, beside.other.classes),
+        ):
+            if mine:
+                yield _recalls(title, mine, theirs, beside.against)
 
 
 WORDS = """\
@@ -66,7 +78,8 @@ Detections are matched image by image, best score first, each object once. The d
 class sets the others' objects aside and holds every false alarm against it, which is hard on rare ones. Centres: a
 detection is right if its centre lies in an object, which is fair where labels are upright boxes around turned vehicles;
 thirds are of each image's objects, from the top down. Share right: of detections of this score and length, by centres
-with upright labels, by overlap with others."""
+with upright labels, by overlap with others. 95 % of a difference: over draws of the images, so that other images of
+their kind are expected to be within; it is – for one image."""
 """What the figures are."""
 
 
@@ -96,6 +109,27 @@ def figure_rows(r: Evaluation) -> list[tuple[str, str]]:
             ("fronts not given, %", number(100.0 * d.missing / (d.given + d.missing), 1)),
         ]
     return rows
+
+
+def _differences(beside: Comparison) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+    head = ("beside", "this", beside.against, "difference", "95 % of it")
+    rows = []
+    for d in beside.differences:
+        low, high = (_signed(bound) for bound in d.interval)
+        rows.append([d.name, number(d.one, 3), number(d.other, 3), _signed(d.one - d.other), f"{low} to {high}"])
+    return head, rows
+
+
+def _recalls(
+    title: str, mine: Sequence[Share], theirs: Sequence[Share], against: str
+) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+    pairs = zip(mine, theirs, strict=True)
+    rows = [[m.name, str(m.objects), number(m.found / m.objects, 3), number(t.found / t.objects, 3)] for m, t in pairs]
+    return (title, "objects", "recall of this", f"of {against}"), rows
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.3f}" if math.isfinite(value) else "–"
 
 
 def _reliability(bins: Sequence[ScoreBin]) -> tuple[Sequence[str], Sequence[Sequence[str]]]:

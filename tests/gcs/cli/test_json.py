@@ -14,6 +14,7 @@ from tests.support.bundled import ROOT, SWARM, swarm_session
 from tests.support.command_line import help_pages, run_gcs
 from tests.support.ports import free_port
 from vision.evaluation import evaluate
+from vision.evaluation.comparison import Comparison, compare
 from vision.evaluation.report import as_json
 
 SECTIONS = dict(
@@ -120,4 +121,6 @@ def test_a_camera_and_a_detector(tmp_path):
     told = printed("calibrate", tmp_path / "b.mp4", "-o", tmp_path / "lens.toml")
     assert set(told) == documented("calibrate")
     assert told["doubts"] == []
-    assert set(json.loads(as_json(evaluate([], []), {}))) == documented("eval-detector")
+    judged = evaluate([], [])
+    beside = Comparison(against="bundled", other=judged, differences=compare([], [], [], 0.3))
+    assert set(json.loads(as_json(judged, {}, beside))) == documented("eval-detector")

@@ -12,6 +12,7 @@ from gcs.cli.eval_detector import eval_detector
 from gcs.errors import GcsError
 from vision.detect.boxes import corners, rotated_iou
 from vision.detect.detections import Detections
+from vision.detect.detector import BUNDLED
 from vision.errors import LabelError
 from vision.evaluation import open_folder
 
@@ -205,6 +206,30 @@ def test_the_command_looks_at_the_resolution_that_labels_tell(tmp_path, monkeypa
     assert (told["ap50"], told["precision"], told["recall"], told["aside"]) == (1.0, 1.0, 1.0, 1)
 
 
+def test_the_command_compares_two_models(tmp_path, monkeypatch, capsys):
+    class Sees:
+        def __init__(self, score):
+            self.score = score
+
+        def detect(self, image, *, gsd_m=None):
+            cx, cy, w, h, angle = BOX[:, None]
+            one, heading = np.array([self.score]), np.array([np.nan])
+            return Detections(cx=cx, cy=cy, w=w, h=h, angle=angle, score=one, heading=heading)
+
+    monkeypatch.setattr(
+        "vision.detect.detector.open_detector", lambda model, **settings: Sees(0.2 if model is None else 0.9)
+    )
+    folder = folder_of(tmp_path / "set", DOTA)
+    call(folder, model=BUNDLED, against="bundled", out=tmp_path / "out")
+    told = json.loads((tmp_path / "out" / "eval.json").read_text())["comparison"]
+    recall = next(d for d in told["differences"] if d["name"] == "recall of centres")
+    assert (told["against"], recall["one"], recall["other"], recall["interval"]) == ("bundled", 1.0, 0.0, [None, None])
+    assert told["other"]["recall"] == 0.0
+    assert cv2.imread(str(tmp_path / "out" / "apart.png")) is not None
+    assert "| recall of centres | 1.000 | 0.000 | +1.000 | – to – |" in (tmp_path / "out" / "eval.md").read_text()
+    assert "of bundled" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -220,6 +245,7 @@ def test_the_command_explains_what_it_cannot_do(tmp_path, change, message):
 def call(folder, **change):
     settings = {
         "model": None,
+        "against": None,
         "front": None,
         "gsd": None,
         "score": 0.3,
