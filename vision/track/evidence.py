@@ -1,13 +1,16 @@
-"""Whether a track is of a vehicle, from the scores of its boxes.
+"""Whether a track is of a vehicle, from the scores and sizes of its boxes.
 
 The vehicles of one film share its light, distance and slant, and so the scores that they get. What looks like one and
-is none gets lower ones, or one now and then. With x = ln(s / (1 − s)) − ln(s₀ / (1 − s₀)) for a box of score s, where
-s₀ is the score from which on boxes count, and u the mean of x over the boxes of confirmed tracks in the last seconds, a
-track gains
+is none gets lower ones, or one now and then, and is often smaller. With x = ln(s / (1 − s)) − ln(s₀ / (1 − s₀)) for a
+box of score s, where s₀ is the score from which on boxes count, u the mean of x over the boxes of confirmed tracks in
+the last seconds, l the logarithm of a track's size and v its mean over the confirmed tracks n at the same height of the
+picture, which are about as far away, a track gains
 
-    x − u + MARGIN     with each box,     −MISS     in each frame without one,
+    x − u + MARGIN − min(½ ((v − l − ALIKE) / SIZE_STD)², MOST_SMALL) n / (n + 1)     with each box,
+    −MISS     in each frame without one,
 
-and is reported from ``ENOUGH`` on: a sequential test in which u makes up for what the detector cannot know.
+and is reported from ``ENOUGH`` on: a sequential test in which u and v make up for what the detector cannot know. Where
+a vehicle reports to be, a box is reported at once: small vehicles of ours may drive among large ones.
 
 Reference:
     A. Wald, "Sequential Tests of Statistical Hypotheses", Ann. Math. Statist. 16(2), 1945,
@@ -19,27 +22,35 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ENOUGH", "UsualScore"]
+from vision.track.track_state import ENOUGH, TrackState
+
+__all__ = ["Evidence"]
 
 Floats = NDArray[np.float64]
 
-ENOUGH = 2.5
-"""Of the sum, nats. Raise → fewer tracks on nothing; lower → tracks are reported sooner."""
 MARGIN = 1.15
 """By how much less than usual a box may have and still speak for a vehicle, nats."""
 MISS = 0.5
 """Against a track in each frame without a box, nats: most vehicles are seen in most frames."""
 RANGE = (-0.3, 0.85)
 """Of u. Where only bright vehicles were seen, dark ones with scores of s₀ = 0.3 still are after some frames; where only
-weak boxes were, two of that score are enough."""
+weak boxes were, two or three of that score are enough."""
 MEMORY_S = 1.0
 """Time constant of u."""
 SURE = 0.99
 """Scores count as at most so much, and as at least the rest."""
+ALIKE, SIZE_STD = 0.2, 0.25
+"""By how much smaller than the rest most vehicles are at the most, and 1σ beyond that, of the logarithm of sizes."""
+MOST_SMALL = 1.0
+"""Against a track for its size in each frame, nats, at the most: less than MARGIN."""
+BESIDE = 8.0
+"""Tracks are at the same height of the picture within about as many of their sizes."""
+REPORTED_REACH = 3.0
+"""A track is where a vehicle reports to be within so many of its sizes ..."""
 
 
-class UsualScore:
-    """What scores vehicles get in this film.
+class Evidence:
+    """Gathers it for the tracks that are not reported yet.
 
     Args:
         least: the score from which on boxes count.
@@ -49,16 +60,45 @@ class UsualScore:
         self._least = float(_logit(np.array(least)))
         self._usual = RANGE[0]
 
-    def gain(self, score: Floats, unseen: NDArray[np.bool_]) -> Floats:
-        """(k,) evidence for tracks in a frame, nats, by the scores of their last boxes."""
-        usual = min(max(self._usual, RANGE[0]), RANGE[1])
-        return np.where(unseen, -MISS, _logit(score) - self._least - usual + MARGIN)
+    def gather(self, state: TrackState, dt: float, reported_px: Floats | None, reach_px: float) -> None:
+        """Take in a frame.
 
-    def learn(self, score: Floats, dt: float) -> None:
-        """Take in the scores (k,) of confirmed tracks in a frame, ``dt`` seconds after the one before."""
+        Args:
+            state: the tracks after it.
+            dt: s since the frame before.
+            reported_px: (n, 2) where vehicles report to be; None unknown.
+            reach_px: ... or within so many pixels.
+        """
+        young = state.evidence < ENOUGH
+        self._learn(state.score[~young & ~state.unseen], dt)
+        rows = np.flatnonzero(young)
+        if not len(rows):
+            return
+        new = state.select(rows)
+        usual = min(max(self._usual, RANGE[0]), RANGE[1])
+        gain = np.where(new.unseen, -MISS, _logit(new.score) - self._least - usual + MARGIN - _too_small(new, state))
+        if reported_px is not None and len(reported_px):
+            away = np.linalg.norm(new.x[:, None, :2] - reported_px, axis=2).min(axis=1)
+            gain[~new.unseen & (away < np.maximum(REPORTED_REACH * new.length, reach_px))] = ENOUGH
+        state.evidence[rows] += gain
+
+    def _learn(self, score: Floats, dt: float) -> None:
+        """Take in the scores (k,) of tracks that are reported."""
         if len(score):
             mean = float(_logit(score).mean()) - self._least
-            self._usual += -np.expm1(-dt / MEMORY_S) * (mean - self._usual)
+            self._usual += -float(np.expm1(-dt / MEMORY_S)) * (mean - self._usual)
+
+
+def _too_small(new: TrackState, state: TrackState) -> Floats:
+    """(k,) what the sizes of new tracks say against them, nats, by those that are confirmed."""
+    known = np.flatnonzero(state.confirmed & ~state.unseen)
+    size, height = state.length[known], state.x[known, 1]
+    # w = e^(−Δy² / 2 (BESIDE L)²),  n = Σ w,  v = Σ w ln L / n
+    away = (new.x[:, 1, None] - height) / (BESIDE * size)
+    weight = np.exp(-0.5 * away * away)
+    n = weight.sum(axis=1)
+    less = np.maximum((weight @ np.log(size)) / np.maximum(n, 1e-9) - np.log(new.length) - ALIKE, 0.0) / SIZE_STD
+    return np.asarray(np.minimum(0.5 * less * less, MOST_SMALL) * n / (n + 1.0))
 
 
 def _logit(score: Floats) -> Floats:

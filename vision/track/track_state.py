@@ -7,10 +7,9 @@ from numpy.typing import NDArray
 
 from vision.detect.detections import Detections
 from vision.track import kalman
-from vision.track.evidence import ENOUGH
 from vision.track.fronts import front_of, vote_of, votes_after, way_after
 
-__all__ = ["TrackState"]
+__all__ = ["ENOUGH", "TrackState"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -19,6 +18,8 @@ Flags = NDArray[np.bool_]
 
 SIZE_TIME_S = 0.5
 """Time constant of the smoothed sides."""
+ENOUGH = 2.5
+"""Evidence from which on a track is reported, nats. Raise → fewer tracks on nothing; lower → sooner ones."""
 CONFIRM_HITS = 2
 """What looks most like a vehicle for a single frame may still be none."""
 AXIS_TIME_S = 0.12

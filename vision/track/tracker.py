@@ -19,11 +19,11 @@ from vision.detect.boxes import prob_iou, prob_iou_pairs, wrap
 from vision.detect.detections import Detections
 from vision.track import kalman
 from vision.track.alignment import Alignment, BoxShapes, Lens, align
-from vision.track.evidence import ENOUGH, UsualScore
+from vision.track.evidence import Evidence
 from vision.track.matching import Pairs, assign, one_to_one
 from vision.track.merged_detections import find_merged
 from vision.track.shared_boxes import find_shared
-from vision.track.track_state import TrackState
+from vision.track.track_state import ENOUGH, TrackState
 from vision.track.tracks import Stitch, TrackerParams, Tracks
 
 __all__ = ["Tracker"]
@@ -47,8 +47,6 @@ REST = 0.25
 """A displacement of so many sizes is never unusual."""
 REACH_SHARE = 0.05
 """... or than this share of the frame's width, if that is more: small boxes jump as far as large ones."""
-REPORTED_REACH = 3.0
-"""A track so near to where a vehicle reports to be needs no further evidence to be reported, sizes."""
 SURE_SHARE = 0.7
 """Share of all that could be explained from which on the warp is not doubted."""
 BETTER_START = 6.0
@@ -75,7 +73,7 @@ class Tracker:
         """The tracks of this frame without its warp, which may be wrong."""
         self._inside = np.zeros(0, dtype=bool)
         """(k,) the tracks that are inside a box around several in this frame."""
-        self._usual = UsualScore(self.params.new_score)
+        self._evidence = Evidence(self.params.new_score)
         self._unrest = FIRST_UNREST_PX2
         """Mean square of the recent displacements that were common to all tracks, px²."""
 
@@ -125,20 +123,8 @@ class Tracker:
         if warp is not None:
             self._state.drive(dt)
         self._begin(boxes, free)
-        self._weigh(dt, reported_px)
+        self._evidence.gather(self._state, dt, reported_px, REACH_SHARE * (self.params.frame_size or (0, 0))[0])
         return self._tracks(order)
-
-    def _weigh(self, dt: float, reported_px: Floats | None) -> None:
-        """Gather evidence for the tracks that are not reported yet, by what is usual for those that are."""
-        state, evidence = self._state, self._state.evidence
-        young = evidence < ENOUGH
-        self._usual.learn(state.score[~young & ~state.unseen], dt)
-        if np.count_nonzero(young):
-            gain = self._usual.gain(state.score, state.unseen)
-            if reported_px is not None and len(reported_px):
-                away = np.linalg.norm(state.x[:, None, :2] - reported_px, axis=2).min(axis=1)
-                gain += ENOUGH * (away < REPORTED_REACH * state.length)
-            evidence[:] += young * gain
 
     def _strong_first(self, score: Floats) -> tuple[Indices | None, int]:
         """The boxes (m,) that count, strong ones first, None where all are strong; and how many are."""
@@ -253,7 +239,7 @@ class Tracker:
             variance,
             seen,
             worth=params.limit - params.overlap_weight - 2.0 * np.log(variance / floor),
-            reach=np.maximum(REACH * size, REACH_SHARE * (params.frame_size or (0, 0))[0]),
+            reach=np.maximum(REACH * size, REACH_SHARE * (self.params.frame_size or (0, 0))[0]),
             usual_px=float(np.sqrt(self._unrest + (REST * np.median(size)) ** 2)),
             lens=Lens(middle=middle, focal_px=focal_px or np.inf),
         )

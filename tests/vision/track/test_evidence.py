@@ -51,3 +51,29 @@ def test_it_is_relative_to_the_score_from_which_boxes_count():
     """A detector with low scores throughout needs as many boxes."""
     params = TrackerParams(new_score=0.05)
     assert film(0.06, [0.06] * 3, params=params) == film(0.34, [0.34] * 3) == [False, False, True]
+
+
+def small(score, *, usual=0.8, row=50.0, reported_px=None):
+    """After how many frames a vehicle of a third of the others' size is reported, at most 40."""
+    tracker = Tracker()
+    for k in range(70):
+        place, size = list(CLEAR), [40.0] * len(CLEAR)
+        if k >= 30:
+            place, size = [*place, [900.0, row]], [*size, 14.0]
+        seen = boxes(place, score=[usual] * len(CLEAR) + [score] * (k >= 30), w=size, h=np.multiply(size, 0.5))
+        tracks = tracker.update(seen, k * STEP, reported_px=reported_px)
+        if (tracks.cx > 800.0).any():
+            return k - 30
+    return 40
+
+
+def test_what_is_smaller_than_the_vehicles_beside_it_needs_higher_scores():
+    assert [small(score) for score in (0.85, 0.7, 0.35)] == [1, 2, 40]
+
+
+def test_far_up_the_picture_vehicles_are_smaller():
+    assert small(0.35, row=850.0) == 4
+
+
+def test_small_vehicles_among_large_ones_are_tracked_where_they_report_to_be():
+    assert small(0.35, reported_px=np.array([[880.0, 60.0]])) == 0
