@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from vision.track.track_state import ENOUGH, TrackState
 
-__all__ = ["Evidence"]
+__all__ = ["TrackEvidence"]
 
 Floats = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ REPORTED_REACH = 3.0
 """A track is where a vehicle reports to be within so many of its sizes ..."""
 
 
-class Evidence:
+class TrackEvidence:
     """Gathers it for the tracks that are not reported yet.
 
     Args:

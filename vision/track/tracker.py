@@ -19,7 +19,7 @@ from vision.detect.boxes import prob_iou, prob_iou_pairs, wrap
 from vision.detect.detections import Detections
 from vision.track import kalman
 from vision.track.alignment import Alignment, BoxShapes, Lens, align
-from vision.track.evidence import Evidence
+from vision.track.evidence import TrackEvidence
 from vision.track.matching import Pairs, assign, one_to_one
 from vision.track.merged_detections import find_merged
 from vision.track.shared_boxes import find_shared
@@ -73,7 +73,7 @@ class Tracker:
         """The tracks of this frame without its warp, which may be wrong."""
         self._inside = np.zeros(0, dtype=bool)
         """(k,) the tracks that are inside a box around several in this frame."""
-        self._evidence = Evidence(self.params.new_score)
+        self._evidence = TrackEvidence(self.params.new_score)
         self._unrest = FIRST_UNREST_PX2
         """Mean square of the recent displacements that were common to all tracks, px²."""
 
