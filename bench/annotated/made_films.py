@@ -4,7 +4,8 @@ python -m bench.annotated.made_films PICTURES -o FOLDER
 
 Over a single picture a virtual camera pans, turns and climbs; its vehicles stand. Pictures of one size whose names are
 the same but for a number that counts on are one film: their labels are linked into tracks by where the ground and each
-vehicle's speed would have them.
+vehicle's speed would have them. Where they are fewer than a video has, a second film NAME-filled has pictures in
+between.
 """
 
 from __future__ import annotations
@@ -17,19 +18,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
+from bench.annotated.linking import fill_in, link
 from gcs.cli.output.console import errors_as_exit_codes, print_note
 from sim.render.film import encode
 from vision.detect.boxes import corners
-from vision.detect.detections import Detections
 from vision.evaluation import LabelledImage, open_folder
-from vision.motion.estimator import MotionEstimator
 
-__all__ = ["link", "make_films", "pan"]
+__all__ = ["make_films", "pan"]
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Image = NDArray[np.uint8]
 
 SIZE = (1280, 720)
@@ -48,10 +46,6 @@ SEQUENCE_FPS = 2.0
 """Of pictures taken one after the other, as aerial cameras do, where nothing says it."""
 LEAST_RUN = 5
 """Pictures that make a film."""
-REACH = 1.6
-"""Of a vehicle's longer side: how far it may be from where it is expected."""
-FIRST_REACH = 3.0
-"""The same of one whose speed is not known yet."""
 CRF = 17
 """Quality of the films: no difference is seen."""
 
@@ -68,8 +62,15 @@ def make_films(pictures: Path, out: Path, sequence_fps: float = SEQUENCE_FPS) ->
     names = []
     for name, images in _runs(open_folder(pictures).images).items():
         if len(images) >= LEAST_RUN:
-            _write(out / name, *link(images), sequence_fps)
-            names.append(name)
+            linked = link(images)
+            films = [(name, linked, sequence_fps)]
+            steps = round(FPS / sequence_fps)
+            if steps > 1:
+                films.append((f"{name}-filled", fill_in(linked, steps), steps * sequence_fps))
+            for film, shown, fps in films:
+                rows = [row for frame, picture in enumerate(shown) for row in picture.rows(frame)]
+                _write(out / film, [picture.image for picture in shown], rows, fps)
+                names.append(film)
             continue
         for image in images:
             if len(image.truth.name):
@@ -118,49 +119,6 @@ def pan(image: LabelledImage) -> tuple[list[Image], list[str]]:
         inside = np.minimum(middles, np.array(size) - middles).min(axis=1) > 0.0
         rows += [_row(frame, k, moved[k], kinds[k]) for k in np.flatnonzero(inside).tolist()]
     return frames, rows
-
-
-def link(images: Sequence[LabelledImage]) -> tuple[list[Image], list[str]]:
-    """Pictures taken one after the other, and rows of labels with the track that each belongs to."""
-    estimator, frames, rows = MotionEstimator(), [], []
-    places: FloatArray = np.empty((0, 2))
-    speeds: FloatArray = np.empty((0, 2))
-    ids: IntArray = np.empty(0, np.int64)
-    next_id = 0
-    for frame, image in enumerate(images):
-        picture, boxes = np.asarray(image.read()), image.truth.boxes
-        frames.append(np.ascontiguousarray(picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]))
-        fill = np.ones(len(boxes))
-        found = Detections(
-            **dict(zip(("cx", "cy", "w", "h", "angle"), boxes.T, strict=True)), score=fill, heading=np.nan * fill
-        )
-        motion = estimator.update(picture, found)
-        H = np.eye(3) if motion is None else motion.H
-        here = boxes[:, :2]
-        carried = _mapped(H, places)
-        known = np.isfinite(speeds.sum(axis=1))
-        expected = carried + np.where(known[:, None], speeds, 0.0)
-        distance = np.linalg.norm(expected[:, None] - here, axis=2)
-        reach = boxes[:, 2:4].max(axis=1) * np.where(known, REACH, FIRST_REACH)[:, None]
-        a, b = linear_sum_assignment(np.where(distance < reach, distance, 1e6))
-        linked = distance[a, b] < reach[a, b]
-        a, b = a[linked], b[linked]
-        now = np.full(len(boxes), -1, np.int64)
-        now[b] = ids[a]
-        fresh = np.flatnonzero(now < 0)
-        now[fresh] = next_id + np.arange(len(fresh))
-        next_id += len(fresh)
-        speed = np.full((len(boxes), 2), np.nan)
-        speed[b] = here[b] - carried[a]
-        places, speeds, ids = here, speed, now
-        named = zip(corners(boxes), now.tolist(), image.truth.name.tolist(), strict=True)
-        rows += [_row(frame, track, points, name) for points, track, name in named]
-    return frames, rows
-
-
-def _mapped(H: FloatArray, points: FloatArray) -> FloatArray:
-    homogeneous = np.column_stack([points, np.ones(len(points))]) @ H.T
-    return np.asarray(homogeneous[:, :2] / homogeneous[:, 2:])
 
 
 def _row(frame: int, track: int, points: FloatArray, name: str) -> str:

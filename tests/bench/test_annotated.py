@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 
 from bench.annotated.films import find_films
-from bench.annotated.made_films import link, make_films
+from bench.annotated.linking import fill_in, link
+from bench.annotated.made_films import make_films
 from bench.annotated.table import measure_films, text_of_films
 from gcs.annotated_film import FilmOptions
 from gcs.errors import GcsError
@@ -34,21 +35,36 @@ def pictures(tmp_path_factory):
 
 def test_labels_of_pictures_in_a_row_are_linked(pictures):
     images = sorted(open_folder(pictures).images, key=lambda image: int(image.name[3:-4]))
-    frames, rows = link(images)
-    assert len(frames) == 6
+    linked = link(images)
+    assert len(linked) == 6
     tracks = {}
-    for row in rows:
-        cells = row.split(",")
-        tracks.setdefault(cells[1], []).append(np.array(cells[2:10], dtype=float).reshape(4, 2).mean(axis=0))
+    for picture in linked:
+        for track, box in zip(picture.track.tolist(), picture.boxes, strict=True):
+            tracks.setdefault(track, []).append(box[:2])
     assert [len(places) for places in tracks.values()] == [6, 6, 6]
     moved = sorted(tuple(np.round(places[-1] - places[0]).tolist()) for places in tracks.values())
     assert moved == sorted((5 * (dx - 3.0), 5 * (dy + 2.0)) for dx, dy in SPEEDS_PX)
 
 
+def test_pictures_in_between_have_the_vehicles_where_they_are_labelled(pictures):
+    linked = link(sorted(open_folder(pictures).images, key=lambda image: int(image.name[3:-4])))
+    filled = fill_in(linked, 4)
+    assert len(filled) == 21
+    np.testing.assert_array_equal(filled[4].image, linked[1].image)
+    halfway = filled[10]
+    for k, (x, y) in zip(halfway.track.tolist(), halfway.boxes[:, :2], strict=True):
+        ends = [p.boxes[p.track == k][0, :2] for p in (linked[2], linked[3])]
+        np.testing.assert_allclose((x, y), np.mean(ends, axis=0), atol=0.7)
+        # vehicles are drawn in a flat colour that the ground has nowhere, with little green and red
+        assert halfway.image[int(y), int(x), 1:].max() < 60
+        assert filled[10].image[int(y), int(x) - 30, 1:].max() >= 60
+
+
 def test_films_are_made_found_and_measured(pictures, tmp_path):
-    assert make_films(pictures, tmp_path / "films", 2.0) == ["MOS7"]
+    assert make_films(pictures, tmp_path / "films", 2.0) == ["MOS7", "MOS7-filled"]
     (tmp_path / "films" / "MOS7.toml").write_text('team = 2\nerrors = "hard"\npitch_deg = -90\n')
-    (film,) = find_films(tmp_path / "films")
+    film, filled = find_films(tmp_path / "films")
+    assert (filled.name, filled.options) == ("MOS7-filled", FilmOptions())
     assert film.options == FilmOptions(team=2, errors="hard", pitch_deg=-90.0)
     (row,), failed = measure_films([film], ("labels",))
     assert not failed
