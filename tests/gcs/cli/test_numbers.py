@@ -28,6 +28,10 @@ OPTIONS = [
     ("calibrate", (LOG, "-o", "lens.toml"), "--square"),
     ("eval-detector", (SWARM,), "--gsd"),
     ("eval-detector", (SWARM,), "--score"),
+    *(
+        ("train-detector", (SWARM, "-o", "out"), option)
+        for option in ("--minutes", "--steps", "--rendered", "--seed", "--gsd")
+    ),
     ("sim", ("curved-road",), "--duration"),
     ("sim", ("curved-road",), "--seed"),
     ("sim from-tracks", FILM, "--first-frame"),
