@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import signal
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -20,7 +21,7 @@ from gcs.cli.output.tables import print_table
 from gcs.errors import GcsError
 
 if TYPE_CHECKING:
-    from vision.evaluation import Evaluation, LabelledImage
+    from vision.evaluation import LabelledImage
     from vision.training.finetune import FineTuning
 
 __all__ = ["train_detector"]
@@ -30,6 +31,8 @@ INTERRUPTED = 130
 KEPT_SHARE, WATCHED_SHARE = 0.2, 0.15
 """Of the labelled objects, those kept apart for the figures at the end; and of the others, those that tell when to
 stop. A choice."""
+SCORE = 0.3
+"""Operating score of the figures at the end, as missions have it unless they say otherwise."""
 STEPS, MINUTES, SHARES, SEEDS = (20, 100_000), (1.0, 10_000.0), (0.0, 0.9), (0, 2**31 - 1)
 """Ranges of the options."""
 
@@ -126,22 +129,27 @@ def _stop_between_steps() -> Iterator[Callable[[], bool]]:
 
 def _compare(run: FineTuning, images: tuple[LabelledImage, ...]) -> None:
     """Measure the bundled detector and the new one on the images kept apart, as ``gcs eval-detector`` does."""
-    from vision.evaluation.report import as_json, figure_rows
+    from vision.evaluation import evaluate
+    from vision.evaluation.comparison import compare
+    from vision.evaluation.report import as_json, number
 
-    before, after = (_evaluate(model, images) for model in (None, run.out / "model.onnx"))
-    old, new = (dict(figure_rows(result)) for result in (before, after))
+    truth = [image.truth for image in images]
+    found = []
+    for model in (None, run.out / "model.onnx"):
+        detector, native = open_model(model)
+        found.append(detect_in_all(images, detector, None, native)[0])
     print_table(
-        ("on the images kept apart", "bundled", "fine-tuned"),
-        [(name, old.get(name, "–"), new.get(name, "–")) for name in old | new],
+        ("on the images kept apart", "bundled", "fine-tuned", "95 % of the difference"),
+        [
+            (d.name, number(d.other, 3), number(d.one, 3), _interval(d.interval))
+            for d in compare(found[1], found[0], truth, SCORE)
+        ],
         right=("bundled", "fine-tuned"),
     )
-    for name, result in (("bundled", before), ("fine-tuned", after)):
+    for name, own in zip(("bundled", "fine-tuned"), found, strict=True):
+        result = evaluate(own, truth, score=SCORE, floor=FLOOR)
         run.add_result(name, json.loads(as_json(result, {"model": name})))
 
 
-def _evaluate(model: Path | None, images: tuple[LabelledImage, ...]) -> Evaluation:
-    from vision.evaluation import evaluate
-
-    detector, native = open_model(model)
-    found, _ = detect_in_all(images, detector, None, native)
-    return evaluate(found, [image.truth for image in images], floor=FLOOR)
+def _interval(ends: tuple[float, float]) -> str:
+    return " to ".join(f"{end:+.3f}" for end in ends) if all(map(math.isfinite, ends)) else "–"

@@ -14,7 +14,7 @@ from vision.evaluation.measures import USUAL_PRECISION, Evaluation
 from vision.evaluation.reliability import ScoreBin
 from vision.evaluation.shares import Share, range_name
 
-__all__ = ["WORDS", "as_json", "as_markdown", "figure_rows", "tables"]
+__all__ = ["WORDS", "as_json", "as_markdown", "tables"]
 
 
 def as_json(result: Evaluation, about: Mapping[str, Any], beside: Comparison | None = None) -> str:
@@ -50,7 +50,7 @@ def tables(
         beside: another detector's figures.
     """
     yield ("what", "which"), [(k, str(v)) for k, v in about.items()]
-    yield ("figure", "value"), figure_rows(result)
+    yield ("figure", "value"), _figures(result)
     for title, shares, with_ap in (
         ("class", result.classes, True),
         ("length, px", result.sizes, False),
@@ -83,8 +83,7 @@ their kind are expected to be within; it is – for one image."""
 """What the figures are."""
 
 
-def figure_rows(r: Evaluation) -> list[tuple[str, str]]:
-    """Names and values of the main figures."""
+def _figures(r: Evaluation) -> list[tuple[str, str]]:
     d = r.directions
     rows = [
         ("images", str(r.images)),
