@@ -60,6 +60,9 @@ def identify_into(session: Session, out: Path, *, detect: bool = False) -> RollC
                 log.write(last)
                 events.write(last.events)
                 calls.add(last)
+                for event in last.events:
+                    if event.kind == "camera" and event.level == "info":
+                        print_note(event.text)
                 report(calls.frames, len(analysis.times_us))
                 blind |= last.pose == "no attitude"
             events.close()

@@ -32,7 +32,7 @@ ACCEPTED = "Rollcall's own (image [1, H, W, 3] uint8 → map [1, 9, H/4, W/4], m
 DEFAULT_SCALE, DEFAULT_WIDTH = 0.5, 960
 """How the model sees images in which nothing tells the scale: scaled by so much, but not made narrower than so many
 px, nor enlarged."""
-VEHICLE_M, ENOUGH_M = 4.5, 2.8
+VEHICLE_M, ENOUGH_M = 4.5, 2.4
 """Where vehicles alone tell the scale, most are taken to be as long as a car; in films it is enough that they are seen
 as large as a vehicle of the second length, where more would take longer than the scale above."""
 STILL_PX, FILM_PX = 1 << 20, 400_000
