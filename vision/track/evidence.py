@@ -6,7 +6,7 @@ box of score s, where s₀ is the score from which on boxes count, u the mean of
 the last seconds, l the logarithm of a track's size and v its mean over the confirmed tracks n at the same height of the
 picture, which are about as far away, a track gains
 
-    x − u + MARGIN − min(½ ((v − l − ALIKE) / SIZE_STD)², MOST_SMALL) n / (n + 1)     with each box,
+    max(SLOPE (x − u) + MARGIN, LEAST) − min(½ ((v − l − ALIKE) / SIZE_STD)², MOST_SMALL) n / (n + 1)     with each box,
     −MISS     in each frame without one,
 
 and is reported from ``ENOUGH`` on: a sequential test in which u and v make up for what the detector cannot know. Where
@@ -30,11 +30,15 @@ Floats = NDArray[np.float64]
 
 MARGIN = 1.15
 """By how much less than usual a box may have and still speak for a vehicle, nats."""
+SLOPE = 1.5
+"""Detectors' scores lie closer together than the odds that they stand for."""
 MISS = 0.5
 """Against a track in each frame without a box, nats: most vehicles are seen in most frames."""
+LEAST = 0.3
+"""For a track with each box that counts: dark vehicles among bright ones are reported after a second."""
 RANGE = (-0.3, 0.85)
-"""Of u. Where only bright vehicles were seen, dark ones with scores of s₀ = 0.3 still are after some frames; where only
-weak boxes were, two or three of that score are enough."""
+"""Of u. Where vehicles are hardly seen, two boxes of s₀ are enough; where they are clear, scores of 0.5 for s₀ = 0.3
+are as usual."""
 MEMORY_S = 1.0
 """Time constant of u."""
 SURE = 0.99
@@ -76,7 +80,8 @@ class TrackEvidence:
             return
         new = state.select(rows)
         usual = min(max(self._usual, RANGE[0]), RANGE[1])
-        gain = np.where(new.unseen, -MISS, _logit(new.score) - self._least - usual + MARGIN - _too_small(new, state))
+        looks = np.maximum(SLOPE * (_logit(new.score) - self._least - usual) + MARGIN, LEAST)
+        gain = np.where(new.unseen, -MISS, looks - _too_small(new, state))
         if reported_px is not None and len(reported_px):
             away = np.linalg.norm(new.x[:, None, :2] - reported_px, axis=2).min(axis=1)
             gain[~new.unseen & (away < np.maximum(REPORTED_REACH * new.length, reach_px))] = ENOUGH

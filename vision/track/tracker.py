@@ -120,7 +120,8 @@ class Tracker:
             if stitch is not None:
                 free = self._stitch(strong, free, stitch)
         self._drop()
-        if warp is not None:
+        if self._unwarped is not None:
+            # the camera's motion is known
             self._state.drive(dt)
         self._begin(boxes, free)
         self._evidence.gather(self._state, dt, reported_px, REACH_SHARE * (self.params.frame_size or (0, 0))[0])
@@ -178,7 +179,7 @@ class Tracker:
             return
         weak = boxes.select(np.arange(n, len(boxes)))
         pairs = self._candidates(weak, state.apart(weak), params.gate)
-        i, j = self._settle(weak, pairs.where(lost[pairs.row]), params.limit)
+        i, j = self._settle(weak, pairs.where(lost[pairs.row]), params.weak_limit)
         if len(i):
             state.correct(i, boxes, n + j, self._noise_of(state.length[i]))
 
