@@ -32,7 +32,7 @@ SHALLOWEST_DEG, STRAIGHT_DOWN_DEG = 12.0, 85.0
 LOWEST_M, HIGHEST_M = 3.0, 500.0
 """Heights that the simulator takes."""
 MOST_LABELS = 600
-"""So many labels, evenly drawn, are looked at: the median slope takes time that grows with their square."""
+"""So many labels are looked at, the first: the median slope takes time that grows with their square."""
 ROUNDS = 4
 """Of the guess, each with the sizes that a car has at the tilt of the one before."""
 
@@ -101,7 +101,8 @@ def _sizes(tracks: AnnotatedTracks, size: tuple[int, int]) -> tuple[FloatArray, 
     chosen = np.flatnonzero(np.array([other == kind for other in kinds]) & ~tracks.hidden)
     whole = chosen[room[chosen] > 1.0]
     chosen = whole if len(whole) else chosen if len(chosen) else np.arange(len(tracks))
-    chosen = chosen[np.linspace(0, len(chosen) - 1, min(len(chosen), MOST_LABELS)).astype(int)]
+    # labels are in the order of images, and the camera is wanted as it was at the first
+    chosen = chosen[:MOST_LABELS]
     return tracks.centre[chosen, 1], hull[chosen].max(axis=1)
 
 
