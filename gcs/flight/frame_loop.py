@@ -229,7 +229,7 @@ class FrameLoop:
             return None
         self._faults.turn_succeeded("detecting")
         if news := self._scale.news():
-            self._pipeline.add_event(Event(t_us=frame.t_us, level="info", kind="camera", text=news))
+            self._pipeline.add_event(Event(t_us=frame.t_us, level="info", kind="video", text=news))
         self._recorder.detections(frame.index, boxes)
         return boxes
 
