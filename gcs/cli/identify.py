@@ -61,7 +61,7 @@ def identify_into(session: Session, out: Path, *, detect: bool = False) -> RollC
                 events.write(last.events)
                 calls.add(last)
                 for event in last.events:
-                    if event.kind == "video":
+                    if event.kind == "video" and event.level == "info":
                         print_note(event.text)
                 report(calls.frames, len(analysis.times_us))
                 blind |= last.pose == "no attitude"

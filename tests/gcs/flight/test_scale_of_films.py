@@ -52,7 +52,7 @@ def film():
     return [Frame(index=k, t_us=T0 + k * FRAME_US, image=image) for k in range(FRAMES)]
 
 
-class Shown:
+class FilmedFrames:
     """Frames as a video gives them."""
 
     def __init__(self, frames):
@@ -79,7 +79,7 @@ def test_a_flight_and_a_later_look_at_its_video_find_the_same_boxes_and_tell_the
     length_px = float(told.split(" px")[0].split()[-1])
     assert 1 / 1.3 < length_px / px < 1.3
 
-    looked = list(look_again(Shown(film), detector, lambda frame: None, 0.3))
+    looked = list(look_again(FilmedFrames(film), detector, lambda frame: None, 0.3))
     assert [frame.news for frame in looked if frame.news] == [told]
     flown = read_detections(recorder.folder / "detections.csv")
     assert len(looked) == FRAMES
