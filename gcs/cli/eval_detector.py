@@ -27,9 +27,10 @@ if TYPE_CHECKING:
     from vision.detect.detector import Detector
     from vision.evaluation import Evaluation, LabelledImage
 
-__all__ = ["FLOOR", "GSD_M", "detect_in_all", "eval_detector", "open_images", "open_model"]
+__all__ = ["BUNDLED", "FLOOR", "GSD_M", "detect_in_all", "eval_detector", "open_images", "open_model", "plain_classes"]
 
 BUNDLED = "bundled"
+"""In place of a file's name, Rollcall's own model."""
 FLOOR = 0.01
 """Smallest score that average precision sees."""
 GSD_M = (1e-4, 100.0)
@@ -82,7 +83,7 @@ def eval_detector(
         "ground resolution": f"{gsd:g} m per px" if gsd else "from the labels",
         "time a picture, ms": f"{1e3 * took / max(len(images), 1):.0f}",
     }
-    result, about = _plain_classes(result), {what: plain(which) for what, which in about.items()}
+    result, about = plain_classes(result), {what: plain(which) for what, which in about.items()}
     sheets = {"worst.png": lambda: worst_sheet(images, found, score)}
     beside = None
     if against is not None:
@@ -91,7 +92,7 @@ def eval_detector(
         name, truth = plain(Path(against).name), [p.truth for p in images]
         beside = Comparison(
             against=name,
-            other=_plain_classes(evaluate(theirs, truth, score=score, floor=FLOOR)),
+            other=plain_classes(evaluate(theirs, truth, score=score, floor=FLOOR)),
             differences=compare(found, theirs, truth, score),
         )
         sheets["apart.png"] = lambda: _apart(images, found, theirs, score, name)
@@ -106,7 +107,8 @@ def eval_detector(
         _write(out, to_json(result, about, beside), as_markdown(result, about, beside), sheets)
 
 
-def _plain_classes(result: Evaluation) -> Evaluation:
+def plain_classes(result: Evaluation) -> Evaluation:
+    """Names of classes as a terminal can show them."""
     return replace(result, classes=tuple(replace(share, name=plain(share.name)) for share in result.classes))
 
 

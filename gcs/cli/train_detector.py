@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import signal
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -14,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gcs.cli.eval_detector import FLOOR, GSD_M, detect_in_all, open_images, open_model
-from gcs.cli.output.console import check_range, print_note
+from gcs.cli.eval_detector import BUNDLED, FLOOR, GSD_M, detect_in_all, open_images, open_model, plain_classes
+from gcs.cli.output.console import check_range, print_lines, print_note
 from gcs.cli.output.progress import progress
 from gcs.cli.output.tables import print_table
 from gcs.errors import GcsError
@@ -128,28 +127,18 @@ def _stop_between_steps() -> Iterator[Callable[[], bool]]:
 
 
 def _compare(run: FineTuning, images: tuple[LabelledImage, ...]) -> None:
-    """Measure the bundled detector and the new one on the images kept apart, as ``gcs eval-detector`` does."""
+    """Measure the new detector beside the bundled one on the images kept apart, as ``gcs eval-detector`` does."""
     from vision.evaluation import evaluate
-    from vision.evaluation.comparison import compare
-    from vision.evaluation.report import as_json, number
+    from vision.evaluation.comparison import Comparison, compare
+    from vision.evaluation.report import as_json, comparison_tables
 
-    truth = [image.truth for image in images]
-    found = []
-    for model in (None, run.out / "model.onnx"):
+    truth, found = [image.truth for image in images], []
+    for model in (run.out / "model.onnx", None):
         detector, native = open_model(model)
         found.append(detect_in_all(images, detector, None, native)[0])
-    print_table(
-        ("on the images kept apart", "bundled", "fine-tuned", "95 % of the difference"),
-        [
-            (d.name, number(d.other, 3), number(d.one, 3), _interval(d.interval))
-            for d in compare(found[1], found[0], truth, SCORE)
-        ],
-        right=("bundled", "fine-tuned"),
-    )
-    for name, own in zip(("bundled", "fine-tuned"), found, strict=True):
-        result = evaluate(own, truth, score=SCORE, floor=FLOOR)
-        run.add_result(name, json.loads(as_json(result, {"model": name})))
-
-
-def _interval(ends: tuple[float, float]) -> str:
-    return " to ".join(f"{end:+.3f}" for end in ends) if all(map(math.isfinite, ends)) else "–"
+    tuned, bundled = (plain_classes(evaluate(own, truth, score=SCORE, floor=FLOOR)) for own in found)
+    beside = Comparison(against=BUNDLED, other=bundled, differences=compare(found[0], found[1], truth, SCORE))
+    for head, rows in comparison_tables(tuned, beside):
+        print_table(head, rows, right=head[1:])
+        print_lines("")
+    run.add_result(json.loads(as_json(tuned, {"model": "model.onnx"}, beside)))

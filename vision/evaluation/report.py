@@ -14,7 +14,7 @@ from vision.evaluation.measures import USUAL_PRECISION, Evaluation
 from vision.evaluation.reliability import ScoreBin
 from vision.evaluation.shares import Share, range_name
 
-__all__ = ["WORDS", "as_json", "as_markdown", "tables"]
+__all__ = ["WORDS", "as_json", "as_markdown", "comparison_tables", "tables"]
 
 
 def as_json(result: Evaluation, about: Mapping[str, Any], beside: Comparison | None = None) -> str:
@@ -62,14 +62,21 @@ def tables(
             yield _shares(title, shares, with_ap)
     yield _reliability(result.reliability.bins)
     if beside is not None:
-        yield _differences(beside)
-        for title, mine, theirs in (
-            ("centres by length, px", result.centres.sizes, beside.other.centres.sizes),
-            ("centres by place", result.centres.places, beside.other.centres.places),
-            ("class", result.classes, beside.other.classes),
-        ):
-            if mine:
-                yield _recalls(title, mine, theirs, beside.against)
+        yield from comparison_tables(result, beside)
+
+
+def comparison_tables(
+    result: Evaluation, beside: Comparison
+) -> Iterator[tuple[Sequence[str], Sequence[Sequence[str]]]]:
+    """Of ``tables``, those that compare two detectors."""
+    yield _differences(beside)
+    for title, mine, theirs in (
+        ("centres by length, px", result.centres.sizes, beside.other.centres.sizes),
+        ("centres by place", result.centres.places, beside.other.centres.places),
+        ("class", result.classes, beside.other.classes),
+    ):
+        if mine:
+            yield _recalls(title, mine, theirs, beside.against)
 
 
 WORDS = """\

@@ -199,9 +199,9 @@ class FineTuning:
         write_record(self.out, self._record)
         part.replace(self.out / "model.onnx")
 
-    def add_result(self, name: str, figures: dict[str, Any]) -> None:
-        """Write figures into the record."""
-        self._record[name] = figures
+    def add_result(self, figures: dict[str, Any]) -> None:
+        """Write what was measured on the images kept apart into the record."""
+        self._record["measured"] = figures
         write_record(self.out, self._record)
 
     @property

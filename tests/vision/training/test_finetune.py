@@ -107,14 +107,14 @@ def test_the_command_writes_a_detector_and_compares_it(folder, tmp_path, capsys)
     options |= {"classes": None, "ignore": None, "names": None, "corners_tell_front": False}
     train_detector(folder, out, resume=False, **options)
     told = capsys.readouterr()
-    assert "AP50" in told.out
-    assert "fine-tuned" in told.out
+    assert "AP50 of centres" in told.out
+    assert "recall of this" in told.out
     assert "are kept apart to measure: whole folders" in told.err
     found = open_detector(out / "model.onnx").detect(cv2.imread(str(folder / "a" / "0.png")), gsd_m=0.0865)
     assert len(found) == 3
     record = json.loads((out / "run.json").read_text())
     assert record["options"]["steps"] == STEPS
-    assert record["fine-tuned"]["objects"] == record["bundled"]["objects"] == 6
+    assert record["measured"]["objects"] == record["measured"]["comparison"]["other"]["objects"] == 6
     assert {"curves.png", "loss.csv", "quality.csv"} <= {path.name for path in out.iterdir()}
     written = (out / "model.onnx").read_bytes()
     train_detector(folder, out, resume=True, **options)
