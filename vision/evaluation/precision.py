@@ -42,19 +42,23 @@ def average_precision(
     return float(np.sum(np.diff(recall, prepend=0.0) * best))
 
 
-def balanced_score(score: NDArray[np.float64], hit: NDArray[np.bool_], objects: int) -> float:
+def balanced_score(score: NDArray[np.float64], hit: NDArray[np.bool_], objects: int, slack: float = 0.0) -> float:
     """The operating score with the highest F1, the harmonic mean of precision and recall.
 
     Args:
         score: (k,) of detections.
         hit: (k,) whether each is right.
         objects: how many there are to be found.
+        slack: the lowest score is taken whose F1 is no more than this below the highest: F1 is flat near its peak, and
+            on few images the peak's place is a matter of chance.
 
     Returns:
         0 to 1, NaN where nothing right is found.
     """
+    if not hit.any():
+        return float("nan")
     order = np.argsort(-score, kind="stable")
-    right = np.cumsum(hit[order])
     # F1 = 2 TP / (TP + FP + objects)
-    f1 = 2.0 * right / (np.arange(1, len(right) + 1) + objects)
-    return float(score[order][int(np.argmax(f1))]) if hit.any() else float("nan")
+    f1 = 2.0 * np.cumsum(hit[order]) / (np.arange(1, len(order) + 1) + objects)
+    good = np.flatnonzero(f1 >= f1.max() - slack)
+    return float(score[order][int(good[-1])])

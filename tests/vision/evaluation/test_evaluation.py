@@ -89,6 +89,15 @@ def test_the_balanced_score_by_hand(hit, objects, wanted):
     assert balanced_score(score[shuffled], right[shuffled], objects) == pytest.approx(wanted, nan_ok=True)
 
 
+def test_the_balanced_score_may_be_lower_where_it_costs_little():
+    score, hit = np.array([0.9, 0.8, 0.6, 0.5]), np.array([1, 1, 0, 1], bool)
+    # F1 at each: 2/5, 4/6, 4/7, 6/8 of 4 objects; with 2 there is none to win below 0.8
+    assert balanced_score(score, hit, 4) == 0.5
+    assert balanced_score(score[:3], hit[:3], 2) == 0.8
+    assert balanced_score(score[:3], hit[:3], 2, slack=0.1) == 0.8
+    assert balanced_score(score[:3], hit[:3], 2, slack=0.25) == 0.6
+
+
 def test_average_precision_by_hand():
     # 0.9 right, 0.8 wrong, 0.7 right, of three objects: 1/3 · 1 + 1/3 · 2/3
     assert average_precision(np.array([0.9, 0.8, 0.7]), np.array([1, 0, 1], bool), 3) == pytest.approx(5 / 9)
