@@ -31,8 +31,8 @@ SHALLOWEST_DEG, STRAIGHT_DOWN_DEG = 12.0, 85.0
 """A camera that is guessed looks down at least so far; from so far on, straight down."""
 LOWEST_M, HIGHEST_M = 3.0, 500.0
 """Heights that the simulator takes."""
-MOST_LABELS = 600
-"""So many labels are looked at, the first: the median slope takes time that grows with their square."""
+MOST_LABELS = 200
+"""So many labels are looked at, the first: five cars for some seconds, within which a camera climbs little."""
 ROUNDS = 4
 """Of the guess, each with the sizes that a car has at the tilt of the one before."""
 

@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from sim.annotated.layouts import read_tracks
 from sim.errors import AnnotationError
 from sim.world.camera import view_from
 from sim.world.error_draws import standard_errors
+from sim.world.scenario import ScenarioFlight
 from sim.world.view import project
 from tests.support.films.annotated import FOV_DEG, film_of, ground_errors, labels_of, tilted, true_motions
 
@@ -75,6 +78,17 @@ def test_a_camera_is_guessed_from_sizes(pitch, tmp_path):
     camera = guess_camera(tracks, SIZE, fov_deg=FOV_DEG)
     assert camera.pitch_deg == pytest.approx(pitch, abs=8.0)
     assert camera.height_m == pytest.approx(45.0, rel=0.2)
+
+
+def test_a_camera_that_climbs_has_the_height_of_the_first_image(tmp_path):
+    scenario = tilted(-90.0)
+    climbing = dataclasses.replace(scenario, duration_s=20.0, flight=ScenarioFlight(height_m=45.0, climb_mps=3.0))
+    world, times = film_of(climbing)
+    tracks = tracks_of(world, tmp_path)
+    made = made_of(tracks, times, true_motions(world, times), fov_deg=FOV_DEG)
+    heights = made.world.at_uav(times[[0, -1]]).p_enu[:, 2]
+    assert heights[0] == pytest.approx(45.0, rel=0.25)
+    assert heights[1] / heights[0] == pytest.approx(105.0 / 45.0, rel=0.05)
 
 
 def test_cars_of_an_absurd_size_are_refused(tmp_path):
