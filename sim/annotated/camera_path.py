@@ -33,6 +33,12 @@ LEVEL_STD = np.radians(2.0)
 """How far a camera that is held level strays from its tilt."""
 FARTHEST = 8.0
 """Ground that is so many heights away is too near the horizon to compare poses by."""
+LEAST_POINTS = 6
+"""Points of the ground that two images must share."""
+FAR_OFF = 1e4
+"""A point that a pose does not show counts as so many px off, and none as more."""
+MOST_CLIMB = 1.5
+"""From one image to the next no camera gets so much higher or lower: a homography that says so is wrong."""
 SPEED_SPAN_S = 1.0
 """Over which the reported speed of the UAV is taken."""
 MOST_TRIES = 60
@@ -66,18 +72,21 @@ def _next_pose(scenario: Scenario, before: FloatArray, H: FloatArray, uv: FloatA
     height = before[2]
     ground = ray_ground(_view(scenario, before), uv)
     near = np.linalg.norm(ground[:, :2] - before[:2], axis=1) < FARTHEST * height
-    ground, uv = ground[near], uv[near]
     homogeneous = np.column_stack([uv, np.ones(len(uv))]) @ H.T
-    wanted = homogeneous[:, :2] / homogeneous[:, 2:]
+    near &= homogeneous[:, 2] > 0.0
+    if np.count_nonzero(near) < LEAST_POINTS:
+        return before
+    ground, wanted = ground[near], homogeneous[near, :2] / homogeneous[near, 2:]
 
     def residuals(pose: FloatArray) -> FloatArray:
         seen, _ = project(_view(scenario, pose), ground)
-        off = np.nan_to_num((seen - wanted) / PIXEL_STD, nan=1e3)
+        off = np.clip(np.nan_to_num((seen - wanted) / PIXEL_STD, nan=FAR_OFF), -FAR_OFF, FAR_OFF)
         return np.concatenate([off.ravel(), pose[4:] / LEVEL_STD])
 
     scale = [height, height, height, 1.0, 1.0, 1.0]
     found = least_squares(residuals, before, method="lm", x_scale=scale, max_nfev=MOST_TRIES)
-    return np.asarray(found.x)
+    told = bool(np.isfinite(found.x).all()) and 1.0 / MOST_CLIMB < found.x[2] / height < MOST_CLIMB
+    return np.asarray(found.x) if told else before
 
 
 def _grid(scenario: Scenario) -> FloatArray:

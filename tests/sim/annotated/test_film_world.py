@@ -91,6 +91,17 @@ def test_a_camera_that_climbs_has_the_height_of_the_first_image(tmp_path):
     assert heights[1] / heights[0] == pytest.approx(105.0 / 45.0, rel=0.05)
 
 
+def test_absurd_motion_is_taken_for_none(tmp_path):
+    world, times = film_of(tilted(-50.0))
+    motions = true_motions(world, times)
+    absurd = [np.zeros((3, 3)), np.diag([9.0, 9.0, 1.0]), np.array([[1.0, 0, 0], [0, 1.0, 0], [0.1, 0.1, -1.0]])]
+    motions[10:13] = absurd
+    made = made_of(tracks_of(world, tmp_path), times, motions)
+    p = made.world.at_uav(times).p_enu
+    assert np.isfinite(p).all()
+    np.testing.assert_array_equal(p[10:13], p[9:12])
+
+
 def test_cars_of_an_absurd_size_are_refused(tmp_path):
     path = tmp_path / "gt.txt"
     path.write_text("1,1,5,5,0.5,0.5,1\n")
