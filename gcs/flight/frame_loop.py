@@ -230,6 +230,7 @@ class FrameLoop:
         self._faults.turn_succeeded("detecting")
         if news := self._scale.news():
             self._pipeline.add_event(Event(t_us=frame.t_us, level="info", kind="video", text=news))
+        boxes = boxes.useful(self._pipeline.mission.detector.score)
         self._recorder.detections(frame.index, boxes)
         return boxes
 

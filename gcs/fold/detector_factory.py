@@ -9,11 +9,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gcs.mission.mission import BUNDLED, DetectorChoice
-from vision.detect.detections import Detections
 from vision.detect.detector import BUNDLED as BUNDLED_BOXES
 from vision.detect.detector import Detector, open_detector
 from vision.detect.front import BUNDLED_FRONT, FrontedDetector, open_front_classifier
@@ -21,9 +17,6 @@ from vision.errors import ModelError
 from vision.track.tracks import WEAK_SCORE
 
 __all__ = ["fingerprints", "open_mission_detector"]
-
-MOST_WEAK = 60
-"""Boxes of one image that do not count; all are recorded, and with more of them no further vehicles are followed."""
 
 
 def open_mission_detector(choice: DetectorChoice, *, threads: int = 1) -> Detector:
@@ -49,20 +42,7 @@ def open_mission_detector(choice: DetectorChoice, *, threads: int = 1) -> Detect
         front = None if choice.front == BUNDLED else Path(choice.front)
         classifier = open_front_classifier(front, sure=choice.front_sure, providers=providers, threads=threads)
         detector = FrontedDetector(detector, classifier, score=choice.score)
-    return _FewWeakBoxes(detector, choice.score)
-
-
-class _FewWeakBoxes:
-    """A detector that gives, of the boxes below a score, the best only."""
-
-    def __init__(self, detector: Detector, score: float) -> None:
-        self._detector, self._score = detector, score
-
-    def detect(self, image: NDArray[np.uint8], *, gsd_m: float | None = None) -> Detections:
-        """See ``vision.detect.detector.Detector``."""
-        found = self._detector.detect(image, gsd_m=gsd_m)
-        most = int(np.count_nonzero(found.score >= self._score)) + MOST_WEAK
-        return found.select(np.arange(most)) if most < len(found) else found
+    return detector
 
 
 def fingerprints(choice: DetectorChoice) -> dict[str, str]:

@@ -100,7 +100,7 @@ def look_again(
         video: decoded as frames are asked for.
         detector: may be asked from several threads at once.
         gsd_m: metres on the ground per pixel of a frame as telemetry has it, None unknown: then the vehicles tell it.
-        score: weaker boxes do not count in how the camera moved.
+        score: weaker boxes do not count, of which the best are kept.
         first: index of the first frame.
     """
     from vision.detect.scale_finder import ScaleFinder
@@ -115,7 +115,8 @@ def look_again(
         return used
 
     with closing(look_ahead(video.frames(first), detector, used_gsd_m)) as looked:
-        for frame, boxes in looked:
+        for frame, found in looked:
+            boxes = found.useful(score)
             motion = motions.update(frame.image, boxes.at_least(score))
             yield LookedFrame(
                 index=frame.index,

@@ -16,6 +16,8 @@ from vision.detect.boxes import corners
 
 __all__ = ["Detections"]
 
+MOST_WEAK = 60
+"""Boxes of one image that do not count: all are recorded, and with more of them no further vehicles are followed."""
 FIELDS = ("cx", "cy", "w", "h", "angle", "score", "heading")
 
 
@@ -86,6 +88,15 @@ class Detections:
         """Those of this score and more."""
         enough = self.score >= score
         return self if np.count_nonzero(enough) == len(enough) else self.select(enough)
+
+    def useful(self, score: float) -> Detections:
+        """All of this score and more, and the best ``MOST_WEAK`` of the others."""
+        weak = np.flatnonzero(self.score < score)
+        if len(weak) <= MOST_WEAK:
+            return self
+        keep = self.score >= score
+        keep[weak[np.argsort(-self.score[weak], kind="stable")[:MOST_WEAK]]] = True
+        return self.select(keep)
 
     def corners(self) -> NDArray[np.float64]:
         """Corners (m, 4, 2) px, clockwise on screen from the one that is top left at angle 0."""

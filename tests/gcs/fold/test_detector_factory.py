@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from gcs.fold.detector_factory import MOST_WEAK, open_mission_detector
+from gcs.fold.detector_factory import open_mission_detector
 from gcs.mission.mission import DetectorChoice
 from gcs.playback.analysis import Analysis
 from gcs.session.session import open_session
 from tests.support.bundled import ROOT
 from tests.support.onnx_models import brightest_side, classifier, constant
+from vision.detect.scale_finder import ScaleFinder
 from vision.errors import ModelError
 
 CURVED = ROOT / "sitl_logs" / "curved-road"
@@ -76,14 +77,9 @@ def test_weak_boxes_are_found_too_and_cost_no_look_for_their_fronts(see):
     assert np.isfinite(found.heading).tolist() == [True, False]
 
 
-def test_of_many_weak_boxes_the_best_are_kept(tmp_path):
-    anchors = np.zeros((1, 6, 84))
-    side = np.arange(9) * 7.0 + 3.0
-    places = np.array(np.meshgrid(side, side)).reshape(2, -1)
-    scores = np.linspace(0.9, 0.11, 81)
-    anchors[0, :5, :81] = [*places, np.full(81, 4.0), np.full(81, 2.0), scores]
-    constant(tmp_path / "yolo.onnx", [1, 3, 64, 64], anchors, {"names": "{0: 'car'}", "task": "obb"})
-    seer = open_mission_detector(DetectorChoice(model=str(tmp_path / "yolo.onnx"), score=0.8))
-    found = seer.detect(np.zeros((64, 64, 3), np.uint8))
-    strong = int((scores >= 0.8).sum())
-    np.testing.assert_allclose(found.score, scores[: strong + MOST_WEAK], atol=1e-6)
+def test_the_scale_of_a_film_is_found_by_what_the_mission_opens(tmp_path):
+    """Whichever networks it names, of Rollcall's own."""
+    image = np.zeros((96, 128, 3), np.uint8)
+    for front in ("", "bundled"):
+        finder = ScaleFinder(open_mission_detector(DetectorChoice(front=front)))
+        assert finder.gsd_m(image, 0, None) is not None
