@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gcs.cli.train_detector import train_detector
-from vision.detect.detector import open_detector
+from vision.detect.detector import BUNDLED, open_detector
 from vision.errors import TrainingError
 from vision.evaluation import open_folder
 from vision.training.split import split
@@ -30,7 +30,7 @@ def folder(tmp_path):
         for k in range(2):
             image = rng.integers(70, 90, (256, 320, 3)).astype(np.uint8)
             lines = []
-            for x, y in rng.uniform((60, 40), (260, 216), (3, 2)):
+            for x, y in zip((60.0, 160.0, 260.0), rng.uniform(40.0, 216.0, 3), strict=True):
                 cv2.rectangle(image, (int(x) - 26, int(y) - 12), (int(x) + 26, int(y) + 12), (230, 230, 230), -1)
                 lines.append(f"0 {x / 320:.5f} {y / 256:.5f} {52 / 320:.5f} {24 / 256:.5f}\n")
             cv2.imwrite(str(root / place / f"{k}.png"), image)
@@ -101,6 +101,17 @@ def test_a_run_is_continued_only_as_it_began(folder, tmp_path):
         run_of(folder, tmp_path / "none", resume=True)
 
 
+def test_weights_that_are_no_better_leave_the_bundled_file_as_it_is(folder, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    run = run_of(folder, out)
+    trained(run, until=1)
+    monkeypatch.setattr("vision.training.finetune.FineTuning._best", lambda self: 0)
+    run.finish()
+    assert run.best_step == 0
+    assert (out / "model.onnx").read_bytes() == BUNDLED.read_bytes()
+    assert json.loads((out / "run.json").read_text())["score returned as 0.3"] == 0.3
+
+
 def test_the_command_writes_a_detector_and_compares_it(folder, tmp_path, capsys):
     out = tmp_path / "out"
     options = {"minutes": 60.0, "steps": STEPS, "rendered": 0.0, "seed": 0, "gsd": 0.0865, "form": None}
@@ -110,8 +121,10 @@ def test_the_command_writes_a_detector_and_compares_it(folder, tmp_path, capsys)
     assert "AP50 of centres" in told.out
     assert "recall of this" in told.out
     assert "are kept apart to measure: whole folders" in told.err
-    found = open_detector(out / "model.onnx").detect(cv2.imread(str(folder / "a" / "0.png")), gsd_m=0.0865)
-    assert len(found) == 3
+    image = open_folder(folder).images[0]
+    found = open_detector(out / "model.onnx", score=0.1).detect(image.read(), gsd_m=0.0865)
+    apart_px = np.linalg.norm(found.centre[:, None] - image.truth.boxes[:, :2], axis=2)
+    assert (apart_px.min(axis=0) < 8.0).all()
     record = json.loads((out / "run.json").read_text())
     assert record["options"]["steps"] == STEPS
     assert record["measured"]["objects"] == record["measured"]["comparison"]["other"]["objects"] == 6
