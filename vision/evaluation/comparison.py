@@ -86,7 +86,7 @@ def _draws(images: int, seed: int) -> Ints:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Judged:
+class _JudgedBoxes:
     """The k detections of all images, those set aside left out."""
 
     score: Floats
@@ -98,32 +98,32 @@ class _Judged:
 
 def _judge(
     found: Sequence[Detections], truth: Sequence[Truth], judge: Callable[[Detections, Truth], Matches]
-) -> _Judged:
+) -> _JudgedBoxes:
     numbers = [judge(d, t).truth[0] for d, t in zip(found, truth, strict=True)]
     number = np.concatenate([np.empty(0, np.int64), *numbers])
     kept = number != ASIDE
-    return _Judged(
+    return _JudgedBoxes(
         score=np.concatenate([np.empty(0), *(d.score for d in found)])[kept],
         number=number[kept],
         image=np.repeat(np.arange(len(found)), [len(d) for d in found])[kept],
     )
 
 
-def _ap(judged: _Judged, objects: Ints, times: Ints, score: float) -> float:
+def _ap(judged: _JudgedBoxes, objects: Ints, times: Ints, score: float) -> float:
     return average_precision(judged.score, judged.number >= 0, int(objects @ times), times[judged.image])
 
 
-def _precision(judged: _Judged, objects: Ints, times: Ints, score: float) -> float:
+def _precision(judged: _JudgedBoxes, objects: Ints, times: Ints, score: float) -> float:
     given = times[judged.image] * (judged.score >= score)
     return float(given @ (judged.number >= 0)) / given.sum() if given.any() else float("nan")
 
 
-def _recall(judged: _Judged, objects: Ints, times: Ints, score: float) -> float:
+def _recall(judged: _JudgedBoxes, objects: Ints, times: Ints, score: float) -> float:
     given = times[judged.image] * (judged.score >= score)
     return float(given @ (judged.number >= 0)) / int(objects @ times) if (objects @ times) else float("nan")
 
 
-_FIGURES: dict[str, Callable[[_Judged, Ints, Ints, float], float]] = {
+_FIGURES: dict[str, Callable[[_JudgedBoxes, Ints, Ints, float], float]] = {
     "AP50": _ap,
     "precision": _precision,
     "recall": _recall,
