@@ -93,7 +93,8 @@ class FineTuning:
         resume: continue the run that the folder holds.
 
     Raises:
-        TrainingError: the folder exists (without ``resume``), or holds no run that began like this one (with it).
+        TrainingError: the folder cannot be made, exists (without ``resume``), or holds no run that began like this one
+            (with it).
     """
 
     def __init__(self, out: Path, kept: Split, watched: Split, options: TrainingOptions, *, resume: bool) -> None:
@@ -112,6 +113,8 @@ class FineTuning:
                 out.mkdir(parents=True)
             except FileExistsError as error:
                 raise TrainingError(f"{out}: exists already; name another folder, or give --resume") from error
+            except OSError as error:
+                raise TrainingError(f"{out}: cannot be made: {error.strerror}; name another folder") from error
             write_record(out, self._record)
 
     @property

@@ -299,6 +299,8 @@ def main() -> None:
         help=f"labelled photographs, and their share of the images (else {PHOTOGRAPHS_SHARE}); may be repeated",
     )
     args = parser.parse_args()
+    if any(share < 0.0 for _, share in args.photographs) or sum(share for _, share in args.photographs) > 1.0:
+        parser.error("--photographs: shares are 0 or more, and 1 or less in all")
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s")
     run(
         args.out,

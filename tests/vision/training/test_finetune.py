@@ -97,6 +97,9 @@ def test_a_run_is_continued_only_as_it_began(folder, tmp_path):
     label.write_text(label.read_text() + "0 0.5 0.5 0.1 0.1\n")
     with pytest.raises(TrainingError, match="other labels sha256"):
         run_of(folder, out, resume=True)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(TrainingError, match="cannot be made"):
+        run_of(folder, tmp_path / "file" / "out")
     with pytest.raises(TrainingError, match="no run to continue"):
         run_of(folder, tmp_path / "none", resume=True)
 
