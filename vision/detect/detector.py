@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from vision.detect.onnx_model import metadata, open_session
 from vision.detect.yolo_detector import YoloDetector
 from vision.errors import ModelError
 
-__all__ = ["BUNDLED", "Detector", "HeatmapDetector", "YoloDetector", "open_detector"]
+__all__ = ["BUNDLED", "Detector", "DetectorAround", "HeatmapDetector", "YoloDetector", "open_detector"]
 
 BUNDLED = Path(__file__).parents[1] / "models" / "rollcall-obb-s.onnx"
 """Rollcall's own detector."""
@@ -34,6 +34,13 @@ class Detector(Protocol):
         Returns:
             Detections in continuous pixels of this image, best first; heading NaN where the front is unknown.
         """
+
+
+@runtime_checkable
+class DetectorAround(Protocol):
+    """A detector that adds to what another finds, or takes from it."""
+
+    detector: Detector
 
 
 def open_detector(

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.detect.apparent_length import ApparentLength
-from vision.detect.detector import Detector
-from vision.detect.front import FrontedDetector
+from vision.detect.detector import Detector, DetectorAround
 from vision.detect.heatmap_detector import HeatmapDetector
 
 __all__ = ["ScaleFinder"]
@@ -41,8 +40,9 @@ class ScaleFinder:
     """
 
     def __init__(self, detector: Detector | None) -> None:
-        boxes = detector.detector if isinstance(detector, FrontedDetector) else detector
-        self._detector = boxes if isinstance(boxes, HeatmapDetector) else None
+        while isinstance(detector, DetectorAround):
+            detector = detector.detector
+        self._detector = detector if isinstance(detector, HeatmapDetector) else None
         self._examination: Generator[None, None, ApparentLength | None] | None = None
         self._size = (0, 0)
         self._next_us: int | None = None

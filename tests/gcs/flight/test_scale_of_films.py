@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gcs.flight.frame_loop import FrameLoop
+from gcs.fold.detector_factory import open_mission_detector
 from gcs.fold.pipeline import WAIT_US, Pipeline
 from gcs.health.faults import Faults
 from gcs.playback.looked_frames import look_again
@@ -16,7 +17,6 @@ from sim.render.render import Renderer, Style
 from sim.world.view import OTHER_VEHICLE, Bodies, CameraView, Scene
 from tests.support.flights import T0
 from tests.support.snapshots import ONE_UGV
-from vision.detect.detector import open_detector
 from vision.video.video import Frame
 
 FRAME_US, FRAMES = 200_000, 8
@@ -63,7 +63,7 @@ class FilmedFrames:
 
 
 def test_a_flight_and_a_later_look_at_its_video_find_the_same_boxes_and_tell_the_scale(film, tmp_path):
-    detector, now_us, shown = open_detector(), [T0], []
+    detector, now_us, shown = open_mission_detector(ONE_UGV.detector), [T0], []
     recorder = Recorder(tmp_path, ONE_UGV, video=True)
     faults = Faults(recorder.folder / "faults.txt")
     loop = FrameLoop(Pipeline(ONE_UGV), detector, recorder, faults, shown.append, lambda: now_us[0])
