@@ -8,7 +8,7 @@ import pytest
 
 from gcs.cli.app import main
 from gcs.mission.mission import load_mission
-from tests.support.board_video import BoardCamera, poses, write_video
+from tests.support.films.board_video import BoardCamera, poses, write_video
 from vision.camera.lens_file import read_lens
 
 SIZE = (640, 360)

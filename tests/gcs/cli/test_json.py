@@ -9,9 +9,9 @@ import numpy as np
 
 from gcs.cli.identify import identify_into
 from sim.live import PlaybackCounts
-from tests.support.board_video import BoardCamera, poses, write_video
 from tests.support.bundled import ROOT, SWARM, swarm_session
 from tests.support.command_line import help_pages, run_gcs
+from tests.support.films.board_video import BoardCamera, poses, write_video
 from tests.support.ports import free_port
 from vision.evaluation import evaluate
 from vision.evaluation.comparison import Comparison, compare

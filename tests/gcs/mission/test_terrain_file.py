@@ -9,7 +9,7 @@ from gcs.errors import ConfigError
 from gcs.mission import terrain_file
 from gcs.mission.mission import load_mission
 from gcs.mission.terrain_file import TerrainFile
-from tests.support.board_video import POINT, write_geotiff
+from tests.support.films.board_video import POINT, write_geotiff
 
 LAT, LON = 47.01, 8.02
 ROWS, COLUMNS, CELL = 40, 60, 0.0005

@@ -8,7 +8,7 @@ from gcs.errors import ConfigError
 from gcs.mission.mission import load_mission
 from gcs.mission.tile_file import MOST_KEPT, TILE_PX, TileFile
 from gcs.session.metadata import mission_table
-from tests.support.board_video import make_tiles, png
+from tests.support.films.board_video import make_tiles, png
 
 ONE_PIXEL = png((7, 7, 7), 1)
 MISSION = '[uav]\nsystem_id = 1\n[[ugv]]\nsystem_id = 2\n[map]\ntiles = "area.mbtiles"\n'

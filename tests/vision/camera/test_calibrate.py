@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.support.board_video import BoardCamera, poses
+from tests.support.films.board_video import BoardCamera, poses
 from vision.camera.calibrate import PARAMETERS, calibrate, doubts
 from vision.camera.calibrate_views import BLURRED_PX, Board, BoardView, chosen, find_view
 from vision.errors import CameraError

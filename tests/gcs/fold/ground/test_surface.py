@@ -9,7 +9,7 @@ import pytest
 from gcs.fold.frame_cameras import FrameCameras
 from gcs.fold.ground.surface import GroundSurface
 from gcs.mission.mission import parse_mission
-from tests.support.board_video import write_geotiff
+from tests.support.films.board_video import write_geotiff
 from tests.support.flights import World
 from vision.camera.camera import CameraPose, Mount, camera_pose, ground, project
 from vision.camera.intrinsics import Intrinsics

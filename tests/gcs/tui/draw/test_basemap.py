@@ -15,8 +15,8 @@ from gcs.tui.draw.map_canvas import MapExtras, chart_cells
 from gcs.tui.palette import FAINT, PANEL, pack, use_theme
 from gcs.tui.panes.map import MapPane
 from mavlink.geodesy import LocalFrame
-from tests.support.board_video import make_tiles
 from tests.support.fake_station import FakeStation, make_snapshot, polled, running, text_of
+from tests.support.films.board_video import make_tiles
 
 ORIGIN = LocalFrame(47.397742, 8.545594)
 SNAPSHOT = replace(make_snapshot(), origin=ORIGIN)
