@@ -27,8 +27,10 @@ from sim.world.scenario import (
     ScenarioDetector,
     ScenarioFlight,
     ScenarioGround,
+    Targets,
 )
 from sim.world.world import World
+from tests.support.films.annotated import tilted
 
 VERSIONS = [(number, hard) for number in FAMILIES for hard in (False, True)]
 EASY = Scenario(
@@ -296,4 +298,17 @@ def test_errors_that_wander_are_not_a_film_of_another_flight(tmp_path, kind, sec
     played = identify(tmp_path / "session", tmp_path / "out")
     found = summarise([tally(played.matched, scenario.fps)])
     assert found.right > 70.0 and found.precision > 99.0
+    assert math.isinf(played.mismatch_s)
+
+
+def test_boxes_that_are_less_sure_than_reports_are_named_too(tmp_path):
+    """Far away at a slant, a box tells its vehicle's place worse than its last reports foresee the next."""
+    slanted = tilted(-25.0)
+    scenario = dataclasses.replace(
+        slanted, fps=10.0, flight=dataclasses.replace(slanted.flight, height_m=60.0), targets=Targets()
+    )
+    write_session(scenario, tmp_path / "session")
+    played = identify(tmp_path / "session", tmp_path / "out")
+    found = summarise([tally(played.matched, scenario.fps)])
+    assert found.right > 95.0 and found.precision > 99.0
     assert math.isinf(played.mismatch_s)
