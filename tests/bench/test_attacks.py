@@ -173,7 +173,7 @@ def test_results_are_kept_and_compared(tmp_path):
     before = read_rows(tmp_path / "rows.csv")
     assert [row.summary for row in before] == [row.summary for row in rows]
     text = page(rows, "T", "w", before)
-    assert "| b/c | 10 | 2 | 0 | – | – | – | **not held** | x | not held; 2 lost; x |" in text
+    assert r"| b\|c | 10 | 2 | 0 | – | – | – | **not held** | x | not held; 2 lost; x |" in text
     assert "1 of 2 cases held." in text and "alarm 1.2 s" in text
 
 
