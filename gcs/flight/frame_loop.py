@@ -228,8 +228,7 @@ class FrameLoop:
             self._faults.turn_failed("detecting", error)
             return None
         self._faults.turn_succeeded("detecting")
-        if news := self._scale.news():
-            self._pipeline.add_event(Event(t_us=frame.t_us, level="info", kind="video", text=news))
+        self._pipeline.add_news(frame.t_us, self._scale.news())
         boxes = boxes.useful(self._pipeline.mission.detector.score)
         self._recorder.detections(frame.index, boxes)
         return boxes

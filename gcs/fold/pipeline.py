@@ -147,6 +147,11 @@ class Pipeline:
         self._alarms.texts.acknowledge(event.alarm)
         self._events.append(event)
 
+    def add_news(self, t_us: int, text: str) -> None:
+        """Add what was found out about the video, one line, empty for nothing."""
+        if text:
+            self.add_event(Event(t_us=t_us, level="info", kind="video", text=text))
+
     def state_name(self, statement: Statement) -> None:
         """Take what the operator states about a box; it counts from the next frame that is looked at.
 

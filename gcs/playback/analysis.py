@@ -293,8 +293,7 @@ class Analysis:
     ) -> Snapshot:
         for packet in packets.awaited(pipeline, frame.t_us):
             self._add_packet(pipeline, packet)
-        if frame.news:
-            pipeline.add_event(Event(t_us=frame.t_us, level="info", kind="video", text=frame.news))
+        pipeline.add_news(frame.t_us, frame.news)
         return pipeline.add_frame(
             frame.index,
             frame.t_us,

@@ -16,7 +16,7 @@ from vision.detect.boxes import hull, rotated_iou
 from vision.detect.detections import Detections
 from vision.evaluation.truth import Truth
 
-__all__ = ["ASIDE", "FALSE_ALARM", "THRESHOLDS", "Matches", "match", "overlap"]
+__all__ = ["ASIDE", "FALSE_ALARM", "THRESHOLDS", "Matches", "match", "overlap", "upright_boxes"]
 
 Floats = NDArray[np.float64]
 
@@ -63,7 +63,7 @@ def match(found: Detections, truth: Truth, thresholds: Floats = THRESHOLDS) -> M
 
 def overlap(found: Detections, truth: Truth) -> tuple[Floats, Floats]:
     """Intersection over union, and the share of each detection that lies inside each object: (m, n) each."""
-    boxes, objects = (_upright(b) if truth.upright else b for b in (found.boxes, truth.boxes))
+    boxes, objects = (upright_boxes(b) if truth.upright else b for b in (found.boxes, truth.boxes))
     iou = rotated_iou(boxes, objects)
     area, other = (b[:, 2] * b[:, 3] for b in (boxes, objects))
     # IoU = I / (A + B − I)  ⇒  I = IoU (A + B) / (1 + IoU)
@@ -71,7 +71,8 @@ def overlap(found: Detections, truth: Truth) -> tuple[Floats, Floats]:
     return iou, common / np.maximum(area, 1e-12)[:, None]
 
 
-def _upright(boxes: Floats) -> Floats:
+def upright_boxes(boxes: Floats) -> Floats:
+    """(n, 5) the upright boxes around boxes (n, 5)."""
     around = hull(boxes)
     low, high = around[:, :2], around[:, 2:]
     return np.column_stack([0.5 * (low + high), high - low, np.zeros(len(boxes))])

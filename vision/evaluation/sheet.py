@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.detect.boxes import corners, hull
+from vision.detect.boxes import corners
 from vision.detect.detections import Detections
-from vision.evaluation.matching import FALSE_ALARM, match
+from vision.evaluation.matching import FALSE_ALARM, match, upright_boxes
 from vision.evaluation.truth import LabelledImage
 
 __all__ = ["worst", "worst_sheet"]
@@ -73,7 +73,7 @@ def _tile(labelled: LabelledImage, found: Detections, score: float, title: str) 
     missed[number[number >= 0]] = False
     objects, boxes = labelled.truth.boxes, strong.boxes
     if labelled.truth.upright:
-        boxes = _hulls(boxes)
+        boxes = upright_boxes(boxes)
     marks = [(objects[~labelled.truth.counts], GREY), (boxes[number >= 0], GREEN)]
     marks += [(objects[missed], RED), (boxes[number == FALSE_ALARM], YELLOW)]
     image = labelled.read()
@@ -99,12 +99,6 @@ def _cut(image: Image, scale: float, corner: Floats) -> Image:
     how = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_LINEAR
     canvas[:, :wide] = cv2.resize(part, (wide, high), interpolation=how)
     return canvas
-
-
-def _hulls(boxes: Floats) -> Floats:
-    around = hull(boxes)
-    low, high = around[:, :2], around[:, 2:]
-    return np.column_stack([0.5 * (low + high), high - low, np.zeros(len(boxes))])
 
 
 def _frame(image: Image, objects: Floats, wrong: Floats) -> tuple[float, Floats]:
