@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from assoc.clock_search.inputs import CameraPath, FleetLog
 from assoc.history import TrackHistory
 
-__all__ = ["GRID_S", "Start", "coarse_starts"]
+__all__ = ["GRID_S", "CoarseStart", "coarse_starts"]
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -57,7 +57,7 @@ _APART = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Start:
+class CoarseStart:
     """An offset that is worth a closer look."""
 
     offset_s: float
@@ -113,7 +113,7 @@ def _interpolated(t: FloatArray, x: FloatArray, at: FloatArray, gap_s: float) ->
 
 def _fleet_grid(log: FleetLog, start: float, count: int) -> tuple[ComplexArray, BoolArray]:
     """(count, n) places on the grid, east + i north, and where they are known."""
-    at = start + np.arange(count) * GRID_S
+    at = np.asarray(start + np.arange(count) * GRID_S, np.float64)
     place, known = np.zeros((count, log.n), np.complex128), np.zeros((count, log.n), np.bool_)
     for vehicle in range(log.n):
         rows = np.flatnonzero(log.vehicle == vehicle)
@@ -142,7 +142,7 @@ def coarse_starts(
     *,
     camera_too: bool,
     most: int,
-) -> list[Start]:
+) -> list[CoarseStart]:
     """The offsets at which the fleet may fit the film, best first.
 
     Args:
@@ -185,7 +185,7 @@ def coarse_starts(
         score[k : k + size], best = _scores(arm, seen, q - foot[..., None], has, headings, film.stride * GRID_S)
         yaw[k : k + size] = headings[best]
     chosen = _peaks(score, most)
-    return [Start(offset_s=(first + k) * GRID_S, yaw=float(yaw[k]), score=float(score[k])) for k in chosen]
+    return [CoarseStart(offset_s=(first + k) * GRID_S, yaw=float(yaw[k]), score=float(score[k])) for k in chosen]
 
 
 def _scores(

@@ -30,7 +30,7 @@ from assoc.hypotheses.search import UpdateContext, residual_blocks, scores
 from assoc.params import IdentifierParams
 from assoc.records import CameraState
 
-__all__ = ["Fit", "fit_at"]
+__all__ = ["OffsetFit", "fit_at"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -43,8 +43,9 @@ _RECENTRE_S = 0.08
 """An offset that is moved further is looked at anew from there."""
 _RECENTRES = 4
 _ITERATIONS = 5
-_BEFORE_S = 12.0
-"""Reports so long before the film teach the null model the vehicles' speed."""
+_BEFORE_S, _AFTER_S = 8.0, 3.0
+"""Reports so long before the film teach the null model the vehicles' speed; and after it those that a late video needs,
+seconds."""
 _KNOWN_YAW_STD, _FREE_YAW_STD = np.deg2rad(7.0), np.deg2rad(30.0)
 """1σ of a heading that is known, and of one about the coarse search's where it is not."""
 _YAW_RATE_STD = np.deg2rad(0.1)
@@ -61,7 +62,7 @@ _LOG_SWITCH = -25.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fit:
+class OffsetFit:
     """The best explanation near one offset."""
 
     offset_s: float
@@ -102,12 +103,13 @@ def _assignment(score: FloatArray, together: NDArray[np.bool_]) -> IntArray:
         answer = np.where(more >= 0, more, answer)
 
 
-def _log_at(log: FleetLog, start: float, stop: float, offset_s: float) -> ReportLog:
-    """The fleet's reports on the film's clock under an offset."""
-    reports = log.between(start - _BEFORE_S + offset_s, stop + 2.0 + offset_s)
-    shifted = ReportLog(log.n, stop - start + 2.0 * _BEFORE_S)
-    shifted.add(np.asarray(reports.t_us * 1e-6 - offset_s, np.float64), reports)
-    return shifted
+def _log_at(tracks: TrackHistory, log: FleetLog, offset_s: float) -> ReportLog:
+    """The fleet's reports about the film's time, on its clock under an offset."""
+    start, stop = float(tracks.t[0]), float(tracks.t[tracks.n - 1])
+    reports = log.between(start - _BEFORE_S + offset_s, stop + _AFTER_S + offset_s)
+    about = ReportLog(log.n, stop - start + 2.0 * (_BEFORE_S + _AFTER_S))
+    about.add(np.asarray(reports.t_us * 1e-6 - offset_s, np.float64), reports)
+    return about
 
 
 def fit_at(
@@ -119,7 +121,7 @@ def fit_at(
     *,
     camera_too: bool,
     free: bool = True,
-) -> Fit | None:
+) -> OffsetFit | None:
     """Fit pose, assignment and offset from a start; None where nothing can be compared.
 
     Args:
@@ -133,10 +135,14 @@ def fit_at(
     """
     theta = np.zeros(THETA)
     theta[YAW] = yaw
-    found: Fit | None = None
+    found: OffsetFit | None = None
+    reports = _log_at(tracks, log, offset_s)
+    if not np.isfinite(reports.first_t).any():
+        return None
     for _ in range(_RECENTRES):
-        context = _context(tracks, path, log, offset_s, yaw, camera_too=camera_too, free=free)
-        if context is None:
+        ahead_s = offset_s if camera_too else 0.0
+        context = _context(under_path(tracks, path, ahead_s), path, reports, yaw, free=free)
+        if not context.live:
             return None
         theta, now = _fitted(context, theta, offset_s, path.half_view)
         # video minus telemetry: θ_δ late video is a fleet's clock that is behind
@@ -147,22 +153,18 @@ def fit_at(
         if abs(moved) < _RECENTRE_S or not free:
             break
         offset_s += moved
+        reports = reports.later(-moved)
         theta[OFFSET] = 0.0
     return found
 
 
-def _context(
-    tracks: TrackHistory, path: CameraPath, log: FleetLog, offset_s: float, yaw: float, *, camera_too: bool, free: bool
-) -> UpdateContext | None:
+def _context(history: TrackHistory, path: CameraPath, reports: ReportLog, yaw: float, *, free: bool) -> UpdateContext:
+    """What is fitted, over the whole film at once."""
     q = IdentifierParams()
-    history = under_path(tracks, path, offset_s if camera_too else 0.0)
-    start, stop = float(tracks.t[0]), float(tracks.t[tracks.n - 1])
-    columns = np.flatnonzero(tracks.last_s - tracks.first_s >= _LEAST_SEEN_S)
-    shifted = _log_at(log, start, stop, offset_s)
-    if not len(columns) or not np.isfinite(shifted.first_t).any():
-        return None
+    start, stop = float(history.t[0]), float(history.t[history.n - 1])
+    columns = np.flatnonzero(history.last_s - history.first_s >= _LEAST_SEEN_S)
     first, last = int(np.floor(start / q.block_s)), int(np.floor(stop / q.block_s))
-    n, count = log.n, len(columns)
+    n, count = reports.n_vehicles, len(columns)
     camera = CameraState(
         R_enu_cam=history.R[0],
         p_enu=history.p[0],
@@ -175,7 +177,7 @@ def _context(
     noise: Noise = noise_of(
         q,
         camera,
-        white_std_m=shifted.white_std_m,
+        white_std_m=reports.white_std_m,
         bias_std=_BIAS_STD_M,
         tau_s=_BIAS_TAU_S,
         in_view_bonus=np.zeros(n),
@@ -192,7 +194,7 @@ def _context(
         gap_s=np.zeros(count),
         replaced=np.zeros(count, np.bool_),
         anchors=np.empty(0, np.int64),
-        log=shifted,
+        log=reports,
         first_block=first,
         last_block=last,
         block_s=q.block_s,
@@ -215,7 +217,7 @@ def _context(
 
 def _fitted(
     context: UpdateContext, theta: FloatArray, offset_s: float, half_view: tuple[float, float]
-) -> tuple[FloatArray, Fit]:
+) -> tuple[FloatArray, OffsetFit]:
     """The joint optimum of pose and assignment from a starting pose."""
     together = _together(context.history, context.columns)
     blocks: Blocks = residual_blocks(context, theta)
@@ -234,7 +236,7 @@ def _fitted(
     matched, expected = _seen_blocks(context, blocks, theta, vehicle, half_view)
     evidence = float(np.sum(score[rows, vehicle[rows]])) - context.prior.cost(theta) + fitted.cost
     evidence -= _UNSEEN_PER_S * context.block_s * (expected - matched)
-    return theta, Fit(
+    return theta, OffsetFit(
         offset_s=offset_s - float(theta[OFFSET]),
         std_s=float(fitted.std[OFFSET]),
         evidence=evidence,

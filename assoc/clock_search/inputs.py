@@ -23,6 +23,8 @@ IntArray = NDArray[np.int64]
 
 _STEP_S = 0.19
 """Frames closer together than this, seconds, are thinned: a vehicle moves by little more than its own error."""
+_REPORT_STEP_S = 0.4
+"""The same of one vehicle's reports."""
 _GAP_MAX_S = 0.8
 """Longest hole in a track that is bridged, seconds."""
 _NOWHERE = CameraState(
@@ -104,8 +106,14 @@ class FleetLog:
             raise ShapeError(f"vehicle: expected 0 to {self.n - 1}")
 
     def between(self, start: float, stop: float) -> VehicleReports:
-        """Reports with start ≤ t < stop, seconds, in order of time; their times are Unix µs of those seconds."""
+        """Reports with start ≤ t < stop, seconds, in order of time, thinned; times are µs of those seconds."""
         rows = np.flatnonzero((self.t >= start) & (self.t < stop))
+        # the first of each vehicle in each step
+        step = np.floor(self.t[rows] / _REPORT_STEP_S).astype(np.int64)
+        rows = rows[np.lexsort((self.t[rows], step, self.vehicle[rows]))]
+        step = np.floor(self.t[rows] / _REPORT_STEP_S).astype(np.int64)
+        fresh = (np.diff(step, prepend=-1) != 0) | (np.diff(self.vehicle[rows], prepend=-1) != 0)
+        rows = rows[fresh]
         rows = rows[np.argsort(self.t[rows], kind="stable")]
         unknown = np.full(len(rows), np.nan)
         flat = np.concatenate([self.p_enu[rows], np.zeros((len(rows), 1))], axis=1)

@@ -13,20 +13,20 @@ from dataclasses import dataclass
 from enum import Enum
 
 from assoc.clock_search.coarse import coarse_starts
-from assoc.clock_search.fine import Fit, fit_at
+from assoc.clock_search.fine import OffsetFit, fit_at
 from assoc.clock_search.inputs import CameraPath, FleetLog
 from assoc.history import TrackHistory
 
-__all__ = ["ClockSearch", "Verdict", "find_clock"]
+__all__ = ["ClockSearch", "ClockVerdict", "find_clock"]
 
-_STARTS, _LEAST_STARTS, _START_SHARE = 40, 12, 0.5
+_STARTS, _LEAST_STARTS, _START_SHARE = 30, 10, 0.5
 """Most offsets that are fitted; and fewer where the rough score of the rest is less than a share of the best."""
 _WIDTH_S = 0.8
 """Offsets within it are one: the identifier finds the rest."""
 _BESIDE_S = (1.0, 1.6, 2.5)
 """Offsets to both sides of the best at which its width is seen."""
 _LEAST = 45.0
-"""Evidence, nats, that no unrelated fleet reaches: see :mod:`bench.clock`."""
+"""Evidence, nats, that no unrelated fleet reaches but for a few in a hundred."""
 _SHARE = 0.35
 """Share of the best evidence by which it must surpass the runner-up's ..."""
 _MARGIN = 25.0
@@ -38,7 +38,7 @@ _LEAST_SEEN = 0.4
 _LARGEST_STD_S = 0.2
 
 
-class Verdict(Enum):
+class ClockVerdict(Enum):
     """What came of a search."""
 
     FOUND = "found"
@@ -54,9 +54,9 @@ class Verdict(Enum):
 class ClockSearch:
     """The best offset and what speaks for and against it."""
 
-    verdict: Verdict
-    best: Fit | None
-    runner_up: Fit | None
+    verdict: ClockVerdict
+    best: OffsetFit | None
+    runner_up: OffsetFit | None
     """Of those that are more than the width of the best away, the one that comes nearest to what none may reach."""
     tried: int
     """Offsets that were fitted."""
@@ -81,7 +81,7 @@ def find_clock(
     low, high = bounds_s
     fits = [fit for fit in fitted if fit is not None and fit.pairs and low <= fit.offset_s <= high]
     if not fits:
-        return ClockSearch(verdict=Verdict.NO_OVERLAP, best=None, runner_up=None, tried=len(starts))
+        return ClockSearch(verdict=ClockVerdict.NO_OVERLAP, best=None, runner_up=None, tried=len(starts))
     best = max(fits, key=lambda fit: fit.evidence)
     beside = [
         fit_at(tracks, path, log, best.offset_s + step, best.yaw, camera_too=camera_too, free=False)
@@ -94,21 +94,21 @@ def find_clock(
     return ClockSearch(verdict=_verdict(best, runner_up), best=best, runner_up=runner_up, tried=len(starts))
 
 
-def _distance_s(fit: Fit, other: Fit) -> float:
+def _distance_s(fit: OffsetFit, other: OffsetFit) -> float:
     return abs(fit.offset_s - other.offset_s)
 
 
-def _allowed(best: Fit, rival: Fit) -> float:
+def _allowed(best: OffsetFit, rival: OffsetFit) -> float:
     """Evidence that a rival of the best may have, nats."""
     near = _distance_s(best, rival) <= max(_BESIDE_S) + _WIDTH_S
     return best.evidence - (_BESIDE_MARGIN if near else max(_MARGIN, _SHARE * best.evidence))
 
 
-def _verdict(best: Fit, runner_up: Fit | None) -> Verdict:
+def _verdict(best: OffsetFit, runner_up: OffsetFit | None) -> ClockVerdict:
     if best.evidence < _LEAST or best.seen_share < _LEAST_SEEN:
-        return Verdict.UNRELATED
+        return ClockVerdict.UNRELATED
     if best.std_s > _LARGEST_STD_S:
-        return Verdict.AMBIGUOUS
+        return ClockVerdict.AMBIGUOUS
     if runner_up is not None and runner_up.evidence > _allowed(best, runner_up):
-        return Verdict.AMBIGUOUS
-    return Verdict.FOUND
+        return ClockVerdict.AMBIGUOUS
+    return ClockVerdict.FOUND

@@ -226,6 +226,15 @@ class ReportLog:
         other.last_v = around(self.last_v + centre, every) - centre
         return other
 
+    def later(self, seconds: float) -> ReportLog:
+        """A copy in which all was reported so many seconds later."""
+        other, kept = copy(self), self._joined()
+        other._kept = [replace(kept, t=kept.t + seconds)]
+        other._outliers = {(vehicle, t + seconds): found for (vehicle, t), found in self._outliers.items()}
+        other.last_t, other.first_t = self.last_t + seconds, self.first_t + seconds
+        other._state, other._earlier = (replace(each, t=each.t + seconds) for each in (self._state, self._earlier))
+        return other
+
     def _accept(self, vehicle: IntArray, t: FloatArray, reports: VehicleReports, rows: IntArray) -> None:
         """Accept at most one report per vehicle."""
         p = reports.p_enu[rows, :2]

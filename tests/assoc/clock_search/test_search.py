@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from assoc.clock_search.inputs import CameraPath, FleetLog
-from assoc.clock_search.search import Verdict, find_clock
+from assoc.clock_search.search import ClockVerdict, find_clock
 from assoc.errors import ShapeError
-from tests.assoc.clock_search.clock_film import FilmedFleet, without
+from tests.support.films.clock_film import FilmedFleet, without
 
 ANY = (-90_000.0, 90_000.0)
 
@@ -15,7 +15,7 @@ ANY = (-90_000.0, 90_000.0)
 def test_offset_is_found_in_an_hour_of_reports(ahead_s):
     fleet = FilmedFleet(ahead_s=ahead_s)
     found = find_clock(fleet.film(), fleet.path(), fleet.log(), ANY)
-    assert found.verdict is Verdict.FOUND
+    assert found.verdict is ClockVerdict.FOUND
     assert abs(found.best.offset_s - ahead_s) < 0.15
     assert found.best.vehicles == fleet.n
     assert found.runner_up.evidence < 0.65 * found.best.evidence
@@ -34,7 +34,7 @@ def test_offset_is_found_in_an_hour_of_reports(ahead_s):
 )
 def test_offset_is_found_under_difficulties(fleet, film, path):
     found = find_clock(fleet.film(**film), fleet.path(**path), fleet.log(), ANY)
-    assert found.verdict is Verdict.FOUND
+    assert found.verdict is ClockVerdict.FOUND
     assert abs(found.best.offset_s - 77.7) < 0.2
 
 
@@ -42,21 +42,21 @@ def test_offset_of_a_video_against_uav_and_fleet_together():
     fleet = FilmedFleet(ahead_s=-245.25, uav_mps=2.0)
     path = fleet.path(ahead_s=-245.25, log_s=(-400.0, 600.0))
     found = find_clock(fleet.film(), path, fleet.log(-400.0, 600.0), ANY, camera_too=True)
-    assert found.verdict is Verdict.FOUND
+    assert found.verdict is ClockVerdict.FOUND
     assert abs(found.best.offset_s + 245.25) < 0.15
 
 
 def test_vehicles_that_stand_all_the_time_are_refused():
     fleet = FilmedFleet(still=True)
     found = find_clock(fleet.film(), fleet.path(), fleet.log(), ANY)
-    assert found.verdict is Verdict.AMBIGUOUS
+    assert found.verdict is ClockVerdict.AMBIGUOUS
     assert abs(found.best.offset_s - found.runner_up.offset_s) > 0.8
 
 
 def test_vehicles_that_do_the_same_again_and_again_are_refused_with_both_times():
     fleet = FilmedFleet(period_s=120.0, ahead_s=50.0)
     found = find_clock(fleet.film(), fleet.path(), fleet.log(), ANY)
-    assert found.verdict is Verdict.AMBIGUOUS
+    assert found.verdict is ClockVerdict.AMBIGUOUS
     for fit in (found.best, found.runner_up):
         assert abs((fit.offset_s - 50.0 + 60.0) % 120.0 - 60.0) < 0.3
 
@@ -65,33 +65,33 @@ def test_vehicles_that_do_the_same_again_and_again_are_refused_with_both_times()
 def test_nothing_is_found_where_the_time_of_the_film_is_not_in_the_log(seed):
     fleet = FilmedFleet(seed=seed)
     log = without(fleet.log(), -100.0, 140.0)
-    assert find_clock(fleet.film(), fleet.path(), log, ANY).verdict is not Verdict.FOUND
+    assert find_clock(fleet.film(), fleet.path(), log, ANY).verdict is not ClockVerdict.FOUND
 
 
 def test_nothing_is_found_beyond_the_bounds():
     fleet = FilmedFleet(ahead_s=300.0)
-    assert find_clock(fleet.film(), fleet.path(), fleet.log(), (-60.0, 60.0)).verdict is not Verdict.FOUND
-    assert find_clock(fleet.film(), fleet.path(), fleet.log(), (240.0, 360.0)).verdict is Verdict.FOUND
+    assert find_clock(fleet.film(), fleet.path(), fleet.log(), (-60.0, 60.0)).verdict is not ClockVerdict.FOUND
+    assert find_clock(fleet.film(), fleet.path(), fleet.log(), (240.0, 360.0)).verdict is ClockVerdict.FOUND
 
 
 def test_bounds_in_which_the_log_has_nothing_are_told_apart():
     fleet = FilmedFleet()
     found = find_clock(fleet.film(), fleet.path(), fleet.log(), (50_000.0, 60_000.0))
-    assert found.verdict is Verdict.NO_OVERLAP
+    assert found.verdict is ClockVerdict.NO_OVERLAP
     assert found.best is None
 
 
 def test_a_log_that_begins_in_the_middle_of_the_film_is_enough():
     fleet = FilmedFleet(ahead_s=1000.0)
     found = find_clock(fleet.film(), fleet.path(), fleet.log(15.0, 900.0), ANY)
-    assert found.verdict is Verdict.FOUND
+    assert found.verdict is ClockVerdict.FOUND
     assert abs(found.best.offset_s - 1000.0) < 0.2
 
 
 def test_the_film_may_be_of_none_of_ours():
     film = FilmedFleet(seed=11)
     other = FilmedFleet(seed=12)
-    assert find_clock(film.film(), film.path(), other.log(), ANY).verdict is not Verdict.FOUND
+    assert find_clock(film.film(), film.path(), other.log(), ANY).verdict is not ClockVerdict.FOUND
 
 
 def test_inputs_of_wrong_shape_are_refused():
