@@ -12,6 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+import numpy as np
+
 from assoc.clock_search.coarse import coarse_starts
 from assoc.clock_search.fine import OffsetFit, fit_at
 from assoc.clock_search.inputs import CameraPath, FleetLog
@@ -27,10 +29,14 @@ _BESIDE_S = (1.0, 1.6, 2.5)
 """Offsets to both sides of the best at which its width is seen."""
 _LEAST = 45.0
 """Evidence, nats, that no unrelated fleet reaches but for a few in a hundred."""
-_SHARE = 0.35
-"""Share of the best evidence by which it must surpass the runner-up's ..."""
+_SHARE, _MOST_SHARE = 0.35, 0.8
+"""Share of the best evidence by which it must surpass the runner-up's, and the most where little is explained ..."""
 _MARGIN = 25.0
 """... and how much at least, nats."""
+_UNKNOWN_SHARE = 0.5
+"""Of what should be seen, where that is not known."""
+_WELL_EXPLAINED = 0.85
+"""The right offset usually explains at least this share of what should be seen, by a nat for each second."""
 _BESIDE_MARGIN = 20.0
 """The same for offsets beside it, which share its errors."""
 _LEAST_SEEN = 0.4
@@ -101,7 +107,12 @@ def _distance_s(fit: OffsetFit, other: OffsetFit) -> float:
 def _allowed(best: OffsetFit, rival: OffsetFit) -> float:
     """Evidence that a rival of the best may have, nats."""
     near = _distance_s(best, rival) <= max(_BESIDE_S) + _WIDTH_S
-    return best.evidence - (_BESIDE_MARGIN if near else max(_MARGIN, _SHARE * best.evidence))
+    if near:
+        return best.evidence - _BESIDE_MARGIN
+    seen_share = best.seen_share if np.isfinite(best.seen_share) else _UNKNOWN_SHARE
+    explained = seen_share * min(best.evidence / max(best.matched_s, 1.0), 1.0)
+    share = min(_SHARE + max(_WELL_EXPLAINED - explained, 0.0), _MOST_SHARE)
+    return best.evidence - max(_MARGIN, share * best.evidence)
 
 
 def _verdict(best: OffsetFit, runner_up: OffsetFit | None) -> ClockVerdict:
