@@ -24,6 +24,7 @@ _COMMANDS: dict[str, str] = {
     "fly": "Name the vehicles in a live video; record everything.",
     "replay": "Play, seek and step through a recording.",
     "identify": "Name the boxes of a recording, faster than real time.",
+    "import": "Make a session of a flight that others recorded: film, logs, tables.",
     "export": "Write identities for other programs, or a film with names.",
     "score": "Compare an identity log with the truth.",
     "tlog": "Look into telemetry logs; check, repair and cut them.",
@@ -39,13 +40,19 @@ _COMMANDS: dict[str, str] = {
 }
 """The line of ``--help`` for each: to print it no command is imported."""
 _GROUPS = ("tlog", "keys")
+_MODULES = {
+    "eval-detector": "detectors.eval_detector",
+    "import": "import_flight",
+    "train-detector": "detectors.train_detector",
+}
+"""In ``gcs.cli``, of commands whose module has another name; the function has the module's last one."""
 _PASSED_ON = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
 
 
 class _CommandTable(TyperGroup):
     """Module ``gcs.cli.NAME`` holds command NAME, with _ for -, as a function of that name, or a group as ``app``.
 
-    Of a command of two words NAME is the second; the first is also a command by itself.
+    Of a command of two words NAME is the second; the first is also a command by itself. ``_MODULES`` has the others.
     """
 
     def list_commands(self, ctx: object) -> list[str]:
@@ -58,12 +65,14 @@ class _CommandTable(TyperGroup):
     def get_command(self, ctx: object, cmd_name: str) -> Any:  # noqa: ANN401  (the command class of whatever typer is built on)
         if cmd_name not in _COMMANDS:
             return None
-        name = cmd_name.split()[-1].replace("-", "_")
+        name = _MODULES.get(cmd_name, cmd_name.split()[-1].replace("-", "_"))
         module = import_module(f"gcs.cli.{name}")
         if cmd_name in _GROUPS:
             return get_command(module.app)
         single = typer.Typer(add_completion=False, rich_markup_mode=None)
-        single.command(cmd_name, context_settings=_PASSED_ON if cmd_name == "bench" else None)(getattr(module, name))
+        single.command(cmd_name, context_settings=_PASSED_ON if cmd_name == "bench" else None)(
+            getattr(module, name.rpartition(".")[2])
+        )
         return get_command(single)
 
     def format_commands(self, ctx: object, formatter: Any) -> None:  # noqa: ANN401

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gcs.cli import train_detector as command
+from gcs.cli.detectors import train_detector as command
 from gcs.errors import GcsError
 
 

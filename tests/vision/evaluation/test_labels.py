@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from gcs.cli.eval_detector import eval_detector
+from gcs.cli.detectors.eval_detector import eval_detector
 from gcs.errors import GcsError
 from vision.detect.boxes import corners, rotated_iou
 from vision.detect.detections import Detections

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from gcs.cli.train_detector import train_detector
+from gcs.cli.detectors.train_detector import train_detector
 from vision.detect.detector import BUNDLED, open_detector
 from vision.errors import TrainingError
 from vision.evaluation import open_folder

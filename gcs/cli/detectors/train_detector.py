@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gcs.cli.eval_detector import BUNDLED, FLOOR, GSD_M, detect_in_all, open_images, open_model, plain_classes
+from gcs.cli.detectors.eval_detector import BUNDLED, FLOOR, GSD_M, detect_in_all, open_images, open_model, plain_classes
 from gcs.cli.output.console import check_range, print_lines, print_note
 from gcs.cli.output.progress import progress
 from gcs.cli.output.tables import print_table

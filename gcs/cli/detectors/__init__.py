@@ -1,0 +1,1 @@
+"""Commands that measure and train detectors: labelled images in, tables, curves and networks out."""
