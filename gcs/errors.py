@@ -3,13 +3,14 @@
 GcsError
 ├── ConfigError     a mission or session file that cannot be used
 ├── SessionError    a folder that is no session, or cannot be written
+├── ImportFileError what others recorded and cannot be used
 ├── FlightError     a job of a flight that fails again and again
 └── ScoreError      an identity log or truth file that cannot be compared
 """
 
 from __future__ import annotations
 
-__all__ = ["ConfigError", "FlightError", "GcsError", "ScoreError", "SessionError"]
+__all__ = ["ConfigError", "FlightError", "GcsError", "ImportFileError", "ScoreError", "SessionError"]
 
 
 class GcsError(Exception):
@@ -22,6 +23,10 @@ class ConfigError(GcsError):
 
 class SessionError(GcsError):
     """A session that is missing something, or would be overwritten."""
+
+
+class ImportFileError(GcsError):
+    """A file of others that cannot be read as what it should be, or files that do not fit each other."""
 
 
 class FlightError(GcsError):

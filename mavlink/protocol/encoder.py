@@ -17,7 +17,7 @@ ARDUPILOT, NO_AUTOPILOT = 3, 8
 
 _ARMED, _CUSTOM_MODE = 128, 1
 _STATE_ACTIVE = 4
-_UINT16_MAX = 65535
+_UINT16_MAX, _INT16_MAX = 65535, 32767
 
 
 class MavlinkEncoder:
@@ -83,7 +83,7 @@ class MavlinkEncoder:
         v_ned: Sequence[float] = (0.0, 0.0, 0.0),
         heading: float = math.nan,
     ) -> bytes:
-        """GLOBAL_POSITION_INT; a NaN heading is sent as unknown."""
+        """GLOBAL_POSITION_INT; NaN of heading and velocity is sent as unknown."""
         cdeg = _UINT16_MAX if math.isnan(heading) else round(math.degrees(heading) * 100.0) % 36000
         return self.pack(
             ardupilotmega.MAVLink_global_position_int_message(
@@ -92,7 +92,7 @@ class MavlinkEncoder:
                 round(lon_deg * 1e7),
                 round(alt_m * 1e3),
                 round(relative_alt_m * 1e3),
-                *(max(-32767, min(32766, round(v * 100.0))) for v in v_ned),
+                *(_INT16_MAX if math.isnan(v) else max(-32767, min(32766, round(v * 100.0))) for v in v_ned),
                 cdeg,
             )
         )

@@ -43,7 +43,7 @@ def test_every_command_with_json_is_documented():
     able = {command for command, page in help_pages() if "--json" in page}
     assert able == {
         *("fly", "identify", "demo", "score", "tlog info", "tlog check", "keys list", "keys check"),
-        *("doctor", "calibrate", "eval-detector", "sim", "sim from-tracks"),
+        *("doctor", "calibrate", "eval-detector", "import", "sim", "sim from-tracks"),
     }
     for command in (*able, "bench"):
         assert documented(command)

@@ -11,6 +11,7 @@ from tests.support.command_line import help_pages, run_gcs
 
 LOG = SWARM / "telemetry.tlog"
 FILM = ("gt.txt", "--video", "film.mp4", "-o", "out")
+IMPORTED = ("-o", "out", "--video", "film.mp4")
 FLIGHT = (SWARM / "session.toml", "-l", "udpin:127.0.0.1:0", "--headless", "--sessions", "sessions")
 OPTIONS = [
     ("fly", FLIGHT, "--duration"),
@@ -19,6 +20,8 @@ OPTIONS = [
     ("replay", (SWARM,), "--video-start"),
     ("replay", (SWARM,), "--fps"),
     ("identify", (SWARM, "-o", "out"), "--video-start"),
+    ("import", IMPORTED, "--fov"),
+    ("import", IMPORTED, "--pitch"),
     ("export", (SWARM, "-o", "out.csv"), "--video-start"),
     ("tlog check", (LOG,), "--most"),
     ("tlog cut", (LOG, "cut.tlog"), "--from"),

@@ -1,0 +1,82 @@
+"""``gcs import``: a flight that others recorded as a session."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from gcs.cli.output.console import AsJson, check_range, print_json, print_note
+from gcs.cli.output.tables import print_table
+from gcs.errors import GcsError
+
+__all__ = ["import_flight"]
+
+FARTHEST_CLOCK_S = 1e9
+"""Thirty years: the clock of a camera that was never set."""
+
+
+def import_flight(
+    out: Annotated[Path, typer.Option("--out", "-o", help="Session folder to write.")],
+    video: Annotated[Path, typer.Option(help="The film.")],
+    uav: Annotated[Path | None, typer.Option(help="Log of the UAV that filmed: .srt of a DJI drone.")] = None,
+    tlog: Annotated[
+        Path | None, typer.Option(help="Telemetry log with the ground vehicles, and perhaps the UAV.")
+    ] = None,
+    clock: Annotated[
+        str, typer.Option(help="By how many seconds the fleet's clock is ahead of the film's, as +3.5; or auto.")
+    ] = "auto",
+    fov: Annotated[
+        float | None,
+        typer.Option(callback=check_range(2.0, 170.0), help="Horizontal field of view, degrees; else as found."),
+    ] = None,
+    lens: Annotated[Path | None, typer.Option(help="Lens file, as gcs calibrate writes.")] = None,
+    camera: Annotated[str, typer.Option(help="Name of a known camera, for its field of view: docs/import.md.")] = "",
+    pitch: Annotated[
+        float | None,
+        typer.Option(
+            callback=check_range(-90.0, -5.0), help="Of the camera, degrees, -90 straight down; else as found."
+        ),
+    ] = None,
+    mount: Annotated[
+        Literal["stabilized", "fixed", "gimbal"] | None, typer.Option(help="How the camera hangs; else as found.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write a session from a flight that others recorded: film, logs, tables."""
+    # decoder and readers are loaded only where they are needed: that takes time
+    from gcs.importing.camera_choice import CameraOptions
+    from gcs.importing.importer import ImportOptions
+    from gcs.importing.importer import import_flight as import_files
+
+    options = ImportOptions(
+        video=video,
+        uav=uav,
+        tlog=tlog,
+        clock_s=_clock_s(clock),
+        camera=CameraOptions(fov_deg=fov, lens=lens, model=camera, pitch_deg=pitch, mount=mount),
+    )
+    report = import_files(out, options)
+    if as_json:
+        print_json({**report.table(), "uav": report.uav_id, "ugv": list(report.ugv_ids), "folder": str(out)})
+        return
+    rows = [*report.found, *(("assumed", text) for text in report.assumed)]
+    rows += [("left out", f"{count} of {reason}") for reason, count in report.left_out.items()]
+    print_table(("what", "how"), rows, head=False)
+    print_note(f"wrote {out}; next: gcs identify {out} -o {out}-names")
+
+
+def _clock_s(text: str) -> float | None:
+    """Seconds, None for auto."""
+    if text == "auto":
+        return None
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = float("nan")
+    if not abs(seconds) <= FARTHEST_CLOCK_S:
+        raise GcsError(
+            f"--clock {text}: give auto, or seconds such as +3.5 from {-FARTHEST_CLOCK_S:g} to {FARTHEST_CLOCK_S:g}"
+        )
+    return seconds

@@ -1,0 +1,144 @@
+"""The mission's camera: its field of view and how it hangs, each with where that is from."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from gcs.errors import ImportFileError
+from gcs.importing.cameras import CAMERAS, camera_model
+from gcs.importing.film import ImportedFilm
+from gcs.importing.vehicle_log import AngleTrack, VehicleLog
+from gcs.mission.mission import Camera
+from vision.camera.intrinsics import Intrinsics, from_field_of_view, resized
+from vision.camera.lens_file import read_lens
+
+__all__ = ["CameraOptions", "ChosenCamera", "choose_camera"]
+
+_TURNS = math.radians(5.0)
+"""A gimbal that turns by more than this in pitch is followed only where its heading is known too."""
+_STRAIGHT_DOWN_DEG = -90.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraOptions:
+    """What the user knows of the camera; None: as found."""
+
+    fov_deg: float | None = None
+    lens: Path | None = None
+    model: str = ""
+    pitch_deg: float | None = None
+    mount: Literal["stabilized", "fixed", "gimbal"] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChosenCamera:
+    """A camera and where its numbers are from."""
+
+    camera: Camera
+    optics: str
+    """In words, where the field of view is from."""
+    direction: str
+    assumed: tuple[str, ...] = ()
+
+
+def choose_camera(
+    film: ImportedFilm, uav: VehicleLog | None, options: CameraOptions
+) -> tuple[ChosenCamera, VehicleLog | None]:
+    """The camera, and the UAV's log with what the camera's direction needs of it.
+
+    Args:
+        film: what was filmed.
+        uav: its log; None: its telemetry is in the fleet's.
+        options: what the user knows.
+
+    Raises:
+        ImportFileError: nothing tells the field of view.
+        CameraError: the lens file cannot be used.
+    """
+    lens, optics = _intrinsics(film, uav, options)
+    known = camera_model(options.model or film.model)
+    mount, pitch_deg, direction, assumed, uav = _direction(uav, options)
+    camera = Camera(
+        name=known.name if known else "",
+        width=lens.width,
+        height=lens.height,
+        fx=lens.fx,
+        fy=lens.fy,
+        cx=lens.cx,
+        cy=lens.cy,
+        distortion=tuple(lens.distortion.tolist()),
+        mount=mount,
+        pitch_deg=pitch_deg,
+    )
+    return ChosenCamera(camera=camera, optics=optics, direction=direction, assumed=assumed), uav
+
+
+def _intrinsics(film: ImportedFilm, uav: VehicleLog | None, options: CameraOptions) -> tuple[Intrinsics, str]:
+    size = film.width, film.height
+    if options.lens is not None:
+        return resized(read_lens(options.lens), *size), f"lens file {options.lens.name}"
+    if options.fov_deg is not None:
+        return _of_width(size, math.radians(options.fov_deg)), f"{options.fov_deg:g}° across the picture, as given"
+    if options.model:
+        known = camera_model(options.model)
+        if known is None:
+            raise ImportFileError(
+                f"--camera {options.model}: not known; known are {', '.join(CAMERAS)}; else give --fov"
+            )
+        return _of_width(size, math.radians(known.hfov_deg)), f"{known.hfov_deg:.1f}° of {known.name}: {known.source}"
+    if uav is not None and len(uav.view):
+        hfov = float(uav.view.hfov[0])
+        return _of_width(size, hfov), f"{math.degrees(hfov):.1f}° by the {uav.view.source}"
+    known = camera_model(film.model) if film.model else None
+    if known is None:
+        said = f" (its container says {film.model})" if film.model else ""
+        raise ImportFileError(
+            f"{film.path}: nothing tells the camera's field of view{said}; give --fov in degrees across the picture, "
+            "--camera NAME or --lens FILE"
+        )
+    hfov_deg = known.hfov_deg
+    return _of_width(size, math.radians(hfov_deg)), f"{hfov_deg:.1f}° of {known.name}, by the video: {known.source}"
+
+
+def _of_width(size: tuple[int, int], hfov: float) -> Intrinsics:
+    return from_field_of_view(*size, hfov, math.nan)[0]
+
+
+def _direction(
+    uav: VehicleLog | None, options: CameraOptions
+) -> tuple[Literal["stabilized", "fixed", "gimbal"], float, str, tuple[str, ...], VehicleLog | None]:
+    """Mount, its pitch in degrees, where that is from, what was assumed, and the log."""
+    told, pitch_deg = options.mount, _STRAIGHT_DOWN_DEG if options.pitch_deg is None else options.pitch_deg
+    if uav is None:
+        said = "as the UAV's gimbal reports in the telemetry"
+        return told or "gimbal", pitch_deg, f"{said}, else {_pitch_words(options, pitch_deg)}", (), uav
+    gimbal = uav.gimbal
+    if told in (None, "gimbal") and options.pitch_deg is None and len(gimbal):
+        whole = bool(np.isfinite(gimbal.angles).all(axis=1).any())
+        if whole and (gimbal.yaw_from == "nose") <= bool(len(uav.attitudes)):
+            if len(uav.attitudes):
+                return "gimbal", pitch_deg, "gimbal's angles in the log", (), uav
+            level = gimbal.angles * np.array([0.0, 0.0, 1.0])
+            uav = replace(uav, attitudes=AngleTrack(t_us=gimbal.t_us, angles=level))
+            level_said = "the UAV is level and its nose is where the gimbal looks: only the gimbal's angles count"
+            return "gimbal", pitch_deg, "gimbal's angles in the log", (level_said,), uav
+        pitch = gimbal.angles[:, 1][np.isfinite(gimbal.angles[:, 1])]
+        if len(pitch):
+            middle_deg = math.degrees(float(np.median(pitch)))
+            turned = np.ptp(pitch) > _TURNS
+            kept = ("the gimbal keeps its pitch: it turns, but the heading is not known, so it is not followed",)
+            said = f"{middle_deg:.1f}°, the gimbal's pitch in the log; its heading is not known"
+            return told or "stabilized", max(-90.0, min(90.0, middle_deg)), said, kept if turned else (), uav
+    assumed: tuple[str, ...] = (
+        () if options.pitch_deg is not None else ("the camera looks straight down; --pitch changes that",)
+    )
+    return told or "stabilized", pitch_deg, _pitch_words(options, pitch_deg), assumed, uav
+
+
+def _pitch_words(options: CameraOptions, pitch_deg: float) -> str:
+    return f"{pitch_deg:g}° ({'assumed' if options.pitch_deg is None else 'as given'})"

@@ -1,0 +1,66 @@
+"""The video as it is: when each frame is shown, its size, and what its container says of camera and date."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from infra.plain_text import plain
+from vision.video.frame_index import open_video
+from vision.video.video import VideoFile
+
+__all__ = ["ImportedFilm", "open_film"]
+
+_MODEL_TAGS = ("encoder", "model", "com.apple.quicktime.model", "com.android.model")
+_MOST_WORDS = 60
+_LEAST_YEAR = 2005
+"""Cameras whose clock was never set begin in 1904, 1970 or 2000."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportedFilm:
+    """A video file."""
+
+    path: Path
+    elapsed_us: NDArray[np.int64]
+    """(n,) µs of each frame since the first."""
+    width: int
+    height: int
+    created_us: int
+    """Unix µs as the container has it, 0 unknown."""
+    model: str
+    """What the container calls the camera, perhaps only its encoder; empty unknown."""
+
+
+def open_film(path: Path) -> ImportedFilm:
+    """Open a video file.
+
+    Raises:
+        VideoError: no such file, or no video in it.
+    """
+    with closing(VideoFile.open(path)) as video:
+        elapsed_us, size = video.times_us, (video.width, video.height)
+    with closing(open_video(path)) as container:
+        tags = {name.lower(): value for name, value in container.metadata.items()}
+    return ImportedFilm(
+        path=path,
+        elapsed_us=elapsed_us,
+        width=size[0],
+        height=size[1],
+        created_us=_unix_us(tags.get("creation_time", "")),
+        model=plain(next((tags[name] for name in _MODEL_TAGS if name in tags), ""))[:_MOST_WORDS],
+    )
+
+
+def _unix_us(text: str) -> int:
+    try:
+        when = datetime.fromisoformat(text)
+    except ValueError:
+        return 0
+    when = when if when.tzinfo else when.replace(tzinfo=UTC)
+    return round(when.timestamp() * 1e6) if when.year >= _LEAST_YEAR else 0

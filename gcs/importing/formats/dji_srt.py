@@ -1,0 +1,147 @@
+"""Subtitles of DJI drones, beside the video or in it, as the UAV's log.
+
+They tell no velocity, and times of frames or of whole seconds: the path is smoothed, and where coordinates have four
+decimals only, 11 m apart, that makes them fit to be used.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.errors import ImportFileError
+from gcs.importing.cameras import from_focal_length
+from gcs.importing.formats.dji_cue import DjiCue, read_cue
+from gcs.importing.formats.subtitles import SubtitleCue
+from gcs.importing.smoothing import smooth_path
+from gcs.importing.vehicle_log import AngleTrack, ImportNotes, PlaceTrack, VehicleLog, ViewTrack, thinned, whole_places
+
+__all__ = ["log_of_cues"]
+
+Floats = NDArray[np.float64]
+
+_STEP_US = 90_000
+"""Cues closer together are thinned: the receiver has ten positions a second."""
+_GAP_S = 10.0
+"""Longer holes are not bridged by the smoothing."""
+_DEG_M = 111_320.0
+_NOISE_M = 0.3
+"""1σ of a receiver's noise from one position to the next; the rest of its error wanders slowly."""
+_LEVEL_STD_M = 1.5
+_FAR_US = 86_400_000_000
+
+
+def log_of_cues(source: str, cues: Sequence[SubtitleCue]) -> VehicleLog:
+    """The UAV's log.
+
+    Args:
+        source: the file's name, for messages.
+        cues: subtitles in the order of the file.
+
+    Raises:
+        ImportFileError: not one of them has a position.
+    """
+    skipped: Counter[str] = Counter()
+    rows: list[tuple[int, DjiCue]] = []
+    for cue in cues:
+        said = read_cue(cue.text)
+        if said is None:
+            skipped["subtitles without a position"] += 1
+        elif not whole_places(np.array([said.lat_deg]), np.array([said.lon_deg]))[0]:
+            skipped["positions before the first fix, or none on Earth"] += 1
+        elif cue.start_us > _FAR_US:
+            skipped["times beyond a day"] += 1
+        else:
+            rows.append((cue.start_us, said))
+    if not rows:
+        why = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
+        raise ImportFileError(f"{source}: no position in it ({why}); is it a DJI drone's, with satellites in view?")
+    rows, late = _in_order(rows)
+    if late:
+        skipped["repeated or out of order"] += late
+    t_us = np.array([t for t, _ in rows], np.int64)
+    read = [cue for _, cue in rows]
+    family = Counter(cue.family for cue in read).most_common(1)[0][0]
+    decimals = max(cue.decimals for cue in read)
+    zero_us = _zero_us(t_us, read)
+    found = [f"DJI subtitles, {family}", f"{len(rows)} positions of {decimals} decimals"]
+    return VehicleLog(
+        source=source,
+        clock="video",
+        zero_us=zero_us,
+        places=_places(t_us, read, decimals),
+        attitudes=_angles(t_us, read, lambda cue: cue.body_deg),
+        gimbal=_angles(t_us, read, lambda cue: cue.gimbal_deg),
+        view=_view(t_us, read),
+        notes=ImportNotes(
+            found=tuple(found),
+            assumed=("the date in its subtitles is UTC",) if zero_us else (),
+            skipped=dict(skipped),
+        ),
+    )
+
+
+def _in_order(rows: list[tuple[int, DjiCue]]) -> tuple[list[tuple[int, DjiCue]], int]:
+    """In order of time, one for each moment, and how many are left out."""
+    kept: dict[int, DjiCue] = {}
+    for t_us, cue in rows:
+        kept.setdefault(t_us, cue)
+    return sorted(kept.items()), len(rows) - len(kept)
+
+
+def _zero_us(t_us: NDArray[np.int64], read: Sequence[DjiCue]) -> int:
+    """Unix µs of the video's first frame by most dates; 0 without any."""
+    zeros = [cue.unix_us - int(t) for t, cue in zip(t_us, read, strict=True) if cue.unix_us]
+    return max(0, int(np.median(zeros))) if zeros else 0
+
+
+def _places(t_us: NDArray[np.int64], read: Sequence[DjiCue], decimals: int) -> PlaceTrack:
+    rounding_m = _DEG_M * 10.0**-decimals / math.sqrt(12.0)
+    thin = thinned(t_us, _STEP_US)
+    columns = np.array([(cue.lat_deg, cue.lon_deg, cue.alt_m, cue.height_m) for cue in read])[thin]
+    t = t_us[thin]
+    lat0, lon0 = np.median(columns[:, 0]), np.median(columns[:, 1])
+    scale = np.array([_DEG_M, _DEG_M * math.cos(math.radians(float(lat0)))])
+    level = (columns[:, :2] - (lat0, lon0)) * scale
+    smooth, v = np.empty_like(level), np.empty_like(level)
+    breaks = np.flatnonzero(np.diff(t) > _GAP_S * 1e6) + 1
+    for part in np.split(np.arange(len(t)), breaks):
+        smooth[part], v[part] = smooth_path(
+            (t[part] - t[part[0]]) * 1e-6, level[part], math.hypot(rounding_m, _NOISE_M)
+        )
+    degrees = smooth / scale + (lat0, lon0)
+    return PlaceTrack(
+        t_us=t,
+        lat_deg=degrees[:, 0],
+        lon_deg=degrees[:, 1],
+        alt_m=columns[:, 2],
+        height_m=columns[:, 3],
+        v_ned=np.column_stack([v, np.full(len(t), np.nan)]),
+        heading=np.full(len(t), np.nan),
+        std_m=math.hypot(rounding_m, _LEVEL_STD_M),
+    )
+
+
+def _angles(
+    t_us: NDArray[np.int64], read: Sequence[DjiCue], of: Callable[[DjiCue], tuple[float, float, float]]
+) -> AngleTrack:
+    angles = np.radians(np.array([of(cue) for cue in read]))
+    known = np.isfinite(angles[:, 1]) & (np.abs(angles[:, 1]) <= np.pi)
+    return AngleTrack(t_us=t_us[known], angles=angles[known])
+
+
+def _view(t_us: NDArray[np.int64], read: Sequence[DjiCue]) -> ViewTrack:
+    """By the focal length; none where there is digital zoom, since whether the focal length has it in is not known."""
+    focal = np.array([cue.focal_mm for cue in read])
+    if any(cue.zoom != 1.0 for cue in read) or not np.isfinite(focal).any():
+        return ViewTrack.empty()
+    known = np.isfinite(focal)
+    return ViewTrack(
+        t_us=t_us[known],
+        hfov=from_focal_length(focal[known]),
+        source=f"focal length of {np.median(focal[known]):.3g} mm equivalent in the subtitles",
+    )

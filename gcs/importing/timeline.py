@@ -1,0 +1,92 @@
+"""When the film was taken on the fleet's clock: as its files say, and as the user corrects that."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from gcs.errors import ImportFileError
+from gcs.importing.film import ImportedFilm
+from gcs.importing.vehicle_log import VehicleLog
+
+__all__ = ["FilmTimes", "check_overlap", "find_timeline"]
+
+_LEAST_OVERLAP_US = 1_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FilmTimes:
+    """From the clocks of film and UAV to the fleet's."""
+
+    film_us: int
+    """Unix µs of the film's first frame."""
+    uav_shift_us: int
+    """From the clock of the UAV's log to Unix time."""
+    said: str
+    """In words, where that is from."""
+    assumed: tuple[str, ...] = ()
+
+
+def find_timeline(
+    film: ImportedFilm, uav: VehicleLog | None, fleet_span_us: tuple[int, int], clock_s: float | None
+) -> FilmTimes:
+    """The film's place on the fleet's clock.
+
+    Args:
+        film: with the date of its container.
+        uav: the UAV's log; None: its telemetry is in the fleet's.
+        fleet_span_us: first and last position of the fleet, Unix µs.
+        clock_s: by how much the fleet's clock is ahead of the film's; None: not known.
+    """
+    shift_us = round((clock_s or 0.0) * 1e6)
+    said = "" if clock_s is None else f", {clock_s:+g} s as given"
+    if uav is not None and uav.clock == "video":
+        start_us, source = (
+            (uav.zero_us, "the date beside the positions") if uav.zero_us else _of_film(film, fleet_span_us)
+        )
+        film_us = start_us + shift_us
+        return FilmTimes(film_us=film_us, uav_shift_us=film_us, said=source + said)
+    start_us, source = _of_film(film, fleet_span_us)
+    if uav is None:
+        return FilmTimes(film_us=start_us + shift_us, uav_shift_us=0, said=source + said)
+    first_us = int(uav.places.t_us[0])
+    if uav.clock == "own":
+        film_us = start_us + shift_us
+        assumed = (f"{uav.source} knows no date: the film begins with it",)
+        return FilmTimes(film_us=film_us, uav_shift_us=film_us - first_us, said=source + said, assumed=assumed)
+    last_us = int(uav.places.t_us[-1])
+    if film.created_us and first_us - film_length_us(film) < film.created_us + shift_us < last_us:
+        return FilmTimes(film_us=film.created_us + shift_us, uav_shift_us=0, said=source + said)
+    assumed = ("the film begins with the UAV's log",)
+    return FilmTimes(film_us=first_us + shift_us, uav_shift_us=0, said="the UAV's log" + said, assumed=assumed)
+
+
+def film_length_us(film: ImportedFilm) -> int:
+    """From its first frame to its last."""
+    return int(film.elapsed_us[-1])
+
+
+def _of_film(film: ImportedFilm, fleet_span_us: tuple[int, int]) -> tuple[int, str]:
+    if film.created_us:
+        return film.created_us, "the date of the video's container"
+    return fleet_span_us[0], "nothing: the film is taken to begin with the fleet's telemetry"
+
+
+def check_overlap(film: ImportedFilm, timeline: FilmTimes, fleet_span_us: tuple[int, int]) -> None:
+    """See that the fleet reports while it is filmed.
+
+    Raises:
+        ImportFileError: it does not.
+    """
+    first_us, last_us = timeline.film_us, timeline.film_us + film_length_us(film)
+    overlap_us = min(last_us, fleet_span_us[1]) - max(first_us, fleet_span_us[0])
+    if overlap_us < min(_LEAST_OVERLAP_US, last_us - first_us):
+        raise ImportFileError(
+            f"{film.path}: taken {_words(first_us, last_us)} by {timeline.said}, while the fleet reports "
+            f"{_words(*fleet_span_us)}; give by how much the fleet's clock is ahead of the film's: --clock +SECONDS"
+        )
+
+
+def _words(first_us: int, last_us: int) -> str:
+    first, last = (datetime.fromtimestamp(t // 1_000_000, UTC) for t in (first_us, last_us))
+    return f"{first:%Y-%m-%d %H:%M:%S} to {last:%Y-%m-%d %H:%M:%S}"

@@ -1,0 +1,110 @@
+import json
+import tomllib
+
+import numpy as np
+import pytest
+
+from gcs.report.score import score_files
+from mavlink.tlog.log import Tlog
+from tests.support.command_line import run_gcs
+from tests.support.imports.flown import FOV_DEG, UGVS, fly
+from tests.support.imports.srt_writers import srt
+
+FRAMES = 90
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    return fly(tmp_path_factory.mktemp("flown"), FRAMES)
+
+
+def import_words(flown, out, *more):
+    return ("import", "-o", out, "--video", flown.video, "--tlog", flown.fleet, "--fov", FOV_DEG, *more)
+
+
+def right_of(session, flown, tmp_path):
+    assert run_gcs("identify", session, "-o", tmp_path / "names")[0] == 0
+    return score_files(flown.session / "truth.csv", tmp_path / "names" / "identity.csv")
+
+
+def test_a_dji_drone_above_rovers(flown, tmp_path):
+    subtitles, session = tmp_path / "DJI_0001.SRT", tmp_path / "session"
+    subtitles.write_text(srt("keyed", flown.spots()))
+    code, told, _ = run_gcs(*import_words(flown, session, "--uav", subtitles, "--json"))
+    assert code == 0
+    report = json.loads(told)
+    assert (report["uav"], report["ugv"], report["folder"]) == (1, list(UGVS), str(session))
+    assert "the camera looks straight down; --pitch changes that" in report["assumed"]
+    table = tomllib.loads((session / "session.toml").read_text())
+    assert table["session"]["imported"]["found"] == report["found"]
+    assert table["clock"]["video_offset_s"] == "auto"
+    assert (session / "video.mp4").read_bytes() == flown.video.read_bytes()
+    fleet = {(packet.t_us, packet.raw) for packet in Tlog.open(flown.fleet).packets()}
+    log = Tlog.open(session / "telemetry.tlog")
+    assert {(p.t_us, p.raw) for p in log.packets(system_ids=UGVS)} == fleet
+    assert np.all(np.diff(log.index.t_us) >= 0)
+    assert not log.index.damage
+    # no attitude was known, so none is told
+    assert not len(log.columns(30, 1)[0])
+    result = right_of(session, flown, tmp_path)
+    assert result.right >= 0.98
+    assert result.wrong_sure_s == 0.0
+
+
+def test_the_gimbal_of_an_enterprise_drone_gives_the_heading(flown, tmp_path):
+    subtitles, session = tmp_path / "DJI_0001.SRT", tmp_path / "session"
+    subtitles.write_text(srt("enterprise", flown.spots()))
+    code, told, _ = run_gcs(*import_words(flown, session, "--uav", subtitles))
+    assert code == 0
+    assert "only the gimbal's angles count" in told
+    log = Tlog.open(session / "telemetry.tlog")
+    assert len(log.columns(30, 1)[0]) == len(log.columns(285, 1)[0]) == FRAMES
+    assert right_of(session, flown, tmp_path).right >= 0.98
+
+
+def test_what_is_there_is_not_overwritten(flown, tmp_path):
+    code, _, told = run_gcs(*import_words(flown, tmp_path))
+    assert code == 2
+    assert "exists already" in told
+
+
+def test_nothing_is_guessed_of_the_camera(flown, tmp_path):
+    subtitles = tmp_path / "DJI_0001.SRT"
+    subtitles.write_text(srt("positional", flown.spots()))
+    words = ("import", "-o", tmp_path / "session", "--video", flown.video, "--tlog", flown.fleet, "--uav", subtitles)
+    code, _, told = run_gcs(*words)
+    assert code == 2
+    assert "--fov" in told
+    assert not (tmp_path / "session").exists()
+    code, _, told = run_gcs(*words, "--camera", "kodak")
+    assert code == 2
+    assert "dji-mini-2" in told
+
+
+@pytest.mark.parametrize(("clock", "code"), [("auto", 2), ("+7200", 2), ("-7200", 0), ("later", 2), ("nan", 2)])
+def test_a_clock_in_another_time_zone(clock, code, flown, tmp_path):
+    subtitles, session = tmp_path / "DJI_0001.SRT", tmp_path / "session"
+    spots = [(t, type(s)(**{**vars(s), "unix_us": s.unix_us + 7_200_000_000})) for t, s in flown.spots()]
+    subtitles.write_text(srt("keyed", spots))
+    got, _, told = run_gcs(*import_words(flown, session, "--uav", subtitles, f"--clock={clock}"))
+    assert got == code
+    assert code == 0 or "--clock" in told
+    assert session.exists() == (code == 0)
+
+
+def test_a_uav_elsewhere(flown, tmp_path):
+    subtitles, session = tmp_path / "DJI_0001.SRT", tmp_path / "session"
+    spots = [(t, type(s)(**{**vars(s), "lat": s.lat + 20.0})) for t, s in flown.spots()]
+    subtitles.write_text(srt("keyed", spots))
+    code, _, told = run_gcs(*import_words(flown, session, "--uav", subtitles))
+    assert code == 2
+    assert "km from the fleet" in told
+
+
+def test_latitude_and_longitude_the_other_way_round(flown, tmp_path):
+    subtitles, session = tmp_path / "DJI_0001.SRT", tmp_path / "session"
+    spots = [(t, type(s)(**{**vars(s), "lat": s.lon, "lon": s.lat})) for t, s in flown.spots()]
+    subtitles.write_text(srt("keyed", spots))
+    code, told, _ = run_gcs(*import_words(flown, session, "--uav", subtitles, "--json"))
+    assert code == 0
+    assert any("the other way round" in text for text in json.loads(told)["assumed"])
