@@ -20,7 +20,15 @@ FARTHEST_CLOCK_S = 1e9
 def import_flight(
     out: Annotated[Path, typer.Option("--out", "-o", help="Session folder to write.")],
     video: Annotated[Path, typer.Option(help="The film.")],
-    uav: Annotated[Path | None, typer.Option(help="Log of the UAV that filmed: .srt of a DJI drone.")] = None,
+    uav: Annotated[
+        Path | None, typer.Option(help="Log of the UAV that filmed: .srt (DJI), .bin, .ulg, .csv or .gpx.")
+    ] = None,
+    ugv: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Log of a ground vehicle, as 11=rover.bin (.bin, .ulg, .csv, .gpx), or a table with ids; repeatable."
+        ),
+    ] = None,
     tlog: Annotated[
         Path | None, typer.Option(help="Telemetry log with the ground vehicles, and perhaps the UAV.")
     ] = None,
@@ -53,6 +61,7 @@ def import_flight(
     options = ImportOptions(
         video=video,
         uav=uav,
+        ugv=tuple(ugv or ()),
         tlog=tlog,
         clock_s=_clock_s(clock),
         camera=CameraOptions(fov_deg=fov, lens=lens, model=camera, pitch_deg=pitch, mount=mount),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -13,18 +13,17 @@ import numpy as np
 from gcs.errors import ImportFileError
 from gcs.importing.camera_choice import CameraOptions, ChosenCamera, choose_camera
 from gcs.importing.film import ImportedFilm, open_film
-from gcs.importing.fleet_log import FleetTlog, open_fleet
-from gcs.importing.messages import TlogRecord, vehicle_records
+from gcs.importing.ground_vehicles import LAST_ID, GroundVehicles, read_ground_vehicles
+from gcs.importing.messages import vehicle_records
 from gcs.importing.session_folder import write_imported
-from gcs.importing.sources import read_uav
-from gcs.importing.timeline import FilmTimes, check_overlap, find_timeline
-from gcs.importing.vehicle_log import PlaceTrack, VehicleLog
+from gcs.importing.sources import read_vehicle_logs
+from gcs.importing.timeline import FilmTimes, check_overlap, find_timeline, on_film
+from gcs.importing.vehicle_log import VehicleLog
 from gcs.mission.mission import Clock, Mission, MissionVehicle
 from mavlink.geodesy import separation_m
 
 __all__ = ["ImportOptions", "ImportReport", "import_flight"]
 
-_LAST_ID = 255
 _FAR_M = 100_000.0
 """A UAV that is farther from its fleet than this is not above it."""
 
@@ -65,32 +64,6 @@ class ImportReport:
         }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _GroundVehicles:
-    """The ground vehicles, from whichever files."""
-
-    places: Mapping[int, PlaceTrack]
-    """By system id, on Unix time."""
-    log: FleetTlog | None
-
-    @property
-    def span_us(self) -> tuple[int, int]:
-        tracks = [track for track in self.places.values() if len(track)]
-        return min(int(track.t_us[0]) for track in tracks), max(int(track.t_us[-1]) for track in tracks)
-
-    @property
-    def ground_m(self) -> float:
-        """Median altitude, metres above sea level."""
-        return float(np.median(np.concatenate([track.alt_m for track in self.places.values()])))
-
-    @property
-    def middle(self) -> tuple[float, float]:
-        """Median latitude and longitude, degrees."""
-        lat = np.concatenate([track.lat_deg for track in self.places.values()])
-        lon = np.concatenate([track.lon_deg for track in self.places.values()])
-        return float(np.median(lat)), float(np.median(lon))
-
-
 def import_flight(out: Path, options: ImportOptions) -> ImportReport:
     """Write a session from a flight's files.
 
@@ -104,8 +77,9 @@ def import_flight(out: Path, options: ImportOptions) -> ImportReport:
     if out.exists():
         raise ImportFileError(f"{out}: exists already; recordings are never overwritten, give another name")
     film = open_film(options.video)
-    fleet = _fleet(options)
-    uav, swapped = _above(read_uav(options.uav), fleet, options.uav) if options.uav else (None, ())
+    fleet = read_ground_vehicles(options.tlog, options.ugv)
+    uav, swapped = _above(_one_log(options.uav), fleet, options.uav) if options.uav else (None, ())
+    uav = on_film(uav, film) if uav is not None else None
     chosen, uav = choose_camera(film, uav, options.camera)
     timeline = find_timeline(film, uav, fleet.span_us, options.clock_s)
     check_overlap(film, timeline, fleet.span_us)
@@ -118,28 +92,37 @@ def import_flight(out: Path, options: ImportOptions) -> ImportReport:
     )
     report = _report(film, fleet, uav, chosen, timeline, uav_id)
     report = replace(report, assumed=(*report.assumed, *swapped))
-    streams: list[Iterable[TlogRecord]] = []
-    if fleet.log is not None:
-        streams.append(fleet.log.records(without=()))
+    streams = fleet.streams()
     if uav is not None:
-        home_m = fleet.ground_m
-        streams.append(vehicle_records(uav, uav_id, timeline.uav_shift_us, flies=True, home_m=home_m))
+        streams.append(vehicle_records(uav, uav_id, timeline.uav_shift_us, flies=True, home_m=_home_m(uav, fleet)))
     write_imported(out, film, timeline.film_us, streams, mission, report.table())
     return report
 
 
-def _fleet(options: ImportOptions) -> _GroundVehicles:
-    if options.tlog is None:
-        raise ImportFileError("no telemetry of the ground vehicles; give --tlog")
-    log = open_fleet(options.tlog)
-    places = {i: log.places(i) for i in log.ground}
-    places = {i: track for i, track in places.items() if len(track)}
-    if not places:
-        raise ImportFileError(f"{options.tlog}: no ground vehicle reports a position in it")
-    return _GroundVehicles(places=places, log=log)
+def _one_log(path: Path) -> VehicleLog:
+    logs = read_vehicle_logs(path)
+    if len(logs) > 1:
+        raise ImportFileError(f"{path}: {len(logs)} vehicles are in it; give the UAV's log alone")
+    return logs[0]
 
 
-def _above(uav: VehicleLog, fleet: _GroundVehicles, path: Path | None) -> tuple[VehicleLog, tuple[str, ...]]:
+def _home_m(uav: VehicleLog, fleet: GroundVehicles) -> float:
+    """Altitude of the take-off, for a log without altitudes or heights.
+
+    Raises:
+        ImportFileError: nothing tells how high the UAV was.
+    """
+    if not (np.isfinite(uav.places.alt_m) | np.isfinite(uav.places.height_m)).any():
+        raise ImportFileError(f"{uav.source}: nothing in it tells how high the UAV was")
+    home_m = fleet.ground_m
+    if np.isnan(home_m) and not np.isfinite(uav.places.height_m).any():
+        raise ImportFileError(
+            f"{uav.source}: only the altitude is known, and that of no ground vehicle to compare it with"
+        )
+    return 0.0 if np.isnan(home_m) else home_m
+
+
+def _above(uav: VehicleLog, fleet: GroundVehicles, path: Path | None) -> tuple[VehicleLog, tuple[str, ...]]:
     """The log of a UAV that is above its fleet; latitude and longitude are changed over where only that makes it so."""
     lat, lon = float(np.median(uav.places.lat_deg)), float(np.median(uav.places.lon_deg))
     away_m = separation_m(lat, lon, *fleet.middle)
@@ -151,23 +134,22 @@ def _above(uav: VehicleLog, fleet: _GroundVehicles, path: Path | None) -> tuple[
     raise ImportFileError(f"{path}: the UAV is {away_m / 1000.0:.0f} km from the fleet; do the files belong together?")
 
 
-def _uav_id(fleet: _GroundVehicles, uav: VehicleLog | None) -> int:
+def _uav_id(fleet: GroundVehicles, uav: VehicleLog | None) -> int:
     """Of the UAV: its own, else one that nobody uses."""
-    used: frozenset[int] = fleet.log.system_ids if fleet.log is not None else frozenset()
     if uav is None:
-        aircraft = fleet.log.aircraft if fleet.log is not None else ()
-        if not aircraft:
+        if not fleet.aircraft:
             raise ImportFileError("nothing tells where the UAV was; give its log with --uav")
-        return int(aircraft[0])
-    free = [i for i in (uav.system_id, *range(1, _LAST_ID + 1)) if i and i not in used and i not in fleet.places]
-    if not free:
-        raise ImportFileError("every system id from 1 to 255 is in use; cut the fleet's log by --system")
-    return int(free[0])
+        return int(fleet.aircraft[0])
+    wanted: list[int] = [uav.system_id, *range(1, LAST_ID + 1)]
+    free = [system_id for system_id in wanted if system_id and system_id not in fleet.used_ids]
+    if free:
+        return free[0]
+    raise ImportFileError("every system id from 1 to 255 is in use; cut the fleet's log by --system")
 
 
 def _report(
     film: ImportedFilm,
-    fleet: _GroundVehicles,
+    fleet: GroundVehicles,
     uav: VehicleLog | None,
     chosen: ChosenCamera,
     timeline: FilmTimes,
@@ -188,6 +170,10 @@ def _report(
             found.append(("attitude", "none: names rest on motion alone and take longer"))
     else:
         found.append(("uav", f"system {uav_id} of the telemetry"))
+    for system_id, log in fleet.logs.items():
+        found.append((f"ugv {system_id}", f"{log.source}: {', '.join(log.notes.found)}"))
+        assumed += log.notes.assumed
+        left_out |= {f"{log.source}: {reason}": count for reason, count in log.notes.skipped.items()}
     count = sum(map(len, fleet.places.values()))
     found.append(("ugv", f"{len(fleet.places)} vehicles, {count} positions"))
     found += [("camera", chosen.optics), ("direction", chosen.direction), ("clock", timeline.said)]
@@ -200,7 +186,7 @@ def _report(
     )
 
 
-def _height_words(uav: VehicleLog, fleet: _GroundVehicles) -> list[str]:
+def _height_words(uav: VehicleLog, fleet: GroundVehicles) -> list[str]:
     places = uav.places
     if np.isfinite(places.alt_m).any() and np.isfinite(places.height_m).any():
         return []

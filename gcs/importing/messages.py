@@ -60,7 +60,7 @@ def vehicle_records(log: VehicleLog, system_id: int, shift_us: int, *, flies: bo
     beat = partial(MavlinkEncoder.heartbeat, kind=COPTER if flies else ROVER)
     messages: list[tuple[int, Callable[[MavlinkEncoder], bytes]]] = [
         *((t_us, beat) for t_us in range(first_us, last_us + 1, _HEARTBEAT_US)),
-        *_places(log.places, boot_us, home_m),
+        *_places(log.places, boot_us, home_m, flies=flies),
         *_attitudes(log.attitudes, boot_us),
         *_gimbal(log.gimbal, boot_us),
         *_view(log.view, boot_us),
@@ -77,8 +77,9 @@ def _boot_ms(t_us: int, boot_us: int) -> int:
     return (t_us - boot_us + 500) // 1000
 
 
-def _places(places: PlaceTrack, boot_us: int, home_m: float) -> _Timed:
-    alt = np.where(np.isfinite(places.alt_m), places.alt_m, home_m + places.height_m)
+def _places(places: PlaceTrack, boot_us: int, home_m: float, *, flies: bool) -> _Timed:
+    above = places.height_m if flies else np.nan_to_num(places.height_m)
+    alt = np.where(np.isfinite(places.alt_m), places.alt_m, home_m + above)
     height = np.where(np.isfinite(places.height_m), places.height_m, places.alt_m - home_m)
     known = np.flatnonzero(whole_places(places.lat_deg, places.lon_deg) & (np.abs(alt) < _MOST_M))
     fix_us = -_FIX_US + int(places.t_us[0]) if len(places) else 0
@@ -90,9 +91,9 @@ def _places(places: PlaceTrack, boot_us: int, home_m: float) -> _Timed:
             fix_us = t_us
             accuracy = {"satellites": _UNKNOWN_COUNT, "h_acc_m": places.std_m}
             yield t_us, partial(_gps_raw_int, boot_ms * 1000, place, accuracy)
-        above = float(height[row])
+        up = float(height[row]) if abs(height[row]) < _MOST_M else 0.0
         v_ned, heading = places.v_ned[row].tolist(), float(places.heading[row]) % (2.0 * math.pi)
-        yield t_us, partial(_global_position, boot_ms, place, above if abs(above) < _MOST_M else 0.0, v_ned, heading)
+        yield t_us, partial(_global_position, boot_ms, place, up, v_ned, heading)
 
 
 def _gps_raw_int(

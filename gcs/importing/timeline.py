@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.importing.film import ImportedFilm
 from gcs.importing.vehicle_log import VehicleLog
 
-__all__ = ["FilmTimes", "check_overlap", "find_timeline"]
+__all__ = ["FilmTimes", "check_overlap", "find_timeline", "on_film"]
 
 _LEAST_OVERLAP_US = 1_000_000
 
@@ -25,6 +28,32 @@ class FilmTimes:
     said: str
     """In words, where that is from."""
     assumed: tuple[str, ...] = ()
+
+
+def on_film(uav: VehicleLog, film: ImportedFilm) -> VehicleLog:
+    """A log whose times are numbers of frames, with the times of these frames.
+
+    Raises:
+        ImportFileError: not one of them is in the film.
+    """
+    if uav.clock != "frame":
+        return uav
+    rows = np.flatnonzero(uav.places.t_us < len(film.elapsed_us))
+    if not len(rows):
+        raise ImportFileError(f"{uav.source}: its first frame comes after the film's last, {len(film.elapsed_us) - 1}")
+
+    def timed(t_us: NDArray[np.int64]) -> NDArray[np.int64]:
+        return film.elapsed_us[t_us[t_us < len(film.elapsed_us)]]
+
+    body, gimbal, view = (track.t_us < len(film.elapsed_us) for track in (uav.attitudes, uav.gimbal, uav.view))
+    return replace(
+        uav,
+        clock="video",
+        places=replace(uav.places.select(rows), t_us=timed(uav.places.t_us)),
+        attitudes=replace(uav.attitudes, t_us=timed(uav.attitudes.t_us), angles=uav.attitudes.angles[body]),
+        gimbal=replace(uav.gimbal, t_us=timed(uav.gimbal.t_us), angles=uav.gimbal.angles[gimbal]),
+        view=replace(uav.view, t_us=timed(uav.view.t_us), hfov=uav.view.hfov[view]),
+    )
 
 
 def find_timeline(

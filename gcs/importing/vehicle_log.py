@@ -1,11 +1,13 @@
 """What a log says of one vehicle, whatever its format: arrays over time, NaN where it does not say.
 
 Times are whole µs on the log's own clock: since the video's first frame ("video"), Unix time ("utc"), or since an
-unknown moment ("own"). Angles are radians: roll, pitch, yaw, yaw clockwise from north.
+unknown moment ("own"); or they are the video's frames, from 0 ("frame"). Angles are radians: roll, pitch, yaw, yaw
+clockwise from north.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -14,11 +16,22 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["AngleTrack", "ImportNotes", "LogClock", "PlaceTrack", "VehicleLog", "ViewTrack", "thinned", "whole_places"]
+__all__ = [
+    "AngleTrack",
+    "ImportNotes",
+    "LogClock",
+    "PlaceTrack",
+    "VehicleLog",
+    "ViewTrack",
+    "at_times",
+    "in_order",
+    "thinned",
+    "whole_places",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-LogClock = Literal["video", "utc", "own"]
+LogClock = Literal["video", "frame", "utc", "own"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +60,32 @@ class PlaceTrack:
                 raise ValueError(f"{name} has shape {getattr(self, name).shape}, ({n},) is needed")
         if self.v_ned.shape != (n, 3):
             raise ValueError(f"v_ned has shape {self.v_ned.shape}, ({n}, 3) is needed")
+
+    @classmethod
+    def of(
+        cls,
+        t_us: Ints,
+        lat_deg: Floats,
+        lon_deg: Floats,
+        *,
+        alt_m: Floats | None = None,
+        height_m: Floats | None = None,
+        v_ned: Floats | None = None,
+        heading: Floats | None = None,
+        std_m: float = math.nan,
+    ) -> PlaceTrack:
+        """Positions of which some columns are not known."""
+        unknown = np.full(len(t_us), np.nan)
+        return cls(
+            t_us=t_us,
+            lat_deg=lat_deg,
+            lon_deg=lon_deg,
+            alt_m=unknown if alt_m is None else alt_m,
+            height_m=unknown if height_m is None else height_m,
+            v_ned=np.full((len(t_us), 3), np.nan) if v_ned is None else v_ned,
+            heading=unknown if heading is None else heading,
+            std_m=std_m,
+        )
 
     def __len__(self) -> int:
         return len(self.t_us)
@@ -148,3 +187,32 @@ def thinned(t_us: Ints, step_us: int) -> Ints:
             kept.append(row)
             next_us = t + step_us
     return np.array(kept, np.int64)
+
+
+def in_order(t_us: Ints) -> Ints:
+    """Rows of times (n,) in ascending order, the first of those that are equal."""
+    return np.asarray(np.unique(t_us, return_index=True)[1], np.int64)
+
+
+def at_times(t_us: Ints, from_us: Ints, values: Floats, most_gap_us: int, *, turns: bool = False) -> Floats:
+    """Values (k,) of times (k,), in ascending order, at other times (n,), linear in between.
+
+    Args:
+        t_us: (n,) wanted.
+        from_us: (k,) known.
+        values: (k,); NaN are left out.
+        most_gap_us: NaN farther than this from anything known.
+        turns: angles, radians.
+    """
+    known = np.isfinite(values)
+    from_us, values = from_us[known], values[known]
+    if not len(from_us):
+        return np.full(len(t_us), np.nan)
+    zero = from_us[0]
+    found = np.interp(
+        (t_us - zero).astype(float), (from_us - zero).astype(float), np.unwrap(values) if turns else values
+    )
+    after = np.clip(np.searchsorted(from_us, t_us), 0, len(from_us) - 1)
+    before = np.maximum(after - 1, 0)
+    away = np.minimum(np.abs(from_us[after] - t_us), np.abs(t_us - from_us[before]))
+    return np.where(away <= most_gap_us, found, np.nan)

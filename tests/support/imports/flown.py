@@ -30,6 +30,10 @@ class Flown:
         return self.session / "video.mp4"
 
     @property
+    def frames_us(self) -> np.ndarray:
+        return read_times(self.session / "frames.csv").times_us
+
+    @property
     def log(self) -> Tlog:
         return Tlog.open(self.session / "telemetry.tlog")
 
@@ -40,7 +44,7 @@ class Flown:
 
     def spots(self, *, step: int = 1, dated: bool = True) -> list[tuple[float, Spot]]:
         """The UAV at frames, by its telemetry."""
-        frames = read_times(self.session / "frames.csv").times_us[::step]
+        frames = self.frames_us[::step]
         t, wire = self.columns(33, 1)
         at, attitude = self.columns(30, 1)
         lat, lon, alt, height = (

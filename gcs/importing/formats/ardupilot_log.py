@@ -1,0 +1,185 @@
+"""ArduPilot's dataflash logs as a vehicle's log: of one that drives or of the UAV.
+
+GPS time is turned into UTC with the 18 leap seconds that have held since 2017.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.errors import ImportFileError
+from gcs.importing.formats.dataflash import DataflashTables, read_tables
+from gcs.importing.vehicle_log import (
+    AngleTrack,
+    ImportNotes,
+    PlaceTrack,
+    VehicleLog,
+    at_times,
+    in_order,
+    whole_places,
+)
+
+__all__ = ["read_ardupilot"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Rows = NDArray[np.void]
+
+_WANTED = ("GPS", "GPA", "POS", "ATT", "MNT", "XKF1", "NKF1", "PARM")
+_GPS_EPOCH_S, _LEAP_S, _WEEK_S = 315_964_800, 18, 604_800
+_FIX_3D = 3
+_GAP_US = 2_000_000
+"""Longest hole that is bridged where one record tells what another lacks."""
+_M_PER_HDOP = 1.5
+"""1σ of a single-frequency receiver at a dilution of 1."""
+_LATEST = 0.95
+"""Quantile of the differences of GPS time and the log's: a record is written some time after the fix that it has."""
+_ID_NAMES = (b"SYSID_THISMAV", b"MAV_SYSID")
+_LATEST_US = 1 << 53
+
+
+def read_ardupilot(path: Path) -> VehicleLog:
+    """A vehicle's log.
+
+    Raises:
+        ImportFileError: it cannot be read, or has no position.
+    """
+    tables = read_tables(path, _WANTED)
+    places, what = _places(tables, path)
+    zero_us = _zero_us(tables)
+    attitudes = _angles(tables.rows("ATT", "TimeUS", "Roll", "Pitch", "Yaw"), ("Roll", "Pitch", "Yaw"))
+    heading = at_times(places.t_us, attitudes.t_us, attitudes.angles[:, 2], _GAP_US, turns=True)
+    gimbal = _gimbal(tables)
+    found = [f"dataflash, {len(places)} positions of {what}", f"{len(attitudes)} attitudes"]
+    if len(gimbal):
+        found.append(f"{len(gimbal)} attitudes of the gimbal")
+    shift_us = zero_us or 0
+    return VehicleLog(
+        source=path.name,
+        clock="own" if zero_us is None else "utc",
+        system_id=_system_id(tables.rows("PARM", "Name", "Value")),
+        places=replace(places, t_us=places.t_us + shift_us, heading=heading),
+        attitudes=replace(attitudes, t_us=attitudes.t_us + shift_us),
+        gimbal=replace(gimbal, t_us=gimbal.t_us + shift_us),
+        notes=ImportNotes(found=tuple(found), skipped={"damaged bytes": tables.damaged} if tables.damaged else {}),
+    )
+
+
+def _times(table: Rows) -> Ints:
+    return np.asarray(np.minimum(table["TimeUS"], _LATEST_US), np.int64)
+
+
+def _first(table: Rows, name: str) -> Rows:
+    """Rows of the first instance: receivers, mounts and filters are numbered."""
+    if name not in (table.dtype.names or ()):
+        return table
+    return np.asarray(table[table[name] == table[name].min()])
+
+
+def _ordered(table: Rows) -> Rows:
+    return np.asarray(table[in_order(_times(table))])
+
+
+def _fixes(tables: DataflashTables, *columns: str) -> Rows | None:
+    """Records of the first receiver with a fix."""
+    table = tables.rows("GPS", "TimeUS", "Status", *columns)
+    if table is None:
+        return None
+    table = _first(table, "I")
+    return np.asarray(table[table["Status"] >= _FIX_3D])
+
+
+def _places(tables: DataflashTables, path: Path) -> tuple[PlaceTrack, str]:
+    """Positions of the filter, else of the receiver."""
+    table, what = tables.rows("POS", "TimeUS", "Lat", "Lng", "Alt"), "the filter"
+    if table is None:
+        table, what = _fixes(tables, "Lat", "Lng", "Alt"), "the receiver"
+    if table is not None:
+        table = _ordered(table[whole_places(table["Lat"], table["Lng"])])
+    if table is None or not len(table):
+        raise ImportFileError(f"{path}: no position in it; an ArduPilot log with POS or GPS is needed")
+    known = "RelHomeAlt" in (table.dtype.names or ())
+    t_us = _times(table)
+    places = PlaceTrack.of(
+        t_us,
+        table["Lat"].astype(float),
+        table["Lng"].astype(float),
+        alt_m=table["Alt"].astype(float),
+        height_m=table["RelHomeAlt"].astype(float) if known else None,
+        v_ned=_velocity(tables, t_us),
+        std_m=_std_m(tables),
+    )
+    return places, what
+
+
+def _velocity(tables: DataflashTables, t_us: Ints) -> Floats:
+    """(n, 3) of the filter, else of the receiver."""
+    for name in ("XKF1", "NKF1"):
+        table = tables.rows(name, "TimeUS", "VN", "VE", "VD")
+        if table is not None:
+            table = _ordered(_first(table, "C"))
+            axes = [table[axis].astype(float) for axis in ("VN", "VE", "VD")]
+            return np.column_stack([at_times(t_us, _times(table), axis, _GAP_US) for axis in axes])
+    fixes = _fixes(tables, "Spd", "GCrs", "VZ")
+    if fixes is None:
+        return np.full((len(t_us), 3), np.nan)
+    fixes = _ordered(fixes)
+    course, speed = np.radians(fixes["GCrs"].astype(float)), fixes["Spd"].astype(float)
+    axes = [speed * np.cos(course), speed * np.sin(course), fixes["VZ"].astype(float)]
+    return np.column_stack([at_times(t_us, _times(fixes), axis, _GAP_US) for axis in axes])
+
+
+def _std_m(tables: DataflashTables) -> float:
+    """As the receiver estimates it, else by its dilution."""
+    accuracy = tables.rows("GPA", "HAcc")
+    if accuracy is not None and (accuracy["HAcc"] > 0).any():
+        return float(np.median(accuracy["HAcc"][accuracy["HAcc"] > 0].astype(float)))
+    fixes = _fixes(tables, "HDop")
+    return (
+        _M_PER_HDOP * float(np.median(fixes["HDop"].astype(float)))
+        if fixes is not None and len(fixes)
+        else float("nan")
+    )
+
+
+def _zero_us(tables: DataflashTables) -> int | None:
+    """Unix µs of the log's time 0, None where no receiver knew it."""
+    fixes = _fixes(tables, "GMS", "GWk")
+    if fixes is None or not (fixes["GWk"] > 0).any():
+        return None
+    fixes = fixes[fixes["GWk"] > 0]
+    unix_us = (_GPS_EPOCH_S - _LEAP_S + fixes["GWk"].astype(np.int64) * _WEEK_S) * 1_000_000
+    unix_us = unix_us + fixes["GMS"].astype(np.int64) * 1000
+    return int(np.quantile(unix_us - _times(fixes), _LATEST, method="nearest"))
+
+
+def _angles(table: Rows | None, names: tuple[str, str, str]) -> AngleTrack:
+    if table is None:
+        return AngleTrack.empty()
+    table = _ordered(table)
+    angles = np.column_stack([table[name].astype(float) for name in names])
+    return AngleTrack(t_us=_times(table), angles=np.radians(angles))
+
+
+def _gimbal(tables: DataflashTables) -> AngleTrack:
+    """Roll and pitch from the horizon, yaw from the nose, else from north; what was only asked for does not count."""
+    for yaw, yaw_from in (("YawB", "nose"), ("YawE", "north")):
+        table = tables.rows("MNT", "TimeUS", "Roll", "Pitch", yaw)
+        track = _angles(None if table is None else _first(table, "I"), ("Roll", "Pitch", yaw))
+        known = np.isfinite(track.angles).all(axis=1)
+        if known.any():
+            return AngleTrack(
+                t_us=track.t_us[known], angles=track.angles[known], yaw_from="nose" if yaw_from == "nose" else "north"
+            )
+    return AngleTrack.empty()
+
+
+def _system_id(parameters: Rows | None) -> int:
+    if parameters is None:
+        return 0
+    values = parameters["Value"][np.isin(parameters["Name"], _ID_NAMES)].astype(float)
+    return int(values[-1]) if len(values) and 1.0 <= values[-1] <= 255.0 else 0

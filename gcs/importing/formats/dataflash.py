@@ -1,0 +1,118 @@
+"""ArduPilot's dataflash logs, ``.bin``, as tables: one for each type of record that is wanted.
+
+A record is A3 95, one byte for its type, and fields of fixed size; FMT records (type 128) describe the others. They are
+looked for again after damage. Layout: https://ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html.
+pymavlink reads them too, but its reader changes the process's environment and does not end on a type of length 0.
+"""
+
+from __future__ import annotations
+
+import mmap
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.errors import ImportFileError
+from gcs.importing.formats.text_file import open_file
+
+__all__ = ["DataflashTables", "read_tables"]
+
+_HEAD = b"\xa3\x95"
+_FMT, _FMT_BYTES = 128, 89
+_TYPES = {
+    **{"b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "f": "<f4", "d": "<f8", "q": "<i8"},
+    **{"Q": "<u8", "c": "<i2", "C": "<u2", "e": "<i4", "E": "<u4", "L": "<i4", "M": "u1", "g": "<f2"},
+    **{"n": "S4", "N": "S16", "Z": "S64", "a": "S64"},
+}
+_SCALES = {"c": 0.01, "C": 0.01, "e": 0.01, "E": 0.01, "L": 1e-7}
+_MOST_RECORDS = 5_000_000
+"""Of one type: a day at 50 a second."""
+
+
+@dataclass(frozen=True, slots=True)
+class _RecordLayout:
+    """What FMT says of a type."""
+
+    name: str
+    size: int
+    scales: tuple[float, ...]
+    """Of each field, 1 for those that are as they should be."""
+    dtype: np.dtype[np.void]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DataflashTables:
+    """Records by the name of their type, in the order of the file, in the units that they are described in."""
+
+    tables: dict[str, NDArray[np.void]]
+    damaged: int
+    """Bytes that belong to no record."""
+
+    def rows(self, name: str, *columns: str) -> NDArray[np.void] | None:
+        """Records of a type, None where there are none or a column is missing."""
+        table = self.tables.get(name)
+        if table is None or not len(table) or not set(columns) <= set(table.dtype.names or ()):
+            return None
+        return table
+
+
+def read_tables(path: Path, wanted: Collection[str]) -> DataflashTables:
+    """The wanted records of a log.
+
+    Raises:
+        ImportFileError: it cannot be read, or has no format in it.
+    """
+    with open_file(path) as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        layouts: dict[int, _RecordLayout] = {}
+        starts: dict[int, list[int]] = {}
+        at, size, damaged = 0, len(data), 0
+        while 0 <= at < size - 3:
+            kind = data[at + 2] if data[at : at + 2] == _HEAD else -1
+            length = _FMT_BYTES if kind == _FMT else layouts[kind].size if kind in layouts else 0
+            if not length or at + length > size:
+                after = data.find(_HEAD, at + 1)
+                damaged += (after if after >= 0 else size) - at
+                at = after
+                continue
+            if kind == _FMT:
+                _add_layout(layouts, data[at + 3 : at + length])
+            elif layouts[kind].name in wanted and len(starts.setdefault(kind, [])) < _MOST_RECORDS:
+                starts[kind].append(at + 3)
+            at += length
+        tables = {layouts[kind].name: _table(data, rows, layouts[kind]) for kind, rows in starts.items()}
+    if not layouts:
+        raise ImportFileError(f"{path}: not a dataflash log: no format of a record in it")
+    return DataflashTables(tables=tables, damaged=damaged)
+
+
+def _add_layout(layouts: dict[int, _RecordLayout], body: bytes) -> None:
+    """Take in a FMT record; one that cannot be is left out."""
+    kind, size = body[0], body[1]
+    name, chars, columns = (
+        part.split(b"\0")[0].decode("ascii", "replace") for part in (body[2:6], body[6:22], body[22:86])
+    )
+    names = columns.split(",")
+    known = chars and all(char in _TYPES for char in chars)
+    if kind in layouts or kind == _FMT or not known or len(chars) != len(names) or len(set(names)) != len(names):
+        return
+    if not all(names):
+        return
+    dtype = np.dtype([(column, _TYPES[char]) for column, char in zip(names, chars, strict=True)])
+    if dtype.itemsize == size - 3:
+        layouts[kind] = _RecordLayout(name, size, tuple(_SCALES.get(char, 1.0) for char in chars), dtype)
+
+
+def _table(data: mmap.mmap, starts: list[int], layout: _RecordLayout) -> NDArray[np.void]:
+    size, names = layout.dtype.itemsize, layout.dtype.names or ()
+    raw = np.frombuffer(b"".join(data[start : start + size] for start in starts), layout.dtype)
+    kinds = [
+        (name, layout.dtype[name] if scale == 1.0 else np.dtype("f8"))
+        for name, scale in zip(names, layout.scales, strict=True)
+    ]
+    table = np.empty(len(raw), kinds)
+    for name, scale in zip(names, layout.scales, strict=True):
+        table[name] = raw[name] if scale == 1.0 else raw[name] * scale
+    return table

@@ -1,0 +1,189 @@
+"""PX4's logs, ``.ulg``, as a vehicle's log, by pyulog.
+
+Topics and fields: https://docs.px4.io/main/en/msg_docs/. The log's own time is turned into UTC by the receiver's
+``time_utc_usec``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.errors import ImportFileError
+from gcs.importing.formats.text_file import open_file
+from gcs.importing.vehicle_log import (
+    AngleTrack,
+    ImportNotes,
+    PlaceTrack,
+    VehicleLog,
+    at_times,
+    in_order,
+    whole_places,
+)
+from mavlink.geodesy import euler_from_quaternion
+
+__all__ = ["read_px4"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Columns = Mapping[str, NDArray[Any]]
+
+_RECEIVERS = ("vehicle_gps_position", "sensor_gps")
+_WANTED = (
+    "vehicle_global_position",
+    "vehicle_local_position",
+    "vehicle_attitude",
+    "home_position",
+    "gimbal_device_attitude_status",
+    *_RECEIVERS,
+)
+_MOST_BYTES = 8 << 30
+_GAP_US = 2_000_000
+_LATEST_US = 1 << 53
+_LEAST_UTC_US = 1_000_000_000_000_000
+"""Year 2001: what a receiver says before is no time."""
+_YAW_IN_EARTH_FRAME = 64
+
+
+def read_px4(path: Path) -> VehicleLog:
+    """A vehicle's log.
+
+    Raises:
+        ImportFileError: it cannot be read, has no position, or pyulog is not installed.
+    """
+    topics, system_id, damaged = _topics(path)
+    places = _places(topics)
+    if places is None:
+        raise ImportFileError(f"{path}: no position in it; vehicle_global_position has to be logged")
+    zero_us = _zero_us(topics)
+    attitudes = _attitudes(topics.get("vehicle_attitude"))
+    gimbal = _gimbal(topics.get("gimbal_device_attitude_status"))
+    heading = at_times(places.t_us, attitudes.t_us, attitudes.angles[:, 2], _GAP_US, turns=True)
+    found = [f"ULog, {len(places)} positions", f"{len(attitudes)} attitudes"]
+    if len(gimbal):
+        found.append(f"{len(gimbal)} attitudes of the gimbal")
+    shift_us = zero_us or 0
+    return VehicleLog(
+        source=path.name,
+        clock="own" if zero_us is None else "utc",
+        system_id=system_id,
+        places=PlaceTrack.of(
+            places.t_us + shift_us,
+            places.lat_deg,
+            places.lon_deg,
+            alt_m=places.alt_m,
+            height_m=places.height_m,
+            v_ned=places.v_ned,
+            heading=heading,
+            std_m=places.std_m,
+        ),
+        attitudes=AngleTrack(t_us=attitudes.t_us + shift_us, angles=attitudes.angles),
+        gimbal=AngleTrack(t_us=gimbal.t_us + shift_us, angles=gimbal.angles, yaw_from=gimbal.yaw_from),
+        notes=ImportNotes(found=tuple(found), skipped={"damaged places": 1} if damaged else {}),
+    )
+
+
+def _topics(path: Path) -> tuple[dict[str, Columns], int, bool]:
+    """First instances of the wanted topics, the system id (0 unknown), and whether the file is damaged."""
+    try:
+        from pyulog import ULog
+        from pyulog.core import ULogException, ULogIncompatibleFlagException
+    except ImportError:
+        raise ImportFileError(f"{path}: PX4 logs need pyulog: pip install 'rollcall-gcs[import]'") from None
+    with open_file(path) as file:
+        if path.stat().st_size > _MOST_BYTES:
+            raise ImportFileError(f"{path}: larger than {_MOST_BYTES >> 30} GiB; cut it where the flight ends")
+        try:
+            # it prints what it thinks of a file
+            with contextlib.redirect_stdout(io.StringIO()):
+                log = ULog(file, list(_WANTED))
+        except (
+            *(ULogException, ULogIncompatibleFlagException, ArithmeticError, LookupError, TypeError, ValueError),
+            *(AttributeError, EOFError, MemoryError, RecursionError, UnicodeError),
+        ) as error:
+            reason = " ".join(str(error).split())[:100] or type(error).__name__
+            raise ImportFileError(f"{path}: not a PX4 log that can be read: {reason}") from None
+    topics: dict[str, Columns] = {}
+    for each in sorted(log.data_list, key=lambda data: data.multi_id):
+        if "timestamp" in each.data and len(each.data["timestamp"]):
+            topics.setdefault(each.name, each.data)
+    system_id = log.initial_parameters.get("MAV_SYS_ID", 0)
+    known = isinstance(system_id, int) and 1 <= system_id <= 255
+    return topics, system_id if known else 0, bool(log.file_corruption)
+
+
+def _times(topic: Columns) -> Ints:
+    return np.asarray(np.minimum(topic["timestamp"].astype(np.uint64), _LATEST_US), np.int64)
+
+
+def _has(topic: Columns | None, *names: str) -> bool:
+    return topic is not None and all(name in topic for name in names)
+
+
+def _places(topics: Mapping[str, Columns]) -> PlaceTrack | None:
+    topic = topics.get("vehicle_global_position")
+    if topic is None or not _has(topic, "lat", "lon", "alt"):
+        return None
+    lat, lon = topic["lat"].astype(float), topic["lon"].astype(float)
+    t_us = _times(topic)
+    rows = np.flatnonzero(whole_places(lat, lon))
+    rows = rows[in_order(t_us[rows])]
+    if not len(rows):
+        return None
+    t_us, alt_m = t_us[rows], topic["alt"].astype(float)[rows]
+    local, home = topics.get("vehicle_local_position"), topics.get("home_position")
+    v_ned = None
+    if local is not None and _has(local, "vx", "vy", "vz"):
+        order = in_order(_times(local))
+        from_us = _times(local)[order]
+        axes = [local[axis].astype(float)[order] for axis in ("vx", "vy", "vz")]
+        v_ned = np.column_stack([at_times(t_us, from_us, axis, _GAP_US) for axis in axes])
+    home_m = float(home["alt"][-1]) if home is not None and _has(home, "alt") else math.nan
+    std_m = float(np.median(topic["eph"].astype(float))) if _has(topic, "eph") else math.nan
+    return PlaceTrack.of(
+        t_us,
+        lat[rows],
+        lon[rows],
+        alt_m=alt_m,
+        height_m=alt_m - home_m,
+        v_ned=v_ned,
+        std_m=std_m if 0.0 < std_m < 1e3 else math.nan,
+    )
+
+
+def _zero_us(topics: Mapping[str, Columns]) -> int | None:
+    """Unix µs of the log's time 0, None where no receiver knew it."""
+    for name in _RECEIVERS:
+        topic = topics.get(name)
+        if topic is not None and _has(topic, "time_utc_usec"):
+            utc_us, t_us = topic["time_utc_usec"].astype(np.int64), _times(topic)
+            known = utc_us > _LEAST_UTC_US
+            if known.any():
+                return int(np.median(utc_us[known] - t_us[known]))
+    return None
+
+
+def _attitudes(topic: Columns | None) -> AngleTrack:
+    if topic is None or not _has(topic, *(f"q[{k}]" for k in range(4))):
+        return AngleTrack.empty()
+    order = in_order(_times(topic))
+    q = np.column_stack([topic[f"q[{k}]"].astype(float)[order] for k in range(4)])
+    angles = np.array([euler_from_quaternion(*row) for row in q.tolist()]).reshape(-1, 3)
+    known = np.isfinite(angles).all(axis=1)
+    return AngleTrack(t_us=_times(topic)[order][known], angles=angles[known])
+
+
+def _gimbal(topic: Columns | None) -> AngleTrack:
+    track = _attitudes(topic)
+    if topic is None or not len(track):
+        return track
+    flags = int(topic["device_flags"][0]) if _has(topic, "device_flags") else 0
+    yaw_from: Literal["north", "nose"] = "north" if flags & _YAW_IN_EARTH_FRAME else "nose"
+    return AngleTrack(t_us=track.t_us, angles=track.angles, yaw_from=yaw_from)

@@ -1,0 +1,119 @@
+"""The ground vehicles of a flight, from whichever files tell of them, on one time line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gcs.errors import ImportFileError
+from gcs.importing.fleet_log import FleetTlog, open_fleet
+from gcs.importing.messages import TlogRecord, vehicle_records
+from gcs.importing.sources import read_vehicle_logs
+from gcs.importing.vehicle_log import PlaceTrack, VehicleLog
+
+__all__ = ["LAST_ID", "GroundVehicles", "read_ground_vehicles"]
+
+LAST_ID = 255
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroundVehicles:
+    """The fleet."""
+
+    places: Mapping[int, PlaceTrack]
+    """By system id, on Unix time, each with a position or more."""
+    tlog: FleetTlog | None
+    """Their telemetry log, where there is one."""
+    logs: Mapping[int, VehicleLog]
+    """Those that are in no telemetry log, by system id."""
+
+    @property
+    def span_us(self) -> tuple[int, int]:
+        """First and last position, Unix µs."""
+        tracks = list(self.places.values())
+        return min(int(track.t_us[0]) for track in tracks), max(int(track.t_us[-1]) for track in tracks)
+
+    @property
+    def ground_m(self) -> float:
+        """Median altitude, metres above sea level; NaN unknown."""
+        alt = np.concatenate([track.alt_m for track in self.places.values()])
+        alt = alt[np.isfinite(alt)]
+        return float(np.median(alt)) if len(alt) else float("nan")
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Median latitude and longitude, degrees."""
+        lat = np.concatenate([track.lat_deg for track in self.places.values()])
+        lon = np.concatenate([track.lon_deg for track in self.places.values()])
+        return float(np.median(lat)), float(np.median(lon))
+
+    @property
+    def used_ids(self) -> frozenset[int]:
+        """System ids that somebody has."""
+        sending = self.tlog.system_ids if self.tlog is not None else frozenset[int]()
+        return sending | frozenset(self.places)
+
+    @property
+    def aircraft(self) -> tuple[int, ...]:
+        """System ids of the aircraft in the telemetry log."""
+        return self.tlog.aircraft if self.tlog is not None else ()
+
+    def streams(self) -> list[Iterable[TlogRecord]]:
+        """Their records, each stream in order of time."""
+        streams: list[Iterable[TlogRecord]] = []
+        if self.tlog is not None:
+            streams.append(self.tlog.records(without=self.logs))
+        home_m = self.ground_m
+        for system_id, log in self.logs.items():
+            streams.append(vehicle_records(log, system_id, 0, flies=False, home_m=0.0 if np.isnan(home_m) else home_m))
+        return streams
+
+
+def read_ground_vehicles(tlog: Path | None, ugv: Sequence[str]) -> GroundVehicles:
+    """All ground vehicles.
+
+    Args:
+        tlog: telemetry log.
+        ugv: ``ID=FILE``, or a file that has the ids.
+
+    Raises:
+        ImportFileError, TlogError: a file cannot be used, ids are missing or given twice, or nobody reports a place.
+    """
+    if tlog is None and not ugv:
+        raise ImportFileError("nothing tells where the ground vehicles were; give --tlog or --ugv")
+    logs: dict[int, VehicleLog] = {}
+    for word in ugv:
+        for system_id, log in _numbered(word):
+            if system_id in logs:
+                raise ImportFileError(f"--ugv {word}: system id {system_id} is given twice")
+            if log.clock != "utc":
+                raise ImportFileError(
+                    f"--ugv {word}: {log.source} does not know the date, so that it cannot be put beside the others"
+                )
+            logs[system_id] = log
+    fleet = open_fleet(tlog) if tlog is not None else None
+    places = {i: fleet.places(i) for i in fleet.ground} if fleet is not None else {}
+    places |= {i: log.places for i, log in logs.items()}
+    places = {i: track for i, track in places.items() if len(track)}
+    if not places:
+        raise ImportFileError(f"{tlog}: no ground vehicle reports a position in it")
+    return GroundVehicles(places=dict(sorted(places.items())), tlog=fleet, logs=dict(sorted(logs.items())))
+
+
+def _numbered(word: str) -> list[tuple[int, VehicleLog]]:
+    """System ids and logs of one ``--ugv``."""
+    number, _, name = word.partition("=")
+    told = int(number) if number.isdecimal() and len(number) <= 3 and name else 0
+    if told > LAST_ID or (number.isdecimal() and name and not told):
+        raise ImportFileError(f"--ugv {word}: a system id is 1 to {LAST_ID}")
+    logs = read_vehicle_logs(Path(name if told else word))
+    if told and len(logs) > 1:
+        raise ImportFileError(f"--ugv {word}: {len(logs)} vehicles are in it; give it without the id")
+    found = [(told or log.system_id, log) for log in logs]
+    for system_id, log in found:
+        if not system_id:
+            raise ImportFileError(f"--ugv {word}: {log.source} has no system id; give it as --ugv ID={Path(word).name}")
+    return found
