@@ -9,7 +9,8 @@ within the bounds, the best is one of many such.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -23,10 +24,10 @@ __all__ = ["ClockSearch", "ClockVerdict", "find_clock"]
 
 _STARTS, _LEAST_STARTS, _START_SHARE = 30, 10, 0.5
 """Most offsets that are fitted; and fewer where the rough score of the rest is less than a share of the best."""
-_WIDTH_S = 0.8
+_WIDTH_S = 1.0
 """Offsets within it are one: the identifier finds the rest."""
-_BESIDE_S = (1.0, 1.6, 2.5)
-"""Offsets to both sides of the best at which its width is seen."""
+_ABOUT_S, _BESIDE_S = (-1.2, -0.8, -0.4, 0.0, 0.4, 0.8, 1.2), (-2.5, -1.6, 1.6, 2.5)
+"""Offsets about the best at which it is held fixed: those by which it is smoothed, and others that it must surpass."""
 _LEAST = 45.0
 """Evidence, nats, that no unrelated fleet reaches but for a few in a hundred."""
 _SHARE, _MOST_SHARE = 0.35, 0.8
@@ -41,7 +42,8 @@ _BESIDE_MARGIN = 20.0
 """The same for offsets beside it, which share its errors."""
 _LEAST_SEEN = 0.4
 """Share of the time in which vehicles should be well inside the picture that they must be matched."""
-_LARGEST_STD_S = 0.2
+_LARGEST_STD_S, _LARGEST_MOVE_S = 0.13, 0.6
+"""1σ of an offset that is told, and by how much smoothing may move it, seconds."""
 
 
 class ClockVerdict(Enum):
@@ -88,16 +90,35 @@ def find_clock(
     fits = [fit for fit in fitted if fit is not None and fit.pairs and low <= fit.offset_s <= high]
     if not fits:
         return ClockSearch(verdict=ClockVerdict.NO_OVERLAP, best=None, runner_up=None, tried=len(starts))
-    best = max(fits, key=lambda fit: fit.evidence)
-    beside = [
-        fit_at(tracks, path, log, best.offset_s + step, best.yaw, camera_too=camera_too, free=False)
-        for each in _BESIDE_S
-        for step in (-each, each)
-    ]
-    fits += [fit for fit in beside if fit is not None]
+    first = max(fits, key=lambda fit: fit.evidence)
+    about, beside = (
+        [
+            fit_at(tracks, path, log, first.offset_s + step, first.yaw, camera_too=camera_too, free=False)
+            for step in steps
+        ]
+        for steps in (_ABOUT_S, _BESIDE_S)
+    )
+    best = _smoothed(first, about)
+    fits += [fit for fit in (*about, *beside) if fit is not None]
     rivals = [fit for fit in fits if _distance_s(fit, best) > _WIDTH_S]
     runner_up = max(rivals, key=lambda fit: fit.evidence - _allowed(best, fit), default=None)
     return ClockSearch(verdict=_verdict(best, runner_up), best=best, runner_up=runner_up, tried=len(starts))
+
+
+def _smoothed(best: OffsetFit, about: Sequence[OffsetFit | None]) -> OffsetFit:
+    """The best offset by a parabola through the evidence about it: assignments that change make it jagged.
+
+    V(δ) ≈ a δ² + b δ + c:  δ* = −b/2a,  σ = 1/√(−2a)
+    """
+    known = [fit for fit in about if fit is not None]
+    a, b = 0.0, 0.0
+    if len(known) > 2:
+        steps = np.array([fit.offset_s - best.offset_s for fit in known])
+        a, b, _ = np.polyfit(steps, [fit.evidence for fit in known], 2).tolist()
+    move_s = -b / (2.0 * a) if a < 0.0 else np.inf
+    if abs(move_s) > _LARGEST_MOVE_S:
+        return replace(best, std_s=np.inf)
+    return replace(best, offset_s=best.offset_s + move_s, std_s=float(1.0 / np.sqrt(-2.0 * a)))
 
 
 def _distance_s(fit: OffsetFit, other: OffsetFit) -> float:
@@ -106,7 +127,7 @@ def _distance_s(fit: OffsetFit, other: OffsetFit) -> float:
 
 def _allowed(best: OffsetFit, rival: OffsetFit) -> float:
     """Evidence that a rival of the best may have, nats."""
-    near = _distance_s(best, rival) <= max(_BESIDE_S) + _WIDTH_S
+    near = _distance_s(best, rival) <= max(_BESIDE_S) + _LARGEST_MOVE_S
     if near:
         return best.evidence - _BESIDE_MARGIN
     seen_share = best.seen_share if np.isfinite(best.seen_share) else _UNKNOWN_SHARE
