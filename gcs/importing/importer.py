@@ -13,6 +13,7 @@ import numpy as np
 from gcs.errors import ImportFileError
 from gcs.importing.camera_choice import CameraOptions, ChosenCamera, choose_camera
 from gcs.importing.film import ImportedFilm, open_film
+from gcs.importing.film_log import read_film_log
 from gcs.importing.ground_vehicles import LAST_ID, GroundVehicles, read_ground_vehicles
 from gcs.importing.messages import vehicle_records
 from gcs.importing.session_folder import write_imported
@@ -78,8 +79,8 @@ def import_flight(out: Path, options: ImportOptions) -> ImportReport:
         raise ImportFileError(f"{out}: exists already; recordings are never overwritten, give another name")
     film = open_film(options.video)
     fleet = read_ground_vehicles(options.tlog, options.ugv)
-    uav, swapped = _above(_one_log(options.uav), fleet, options.uav) if options.uav else (None, ())
-    uav = on_film(uav, film) if uav is not None else None
+    uav, unread = _uav_log(options, coarse=not fleet.aircraft)
+    uav, swapped = _above(on_film(uav, film), fleet) if uav is not None else (None, ())
     chosen, uav = choose_camera(film, uav, options.camera)
     timeline = find_timeline(film, uav, fleet.span_us, options.clock_s)
     check_overlap(film, timeline, fleet.span_us)
@@ -91,12 +92,20 @@ def import_flight(out: Path, options: ImportOptions) -> ImportReport:
         clock=Clock(video_offset_s="auto"),
     )
     report = _report(film, fleet, uav, chosen, timeline, uav_id)
-    report = replace(report, assumed=(*report.assumed, *swapped))
+    unread_found = tuple(("not read", text) for text in unread)
+    report = replace(report, found=(*report.found, *unread_found), assumed=(*report.assumed, *swapped))
     streams = fleet.streams()
     if uav is not None:
         streams.append(vehicle_records(uav, uav_id, timeline.uav_shift_us, flies=True, home_m=_home_m(uav, fleet)))
     write_imported(out, film, timeline.film_us, streams, mission, report.table())
     return report
+
+
+def _uav_log(options: ImportOptions, *, coarse: bool) -> tuple[VehicleLog | None, tuple[str, ...]]:
+    """The UAV's log, None where neither a file nor the video has one, and what of the video cannot be read."""
+    if options.uav is None or options.uav == options.video:
+        return read_film_log(options.video, coarse=coarse or options.uav is not None)
+    return _one_log(options.uav), ()
 
 
 def _one_log(path: Path) -> VehicleLog:
@@ -122,7 +131,7 @@ def _home_m(uav: VehicleLog, fleet: GroundVehicles) -> float:
     return 0.0 if np.isnan(home_m) else home_m
 
 
-def _above(uav: VehicleLog, fleet: GroundVehicles, path: Path | None) -> tuple[VehicleLog, tuple[str, ...]]:
+def _above(uav: VehicleLog, fleet: GroundVehicles) -> tuple[VehicleLog, tuple[str, ...]]:
     """The log of a UAV that is above its fleet; latitude and longitude are changed over where only that makes it so."""
     lat, lon = float(np.median(uav.places.lat_deg)), float(np.median(uav.places.lon_deg))
     away_m = separation_m(lat, lon, *fleet.middle)
@@ -131,7 +140,9 @@ def _above(uav: VehicleLog, fleet: GroundVehicles, path: Path | None) -> tuple[V
     if abs(lon) <= 90.0 and separation_m(lon, lat, *fleet.middle) < _FAR_M:
         places = replace(uav.places, lat_deg=uav.places.lon_deg, lon_deg=uav.places.lat_deg)
         return replace(uav, places=places), (f"{uav.source}: latitude and longitude stand the other way round in it",)
-    raise ImportFileError(f"{path}: the UAV is {away_m / 1000.0:.0f} km from the fleet; do the files belong together?")
+    raise ImportFileError(
+        f"{uav.source}: the UAV is {away_m / 1000.0:.0f} km from the fleet; do the files belong together?"
+    )
 
 
 def _uav_id(fleet: GroundVehicles, uav: VehicleLog | None) -> int:

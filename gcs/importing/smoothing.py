@@ -9,12 +9,23 @@ filtered forward and smoothed backward (Rauch, Tung, Striebel 1965, doi:10.2514/
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["smooth_path"]
+from gcs.importing.vehicle_log import PlaceTrack, thinned
+
+__all__ = ["smooth_path", "smoothed_places"]
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_STEP_US = 90_000
+"""Positions closer together are thinned: a receiver has ten a second."""
+_GAP_US = 10_000_000
+"""Longer holes are not bridged."""
+_DEG_M = 111_320.0
 
 ACCELERATION = 1.5
 """q in m²/s³: a multicopter or a car that changes its speed by this in a second, 1σ."""
@@ -57,3 +68,35 @@ def smooth_path(t_s: Floats, p: Floats, std_m: float) -> tuple[Floats, Floats]:
         back = np.linalg.solve(prior_covs[k + 1], F @ covs[k]).T
         means[k] += back @ (means[k + 1] - priors[k + 1])
     return means[:, 0], means[:, 1]
+
+
+def smoothed_places(
+    t_us: Ints, degrees: Floats, *, alt_m: Floats, height_m: Floats, noise_m: float, std_m: float
+) -> PlaceTrack:
+    """Positions with the path smoothed and the velocity along it.
+
+    Args:
+        t_us: (n,) increasing.
+        degrees: (n, 2) latitude and longitude.
+        alt_m: (n,) above sea level.
+        height_m: (n,) above the take-off.
+        noise_m: 1σ per axis of what differs from one position to the next: rounding and noise.
+        std_m: 1σ per axis of a position.
+    """
+    rows = thinned(t_us, _STEP_US)
+    t, middle = t_us[rows], np.asarray(np.median(degrees, axis=0))
+    scale = np.array([_DEG_M, _DEG_M * math.cos(math.radians(float(middle[0])))])
+    level: Floats = (degrees[rows] - middle) * scale
+    smooth, v = np.empty_like(level), np.empty_like(level)
+    for part in np.split(np.arange(len(t)), np.flatnonzero(np.diff(t) > _GAP_US) + 1):
+        smooth[part], v[part] = smooth_path(np.asarray((t[part] - t[part[:1]]) * 1e-6), level[part], noise_m)
+    places = smooth / scale + middle
+    return PlaceTrack.of(
+        t,
+        places[:, 0],
+        places[:, 1],
+        alt_m=alt_m[rows],
+        height_m=height_m[rows],
+        v_ned=np.column_stack([v, np.full(len(t), np.nan)]),
+        std_m=std_m,
+    )

@@ -17,17 +17,13 @@ from gcs.errors import ImportFileError
 from gcs.importing.cameras import from_focal_length
 from gcs.importing.formats.dji_cue import DjiCue, read_cue
 from gcs.importing.formats.subtitles import SubtitleCue
-from gcs.importing.smoothing import smooth_path
-from gcs.importing.vehicle_log import AngleTrack, ImportNotes, PlaceTrack, VehicleLog, ViewTrack, thinned, whole_places
+from gcs.importing.smoothing import smoothed_places
+from gcs.importing.vehicle_log import AngleTrack, ImportNotes, PlaceTrack, VehicleLog, ViewTrack, whole_places
 
 __all__ = ["log_of_cues"]
 
 Floats = NDArray[np.float64]
 
-_STEP_US = 90_000
-"""Cues closer together are thinned: the receiver has ten positions a second."""
-_GAP_S = 10.0
-"""Longer holes are not bridged by the smoothing."""
 _DEG_M = 111_320.0
 _NOISE_M = 0.3
 """1σ of a receiver's noise from one position to the next; the rest of its error wanders slowly."""
@@ -96,32 +92,22 @@ def _in_order(rows: list[tuple[int, DjiCue]]) -> tuple[list[tuple[int, DjiCue]],
 def _zero_us(t_us: NDArray[np.int64], read: Sequence[DjiCue]) -> int:
     """Unix µs of the video's first frame by most dates; 0 without any."""
     zeros = [cue.unix_us - int(t) for t, cue in zip(t_us, read, strict=True) if cue.unix_us]
-    return max(0, int(np.median(zeros))) if zeros else 0
+    if not zeros:
+        return 0
+    # dates that are cut to whole seconds are on average half a second early
+    cut = all(cue.unix_us % 1_000_000 == 0 for cue in read)
+    return max(0, int(np.median(zeros)) + (500_000 if cut else 0))
 
 
 def _places(t_us: NDArray[np.int64], read: Sequence[DjiCue], decimals: int) -> PlaceTrack:
     rounding_m = _DEG_M * 10.0**-decimals / math.sqrt(12.0)
-    thin = thinned(t_us, _STEP_US)
-    columns = np.array([(cue.lat_deg, cue.lon_deg, cue.alt_m, cue.height_m) for cue in read])[thin]
-    t = t_us[thin]
-    lat0, lon0 = np.median(columns[:, 0]), np.median(columns[:, 1])
-    scale = np.array([_DEG_M, _DEG_M * math.cos(math.radians(float(lat0)))])
-    level = (columns[:, :2] - (lat0, lon0)) * scale
-    smooth, v = np.empty_like(level), np.empty_like(level)
-    breaks = np.flatnonzero(np.diff(t) > _GAP_S * 1e6) + 1
-    for part in np.split(np.arange(len(t)), breaks):
-        smooth[part], v[part] = smooth_path(
-            (t[part] - t[part[0]]) * 1e-6, level[part], math.hypot(rounding_m, _NOISE_M)
-        )
-    degrees = smooth / scale + (lat0, lon0)
-    return PlaceTrack(
-        t_us=t,
-        lat_deg=degrees[:, 0],
-        lon_deg=degrees[:, 1],
+    columns = np.array([(cue.lat_deg, cue.lon_deg, cue.alt_m, cue.height_m) for cue in read])
+    return smoothed_places(
+        t_us,
+        columns[:, :2],
         alt_m=columns[:, 2],
         height_m=columns[:, 3],
-        v_ned=np.column_stack([v, np.full(len(t), np.nan)]),
-        heading=np.full(len(t), np.nan),
+        noise_m=math.hypot(rounding_m, _NOISE_M),
         std_m=math.hypot(rounding_m, _LEVEL_STD_M),
     )
 

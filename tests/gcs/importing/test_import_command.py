@@ -7,6 +7,7 @@ import pytest
 from gcs.report.score import score_files
 from mavlink.tlog.log import Tlog
 from tests.support.command_line import run_gcs
+from tests.support.imports.film_writers import with_klv, with_sei, with_subtitles
 from tests.support.imports.flown import FOV_DEG, UGVS, fly
 from tests.support.imports.log_writers import dataflash, gpx, pose_csv, positions_csv, ulog
 from tests.support.imports.srt_writers import srt
@@ -121,6 +122,27 @@ def test_ground_vehicles_that_cannot_be_told_apart(ugv, words, flown, tmp_path, 
     assert told[0] == 2
     assert words in told[2]
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("kind", ["klv", "sei", "siyi", "dji"])
+def test_telemetry_inside_the_film(kind, flown, right, tmp_path):
+    write = {
+        "klv": lambda: with_klv(flown, tmp_path / "cam.ts"),
+        "sei": lambda: with_sei(flown, tmp_path / "cam.mp4"),
+        "siyi": lambda: with_subtitles(flown, tmp_path / "cam.mp4", "siyi"),
+        "dji": lambda: with_subtitles(flown, tmp_path / "cam.mp4", "keyed"),
+    }[kind]
+    video = write()
+    fov = ("--fov", FOV_DEG) if kind in ("siyi", "dji") else ()
+    words = ("import", "-o", tmp_path / "session", "--video", video, "--tlog", flown.fleet, *fov, "--json")
+    code, told, _ = run_gcs(*words)
+    assert code == 0
+    assert ("attitude" in json.loads(told)["found"]) == (kind in ("siyi", "dji"))
+    if kind == "siyi":
+        rows, wire = Tlog.open(tmp_path / "session" / "telemetry.tlog").columns(24, 1)
+        assert len(rows) > 5
+        assert (wire["h_acc"] == 3000).all()
+    assert right_of(tmp_path / "session", flown, tmp_path).right >= right - LOST
 
 
 def test_the_gimbal_of_an_enterprise_drone_gives_the_heading(flown, right, tmp_path):

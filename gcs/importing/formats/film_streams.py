@@ -1,0 +1,127 @@
+"""What a video file carries beside its pictures: subtitles, KLV, and messages (SEI) among the coded pictures.
+
+The file is read through once without decoding. Times are µs since the video's first frame.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import av
+
+from gcs.importing.formats.klv import SETS_KEY
+from gcs.importing.formats.sei import unregistered_messages
+from gcs.importing.formats.subtitles import MOST_CUES, SubtitleCue
+from infra.plain_text import plain
+from vision.video.frame_index import open_video
+
+__all__ = ["FilmStreams", "TimedBytes", "read_streams"]
+
+_MOST_BYTES = 512 << 20
+"""Of everything that is kept: an hour of messages with each picture is a tenth of it."""
+_MOST_MESSAGES = 4 * MOST_CUES
+_WITH_MESSAGES = ("h264", "hevc")
+_DJI_NAMES = ("DJI meta", "djmd")
+
+
+@dataclass(frozen=True, slots=True)
+class TimedBytes:
+    """A message in a video."""
+
+    t_us: int
+    data: bytes
+
+
+@dataclass(slots=True)
+class FilmStreams:
+    """What was found."""
+
+    cues: list[SubtitleCue] = field(default_factory=list)
+    klv: list[TimedBytes] = field(default_factory=list)
+    """Packets that begin with a set of MISB ST 0601."""
+    messages: list[TimedBytes] = field(default_factory=list)
+    """User data of the pictures, each beginning with its UUID."""
+    unread: list[str] = field(default_factory=list)
+    """Streams that carry something of which the layout is not published."""
+    dropped: int = 0
+    """Messages beyond what is kept."""
+
+
+def read_streams(path: Path) -> FilmStreams:
+    """Read a video file through.
+
+    Raises:
+        VideoError: no such file, or no video in it.
+    """
+    rows: list[tuple[str, float, bytes]] = []
+    found, size, first_s = FilmStreams(), 0, math.inf
+    with closing(open_video(path)) as container:
+        video = container.streams.video[0]
+        found.unread += _unread(container.streams.data)
+        for stream, t_s, data in _packets(container, [video, *container.streams.subtitles, *container.streams.data]):
+            if stream is video:
+                first_s = min(first_s, t_s)
+            for kind, part in _parts(stream, data):
+                size += len(part)
+                if size > _MOST_BYTES or len(rows) >= _MOST_MESSAGES:
+                    found.dropped += 1
+                else:
+                    rows.append((kind, t_s, part))
+    for kind, t_s, part in rows:
+        t_us = round((t_s - first_s) * 1e6) if math.isfinite(first_s) else 0
+        if kind == "text":
+            found.cues.append(SubtitleCue(max(t_us, 0), part.decode("utf-8", "replace")))
+        else:
+            (found.klv if kind == "klv" else found.messages).append(TimedBytes(t_us, part))
+    return found
+
+
+def _unread(streams: Iterable[Any]) -> Iterator[str]:
+    """Streams that are known and that nobody describes."""
+    for stream in streams:
+        words = " ".join(str(value) for value in stream.metadata.values())
+        if any(name in words for name in _DJI_NAMES):
+            yield f"the track {plain(words)[:60]!r}: DJI does not publish its layout"
+
+
+def _parts(stream: Any, data: bytes) -> Iterator[tuple[str, bytes]]:  # noqa: ANN401 - untyped streams
+    """What counts of a packet, by its kind."""
+    if stream.type == "video":
+        codec = stream.codec_context.name
+        if codec in _WITH_MESSAGES:
+            hevc = codec == "hevc"
+            size = _length_size(stream.codec_context.extradata, hevc=hevc)
+            yield from (("message", part) for part in unregistered_messages(data, size, hevc=hevc))
+    elif stream.type == "subtitle":
+        # a subtitle in MP4 has its length in front, and boxes about style behind
+        if stream.codec_context.name == "mov_text":
+            data = data[2 : 2 + int.from_bytes(data[:2], "big")]
+        if data:
+            yield "text", data
+    elif data.startswith(SETS_KEY):
+        yield "klv", data
+
+
+def _packets(container: Any, streams: list[Any]) -> Iterator[tuple[Any, float, bytes]]:  # noqa: ANN401 - untyped streams
+    """Stream, seconds and content of each packet up to the end or to where the file breaks off."""
+    try:
+        for packet in container.demux(*streams):
+            stamp = packet.pts if packet.pts is not None else packet.dts
+            if stamp is not None and packet.size and packet.time_base:
+                yield packet.stream, float(stamp * packet.time_base), bytes(packet)
+    except (av.FFmpegError, ValueError):
+        return
+
+
+def _length_size(extradata: bytes | None, *, hevc: bool) -> int:
+    """Bytes of the length before each coded unit, by the decoder's configuration; 0: start codes."""
+    if not extradata or extradata[0] != 1:
+        return 0
+    # ISO/IEC 14496-15: lengthSizeMinusOne is in the fifth byte of avcC, in the 22nd of hvcC
+    place = 21 if hevc else 4
+    return (extradata[place] & 3) + 1 if len(extradata) > place else 4

@@ -1,0 +1,222 @@
+"""MISB ST 0601 in a video's stream of KLV: where platform and sensor were, and how they looked.
+
+A set is its 16 byte key, a length (BER), and items of tag (BER-OID), length and value; the last is a checksum, the sum
+of all before as 16 bit words. Tags: 2 time, 5–7 heading, pitch and roll of the platform, 13–15 place of the sensor,
+16 horizontal field of view, 18–20 azimuth, elevation and roll of the sensor from the platform, 90 and 91 pitch and roll
+of the platform over their full range. Whole numbers stand for ranges: ST 0601.17.
+
+The optical axis follows from platform and sensor together, R = R(ψ, θ, φ) R(azimuth, elevation, roll).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from gcs.errors import ImportFileError
+from gcs.importing.vehicle_log import (
+    AngleTrack,
+    ImportNotes,
+    PlaceTrack,
+    VehicleLog,
+    ViewTrack,
+    in_order,
+    whole_places,
+)
+from mavlink.geodesy import rotation_from_euler
+
+__all__ = ["SETS_KEY", "log_of_klv"]
+
+SETS_KEY = bytes.fromhex("060e2b34020b01010e01030101000000")
+_CHECKSUM, _TIME = 1, 2
+_MOST_SET = 1 << 20
+
+_UNSIGNED: dict[int, tuple[int, float, float]] = {
+    5: (2, 0.0, 360.0),
+    15: (2, -900.0, 19_000.0),
+    16: (2, 0.0, 180.0),
+    18: (4, 0.0, 360.0),
+    20: (4, 0.0, 360.0),
+}
+"""Tag: bytes, and the values of the least and the largest whole number."""
+_SIGNED: dict[int, tuple[int, float]] = {
+    6: (2, 20.0),
+    7: (2, 50.0),
+    13: (4, 90.0),
+    14: (4, 180.0),
+    19: (4, 180.0),
+    90: (4, 90.0),
+    91: (4, 90.0),
+}
+"""Tag: bytes, and the value of the largest whole number; the least stands for unknown."""
+
+
+class _Timed(Protocol):
+    @property
+    def t_us(self) -> int: ...
+    @property
+    def data(self) -> bytes: ...
+
+
+def log_of_klv(source: str, packets: Sequence[_Timed]) -> VehicleLog:
+    """The UAV's log.
+
+    Args:
+        source: the file's name.
+        packets: of the stream, each with one set or more.
+
+    Raises:
+        ImportFileError: not one of them tells where the sensor was.
+    """
+    skipped: Counter[str] = Counter()
+    rows: list[tuple[int, dict[int, float]]] = []
+    for packet in packets:
+        rows += [(packet.t_us, items) for items in _sets(packet.data, skipped)]
+    rows = [row for row in rows if 13 in row[1] and 14 in row[1]]
+    places = np.array([[items.get(tag, math.nan) for tag in (13, 14, 15)] for _, items in rows]).reshape(-1, 3)
+    known = whole_places(places[:, 0], places[:, 1])
+    if not known.any():
+        why = "".join(f", {count} {reason}" for reason, count in skipped.items())
+        raise ImportFileError(f"{source}: its KLV never tells where the sensor was ({len(packets)} packets{why})")
+    rows = [row for row, good in zip(rows, known.tolist(), strict=True) if good]
+    places = places[known]
+    t_us, zero_us = _times(rows)
+    order = in_order(t_us)
+    t_us, places, items = t_us[order], places[order], [rows[k][1] for k in order.tolist()]
+    body = np.array([_platform(each) for each in items]).reshape(-1, 3)
+    gimbal = np.array([_sensor(each, pose) for each, pose in zip(items, body.tolist(), strict=True)]).reshape(-1, 3)
+    hfov = np.radians(np.array([each.get(16, math.nan) for each in items]))
+    seen = (hfov > 0.0) & (hfov < np.pi)
+    whole, pointed = np.isfinite(body).all(axis=1), np.isfinite(gimbal).all(axis=1)
+    return VehicleLog(
+        source=source,
+        clock="video",
+        zero_us=zero_us,
+        places=PlaceTrack.of(t_us, places[:, 0], places[:, 1], alt_m=places[:, 2], heading=body[:, 2]),
+        attitudes=AngleTrack(t_us=t_us[whole], angles=body[whole]),
+        gimbal=AngleTrack(t_us=t_us[pointed], angles=gimbal[pointed]),
+        view=ViewTrack(t_us=t_us[seen], hfov=hfov[seen], source="KLV in the video"),
+        notes=ImportNotes(
+            found=(
+                f"KLV (MISB ST 0601) in the video, {len(t_us)} positions",
+                f"{int(whole.sum())} attitudes, {int(pointed.sum())} of the sensor",
+            ),
+            skipped=dict(skipped),
+        ),
+    )
+
+
+def _times(rows: Sequence[tuple[int, dict[int, float]]]) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], int]:
+    """µs since the video's first frame of each set, and Unix µs of that frame, 0 unknown.
+
+    Sets come with the video's clock, which says when they were put in, and have the time of what they tell.
+    """
+    t_us = np.array([t for t, _ in rows], np.int64)
+    stamped = [int(items.get(_TIME, 0)) for _, items in rows]
+    if not all(stamped):
+        return t_us, 0
+    unix_us = np.array(stamped, np.int64)
+    zero_us = int(np.median(unix_us - t_us))
+    return unix_us - zero_us, zero_us
+
+
+def _sets(data: bytes, skipped: Counter[str]) -> Iterator[dict[int, float]]:
+    """Items by tag, in degrees and metres, of each set that is whole."""
+    at = data.find(SETS_KEY)
+    while at >= 0:
+        size, start = _length(data, at + len(SETS_KEY))
+        if size is None or size > _MOST_SET or start + size > len(data):
+            skipped["KLV sets that are cut"] += 1
+            return
+        items = _items(data[start : start + size])
+        if items is None:
+            skipped["KLV sets that cannot be read"] += 1
+        elif not _sum_ok(data[at : start + size], items.get(_CHECKSUM)):
+            skipped["KLV sets with a wrong checksum"] += 1
+        else:
+            yield items
+        at = data.find(SETS_KEY, start + size)
+
+
+def _length(data: bytes, at: int) -> tuple[int | None, int]:
+    """A BER length and where what it measures begins; None where it is cut."""
+    if at >= len(data):
+        return None, at
+    first = data[at]
+    if first < 128:
+        return first, at + 1
+    count = first & 127
+    if not 1 <= count <= 8 or at + 1 + count > len(data):
+        return None, at
+    return int.from_bytes(data[at + 1 : at + 1 + count], "big"), at + 1 + count
+
+
+def _items(body: bytes) -> dict[int, float] | None:
+    items: dict[int, float] = {}
+    at = 0
+    while at < len(body):
+        tag = 0
+        for _ in range(4):
+            if at >= len(body):
+                return None
+            byte = body[at]
+            tag, at = tag << 7 | byte & 127, at + 1
+            if byte < 128:
+                break
+        size, at = _length(body, at)
+        if size is None or at + size > len(body):
+            return None
+        value = _value(tag, body[at : at + size])
+        if value is not None:
+            items[tag] = value
+        at += size
+    return items
+
+
+def _value(tag: int, raw: bytes) -> float | None:
+    """In degrees, metres or µs; None for tags that are not used, of another length, or unknown."""
+    if (tag == _CHECKSUM and len(raw) == 2) or (tag == _TIME and len(raw) == 8):
+        return int.from_bytes(raw, "big")
+    if tag in _UNSIGNED and len(raw) == _UNSIGNED[tag][0]:
+        size, least, largest = _UNSIGNED[tag]
+        return least + int.from_bytes(raw, "big") * (largest - least) / ((1 << 8 * size) - 1)
+    if tag in _SIGNED and len(raw) == _SIGNED[tag][0]:
+        size, largest = _SIGNED[tag]
+        whole = int.from_bytes(raw, "big", signed=True)
+        most = (1 << 8 * size - 1) - 1
+        return None if whole < -most else whole * largest / most
+    return None
+
+
+def _sum_ok(data: bytes, told: float | None) -> bool:
+    """Whether the checksum is that of all before its value; sets without one are taken."""
+    if told is None:
+        return True
+    found = sum(byte << (8 if place % 2 == 0 else 0) for place, byte in enumerate(data[:-2]))
+    return found & 0xFFFF == int(told)
+
+
+def _platform(items: dict[int, float]) -> tuple[float, float, float]:
+    """Roll, pitch and heading of the platform, radians."""
+    angles = items.get(91, items.get(7, math.nan)), items.get(90, items.get(6, math.nan)), items.get(5, math.nan)
+    roll, pitch, heading = map(math.radians, angles)
+    return roll, pitch, heading
+
+
+def _sensor(items: dict[int, float], body: Sequence[float]) -> tuple[float, float, float]:
+    """Roll and pitch of the optical axis from the horizon and its yaw from north, radians; NaN unknown."""
+    azimuth, elevation = items.get(18, math.nan), items.get(19, math.nan)
+    if not all(map(math.isfinite, (*body, azimuth, elevation))):
+        return math.nan, math.nan, math.nan
+    turned = rotation_from_euler(*map(math.radians, (items.get(20, 0.0), elevation, azimuth)))
+    R = rotation_from_euler(body[0], body[1], body[2]) @ turned
+    # R = Rz(ψ) Ry(θ) Rx(φ)
+    pitch = -math.asin(max(-1.0, min(1.0, float(R[2, 0]))))
+    if abs(R[2, 0]) > 1.0 - 1e-9:
+        # straight up or down only ψ ∓ φ is defined
+        return 0.0, pitch, math.atan2(-float(R[0, 1]), float(R[1, 1]))
+    return math.atan2(float(R[2, 1]), float(R[2, 2])), pitch, math.atan2(float(R[1, 0]), float(R[0, 0]))
