@@ -17,24 +17,17 @@ import av
 from gcs.importing.formats.klv import SETS_KEY
 from gcs.importing.formats.sei import unregistered_messages
 from gcs.importing.formats.subtitles import MOST_CUES, SubtitleCue
+from gcs.importing.formats.timed_bytes import TimedBytes
 from infra.plain_text import plain
 from vision.video.frame_index import open_video
 
-__all__ = ["FilmStreams", "TimedBytes", "read_streams"]
+__all__ = ["FilmStreams", "read_streams"]
 
 _MOST_BYTES = 512 << 20
 """Of everything that is kept: an hour of messages with each picture is a tenth of it."""
 _MOST_MESSAGES = 4 * MOST_CUES
 _WITH_MESSAGES = ("h264", "hevc")
 _DJI_NAMES = ("DJI meta", "djmd")
-
-
-@dataclass(frozen=True, slots=True)
-class TimedBytes:
-    """A message in a video."""
-
-    t_us: int
-    data: bytes
 
 
 @dataclass(slots=True)

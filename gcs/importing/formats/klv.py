@@ -13,11 +13,11 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from typing import Protocol
 
 import numpy as np
 
 from gcs.errors import ImportFileError
+from gcs.importing.formats.timed_bytes import TimedBytes
 from gcs.importing.vehicle_log import (
     AngleTrack,
     ImportNotes,
@@ -55,14 +55,7 @@ _SIGNED: dict[int, tuple[int, float]] = {
 """Tag: bytes, and the value of the largest whole number; the least stands for unknown."""
 
 
-class _Timed(Protocol):
-    @property
-    def t_us(self) -> int: ...
-    @property
-    def data(self) -> bytes: ...
-
-
-def log_of_klv(source: str, packets: Sequence[_Timed]) -> VehicleLog:
+def log_of_klv(source: str, packets: Sequence[TimedBytes]) -> VehicleLog:
     """The UAV's log.
 
     Args:

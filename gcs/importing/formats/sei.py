@@ -13,11 +13,12 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from gcs.errors import ImportFileError
+from gcs.importing.formats.timed_bytes import TimedBytes
 from gcs.importing.vehicle_log import (
     AngleTrack,
     ImportNotes,
@@ -39,13 +40,6 @@ _OLDEST_MS = 1000.0
 """What was older when it was written is left out."""
 _PARTS = re.compile(rb"\x00\x00\x01")
 _UNESCAPED = re.compile(rb"\x00\x00\x03")
-
-
-class _Timed(Protocol):
-    @property
-    def t_us(self) -> int: ...
-    @property
-    def data(self) -> bytes: ...
 
 
 def unregistered_messages(packet: bytes, length_size: int, *, hevc: bool) -> Iterator[bytes]:
@@ -97,7 +91,7 @@ def _user_data(body: bytes) -> Iterator[bytes]:
         at += size
 
 
-def log_of_messages(source: str, messages: Sequence[_Timed]) -> VehicleLog:
+def log_of_messages(source: str, messages: Sequence[TimedBytes]) -> VehicleLog:
     """The UAV's log, of messages in any order.
 
     Raises:

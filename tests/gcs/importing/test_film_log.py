@@ -8,11 +8,12 @@ import pytest
 
 from gcs.errors import ImportFileError
 from gcs.importing.film_log import read_film_log
-from gcs.importing.formats.film_streams import TimedBytes, read_streams
+from gcs.importing.formats.film_streams import read_streams
 from gcs.importing.formats.klv import SETS_KEY, log_of_klv
 from gcs.importing.formats.sei import TELEMETRY_UUID, log_of_messages, unregistered_messages
 from gcs.importing.formats.siyi import siyi_log
 from gcs.importing.formats.subtitles import SubtitleCue
+from gcs.importing.formats.timed_bytes import TimedBytes
 from mavlink.geodesy import rotation_from_euler
 from tests.support.imports.film_writers import (
     bodies_deg,
