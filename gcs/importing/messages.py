@@ -36,6 +36,8 @@ _PLACE_US, _ANGLE_US = 45_000, 35_000
 """Samples closer together than this are thinned: interpolation makes up for them, and logs have hundreds a second."""
 _MOST_M = 20_000.0
 """No altitude or height is farther from 0."""
+_FASTEST, _MOST_TURN = 300.0, 1e3
+"""m/s and rad; more is a damaged number."""
 _UNKNOWN_COUNT, _UNKNOWN_PLACE = 255, 2**31 - 1
 _YAW_FLAGS = {"north": 64, "nose": 32}
 """GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME and _VEHICLE_FRAME."""
@@ -70,6 +72,7 @@ def vehicle_records(log: VehicleLog, system_id: int, shift_us: int, *, flies: bo
     return [
         (boot_us + _boot_ms(t_us, boot_us) * 1000 + shift_us, pack(encoder))
         for t_us, pack in sorted(messages, key=lambda each: each[0])
+        if t_us + shift_us >= 0
     ]
 
 
@@ -81,18 +84,20 @@ def _places(places: PlaceTrack, boot_us: int, home_m: float, *, flies: bool) -> 
     above = places.height_m if flies else np.nan_to_num(places.height_m)
     alt = np.where(np.isfinite(places.alt_m), places.alt_m, home_m + above)
     height = np.where(np.isfinite(places.height_m), places.height_m, places.alt_m - home_m)
-    known = np.flatnonzero(whole_places(places.lat_deg, places.lon_deg) & (np.abs(alt) < _MOST_M))
+    with np.errstate(invalid="ignore"):
+        known = np.flatnonzero(whole_places(places.lat_deg, places.lon_deg) & (np.abs(alt) < _MOST_M))
     fix_us = -_FIX_US + int(places.t_us[0]) if len(places) else 0
     for row in known[thinned(places.t_us[known], _PLACE_US)].tolist():
         t_us = int(places.t_us[row])
         boot_ms = _boot_ms(t_us, boot_us)
         place = float(places.lat_deg[row]), float(places.lon_deg[row]), float(alt[row])
-        if math.isfinite(places.std_m) and t_us - fix_us >= _FIX_US:
+        if 0.0 < places.std_m < _MOST_M and t_us - fix_us >= _FIX_US:
             fix_us = t_us
             accuracy = {"satellites": _UNKNOWN_COUNT, "h_acc_m": places.std_m}
             yield t_us, partial(_gps_raw_int, boot_ms * 1000, place, accuracy)
         up = float(height[row]) if abs(height[row]) < _MOST_M else 0.0
-        v_ned, heading = places.v_ned[row].tolist(), float(places.heading[row]) % (2.0 * math.pi)
+        v_ned = [v if abs(v) < _FASTEST else math.nan for v in places.v_ned[row].tolist()]
+        heading = float(places.heading[row]) % (2.0 * math.pi) if abs(places.heading[row]) < _MOST_TURN else math.nan
         yield t_us, partial(_global_position, boot_ms, place, up, v_ned, heading)
 
 
@@ -146,7 +151,8 @@ def _pack(message: Any, encoder: MavlinkEncoder) -> bytes:  # noqa: ANN401 - the
 
 
 def _angles(track: AngleTrack) -> Iterator[tuple[int, float, float, float]]:
-    rows = np.flatnonzero(np.isfinite(track.angles).all(axis=1))
+    with np.errstate(invalid="ignore"):
+        rows = np.flatnonzero((np.abs(track.angles) < _MOST_TURN).all(axis=1))
     for row in rows[thinned(track.t_us[rows], _ANGLE_US)].tolist():
         roll, pitch, yaw = track.angles[row].tolist()
         yield int(track.t_us[row]), roll, pitch, yaw

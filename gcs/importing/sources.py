@@ -11,7 +11,7 @@ from gcs.importing.formats.dji_srt import log_of_cues
 from gcs.importing.formats.gpx import read_gpx
 from gcs.importing.formats.px4_log import read_px4
 from gcs.importing.formats.subtitles import read_cues
-from gcs.importing.vehicle_log import VehicleLog
+from gcs.importing.vehicle_log import VehicleLog, within_a_day
 
 __all__ = ["read_vehicle_logs"]
 
@@ -25,6 +25,10 @@ def read_vehicle_logs(path: Path) -> list[VehicleLog]:
     Raises:
         ImportFileError: no such file, or none that can be read.
     """
+    return [within_a_day(log) for log in _logs(path)]
+
+
+def _logs(path: Path) -> list[VehicleLog]:
     suffix = path.suffix.lower()
     if suffix == ".srt":
         return [log_of_cues(path.name, read_cues(path))]

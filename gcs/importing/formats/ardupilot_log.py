@@ -58,6 +58,7 @@ def read_ardupilot(path: Path) -> VehicleLog:
     if len(gimbal):
         found.append(f"{len(gimbal)} attitudes of the gimbal")
     shift_us = zero_us or 0
+    left_out = {"damaged bytes": tables.damaged, "records beyond what is kept": tables.beyond}
     return VehicleLog(
         source=path.name,
         clock="own" if zero_us is None else "utc",
@@ -65,7 +66,7 @@ def read_ardupilot(path: Path) -> VehicleLog:
         places=replace(places, t_us=places.t_us + shift_us, heading=heading),
         attitudes=replace(attitudes, t_us=attitudes.t_us + shift_us),
         gimbal=replace(gimbal, t_us=gimbal.t_us + shift_us),
-        notes=ImportNotes(found=tuple(found), skipped={"damaged bytes": tables.damaged} if tables.damaged else {}),
+        notes=ImportNotes(found=tuple(found), skipped={name: count for name, count in left_out.items() if count}),
     )
 
 

@@ -62,7 +62,7 @@ _TIMES: tuple[tuple[str, LogClock, float], ...] = (
 _UNIX_FROM_S = 1e8
 """Seconds below this, three years, do not count from 1970."""
 _LATEST_US = 4_102_444_800_000_000  # the year 2100
-_MOST_ROWS = 3_000_000
+_MOST_ROWS = 2_000_000
 _MOST_COLUMNS = 400
 _AROUND = " \t\r\n\"'"
 

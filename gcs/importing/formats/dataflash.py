@@ -8,6 +8,7 @@ pymavlink reads them too, but its reader changes the process's environment and d
 from __future__ import annotations
 
 import mmap
+from array import array
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,8 +29,8 @@ _TYPES = {
     **{"n": "S4", "N": "S16", "Z": "S64", "a": "S64"},
 }
 _SCALES = {"c": 0.01, "C": 0.01, "e": 0.01, "E": 0.01, "L": 1e-7}
-_MOST_RECORDS = 5_000_000
-"""Of one type: a day at 50 a second."""
+_MOST_RECORDS = 2_000_000
+"""Of one type: eleven hours at 50 a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +51,8 @@ class DataflashTables:
     tables: dict[str, NDArray[np.void]]
     damaged: int
     """Bytes that belong to no record."""
+    beyond: int
+    """Records beyond what is kept of a type."""
 
     def rows(self, name: str, *columns: str) -> NDArray[np.void] | None:
         """Records of a type, None where there are none or a column is missing."""
@@ -67,8 +70,8 @@ def read_tables(path: Path, wanted: Collection[str]) -> DataflashTables:
     """
     with open_file(path) as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         layouts: dict[int, _RecordLayout] = {}
-        starts: dict[int, list[int]] = {}
-        at, size, damaged = 0, len(data), 0
+        starts: dict[int, array[int]] = {}
+        at, size, damaged, beyond = 0, len(data), 0, 0
         while 0 <= at < size - 3:
             kind = data[at + 2] if data[at : at + 2] == _HEAD else -1
             length = _FMT_BYTES if kind == _FMT else layouts[kind].size if kind in layouts else 0
@@ -79,13 +82,17 @@ def read_tables(path: Path, wanted: Collection[str]) -> DataflashTables:
                 continue
             if kind == _FMT:
                 _add_layout(layouts, data[at + 3 : at + length])
-            elif layouts[kind].name in wanted and len(starts.setdefault(kind, [])) < _MOST_RECORDS:
-                starts[kind].append(at + 3)
+            elif layouts[kind].name in wanted:
+                kept = starts.setdefault(kind, array("Q"))
+                if len(kept) < _MOST_RECORDS:
+                    kept.append(at + 3)
+                else:
+                    beyond += 1
             at += length
         tables = {layouts[kind].name: _table(data, rows, layouts[kind]) for kind, rows in starts.items()}
     if not layouts:
         raise ImportFileError(f"{path}: not a dataflash log: no format of a record in it")
-    return DataflashTables(tables=tables, damaged=damaged)
+    return DataflashTables(tables=tables, damaged=damaged, beyond=beyond)
 
 
 def _add_layout(layouts: dict[int, _RecordLayout], body: bytes) -> None:
@@ -105,7 +112,7 @@ def _add_layout(layouts: dict[int, _RecordLayout], body: bytes) -> None:
         layouts[kind] = _RecordLayout(name, size, tuple(_SCALES.get(char, 1.0) for char in chars), dtype)
 
 
-def _table(data: mmap.mmap, starts: list[int], layout: _RecordLayout) -> NDArray[np.void]:
+def _table(data: mmap.mmap, starts: array[int], layout: _RecordLayout) -> NDArray[np.void]:
     size, names = layout.dtype.itemsize, layout.dtype.names or ()
     raw = np.frombuffer(b"".join(data[start : start + size] for start in starts), layout.dtype)
     kinds = [

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,7 @@ _LEVEL_STD_M = 1.5
 _FAR_US = 86_400_000_000
 
 
-def log_of_cues(source: str, cues: Sequence[SubtitleCue]) -> VehicleLog:
+def log_of_cues(source: str, cues: Iterable[SubtitleCue]) -> VehicleLog:
     """The UAV's log.
 
     Args:

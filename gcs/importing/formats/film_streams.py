@@ -23,9 +23,9 @@ from vision.video.frame_index import open_video
 
 __all__ = ["FilmStreams", "read_streams"]
 
-_MOST_BYTES = 512 << 20
-"""Of everything that is kept: an hour of messages with each picture is a tenth of it."""
-_MOST_MESSAGES = 4 * MOST_CUES
+_MOST_BYTES = 256 << 20
+"""Of everything that is kept: three hours of messages with each picture."""
+_MOST_MESSAGES = MOST_CUES
 _WITH_MESSAGES = ("h264", "hevc")
 _DJI_NAMES = ("DJI meta", "djmd")
 

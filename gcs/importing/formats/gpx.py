@@ -24,7 +24,7 @@ from infra.plain_text import plain
 
 __all__ = ["read_gpx"]
 
-_MOST_POINTS = 3_000_000
+_MOST_POINTS = 1_000_000
 _MOST_TRACKS = 255
 _MOST_TEXT, _MOST_DEPTH = 200, 64
 _CHUNK = 1 << 16

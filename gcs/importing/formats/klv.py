@@ -189,7 +189,7 @@ def _sum_ok(data: bytes, told: float | None) -> bool:
     """Whether the checksum is that of all before its value; sets without one are taken."""
     if told is None:
         return True
-    found = sum(byte << (8 if place % 2 == 0 else 0) for place, byte in enumerate(data[:-2]))
+    found = (sum(data[:-2:2]) << 8) + sum(data[1:-2:2])
     return found & 0xFFFF == int(told)
 
 

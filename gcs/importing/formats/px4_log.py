@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import io
 import math
+import struct
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -44,7 +45,7 @@ _WANTED = (
     "gimbal_device_attitude_status",
     *_RECEIVERS,
 )
-_MOST_BYTES = 8 << 30
+_MOST_BYTES = 1 << 30
 _GAP_US = 2_000_000
 _LATEST_US = 1 << 53
 _LEAST_UTC_US = 1_000_000_000_000_000
@@ -106,7 +107,7 @@ def _topics(path: Path) -> tuple[dict[str, Columns], int, bool]:
                 log = ULog(file, list(_WANTED))
         except (
             *(ULogException, ULogIncompatibleFlagException, ArithmeticError, LookupError, TypeError, ValueError),
-            *(AttributeError, EOFError, MemoryError, RecursionError, UnicodeError),
+            *(AssertionError, AttributeError, EOFError, MemoryError, OSError, RuntimeError, struct.error),
         ) as error:
             reason = " ".join(str(error).split())[:100] or type(error).__name__
             raise ImportFileError(f"{path}: not a PX4 log that can be read: {reason}") from None

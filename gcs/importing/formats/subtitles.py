@@ -15,9 +15,9 @@ from gcs.importing.formats.text_file import text_lines
 
 __all__ = ["MOST_CUES", "SubtitleCue", "cues_of", "read_cues"]
 
-MOST_CUES = 2_000_000
-"""Nine hours at 60 a second."""
-_MOST_TEXT_LINES = 24
+MOST_CUES = 1_000_000
+"""Nine hours at 30 a second."""
+_MOST_TEXT_LINES, _MOST_LINE = 24, 1000
 _TIME = r"(\d{1,3}):(\d{1,2}):(\d{1,2})(?:[,.:](\d{1,3}))?"
 _TIMES = re.compile(rf"^\s*{_TIME}\s*--?>\s*{_TIME}")
 
@@ -31,22 +31,21 @@ class SubtitleCue:
     text: str
 
 
-def read_cues(path: Path) -> list[SubtitleCue]:
-    """All cues of a file, in its order.
+def read_cues(path: Path) -> Iterator[SubtitleCue]:
+    """All cues of a file, in its order, one at a time.
 
     Raises:
         ImportFileError: it cannot be opened, has no cue, or too many.
     """
-    cues = []
-    for cue in cues_of(text_lines(path)):
-        cues.append(cue)
-        if len(cues) > MOST_CUES:
+    count = 0
+    for count, cue in enumerate(cues_of(text_lines(path)), 1):
+        if count > MOST_CUES:
             raise ImportFileError(f"{path}: more than {MOST_CUES} subtitles; cut it where the flight ends")
-    if not cues:
+        yield cue
+    if not count:
         raise ImportFileError(
             f"{path}: no subtitle in it; one begins with a line such as 00:00:01,000 --> 00:00:02,000"
         )
-    return cues
 
 
 def cues_of(lines: Iterable[str]) -> Iterator[SubtitleCue]:
@@ -56,7 +55,7 @@ def cues_of(lines: Iterable[str]) -> Iterator[SubtitleCue]:
         times = _TIMES.match(line)
         if times is None:
             if start_us >= 0 and len(text) < _MOST_TEXT_LINES:
-                text.append(line)
+                text.append(line[:_MOST_LINE])
             continue
         if start_us >= 0:
             yield SubtitleCue(start_us, "\n".join(text))
