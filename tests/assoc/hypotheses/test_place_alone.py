@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from assoc.hypotheses.place_alone import limit_by_place
+from assoc.hypotheses.place_alone import limit_by_place, limit_by_strangers
 
 BIAS_STD_M, SPACING_M = 2.0, 4.0
 
@@ -47,3 +47,42 @@ def test_tracks_out_of_sight_and_unnamed_ones_limit_nobody():
     assert p[0, 0] == 0.99
     none = np.array([[0.99, 0.0, 0.01], [0.0, 0.05, 0.95]])
     assert limit_by_place(none, np.zeros((2, 2)), np.zeros((2, 2)), BIAS_STD_M)[0, 0] == 0.99
+
+
+def among_strangers(offset_m, n_strangers, against=0.0, view=1.0):
+    """The probability that is left of 0.999 for a vehicle whose report is so far off, with strangers 3 m apart."""
+    m = 1 + n_strangers
+    p = np.zeros((m, 2))
+    p[0], p[1:, 1] = [0.999, 0.001], 1.0
+    score = np.full((m, 1), 40.0)
+    score[1:] = 20.0 - against
+    bias = np.zeros((m, 1, 2))
+    bias[0, 0, 0] = offset_m
+    bias[1:, 0, 1] = 3.0 * np.arange(1, m)
+    left = limit_by_strangers(p, score, bias, 1.0, np.array([view]), np.log(2.0 * 3000.0))
+    np.testing.assert_allclose(left.sum(axis=1), 1.0)
+    return left[0, 0]
+
+
+def test_a_name_far_from_its_report_is_doubted_among_parked_strangers():
+    assert among_strangers(0.0, 2) > 0.95
+    assert among_strangers(2.5, 2) < 0.9
+    assert among_strangers(5.0, 2) < 0.5
+    assert np.all(np.diff([among_strangers(2.5, n) for n in (1, 2, 3)]) <= 0.0)
+
+
+def test_only_strangers_that_move_alike_can_stand_in():
+    assert among_strangers(3.0, 0) == 0.999
+    assert among_strangers(3.0, 3, against=100.0) == 0.999
+
+
+def test_a_vehicle_out_of_view_is_rather_a_stranger():
+    assert among_strangers(0.5, 1, view=0.05) < 0.5 < among_strangers(0.5, 1)
+
+
+def test_the_limit_is_bayes_rule_with_a_vehicle_that_has_no_box():
+    """0.9 N(M) against 0.1 λ, a stranger within 6 m."""
+    M = 2.0
+    density = (0.85 * np.exp(-0.5 * M**2) + 0.15 / 6.0 * np.exp(-(M**2) / 12.0)) / (2.0 * np.pi)
+    rate = 1.0 / (np.pi * 36.0)
+    assert among_strangers(M, 1) == pytest.approx(min(0.9 * density / (0.9 * density + 0.1 * rate), 0.999))
