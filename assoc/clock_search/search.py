@@ -30,16 +30,17 @@ _ABOUT_S, _BESIDE_S = (-1.2, -0.8, -0.4, 0.0, 0.4, 0.8, 1.2), (-2.5, -1.6, 1.6, 
 """Offsets about the best at which it is held fixed: those by which it is smoothed, and others that it must surpass."""
 _LEAST = 45.0
 """Evidence, nats, that no unrelated fleet reaches but for a few in a hundred."""
-_SHARE, _MOST_SHARE = 0.35, 0.8
-"""Share of the best evidence by which it must surpass the runner-up's, and the most where little is explained ..."""
+_SHARE, _FEW_SHARE, _MOST_SHARE = 0.3, 0.5, 0.8
+"""Share of the best evidence by which it must surpass the runner-up's, what is added for a single vehicle, half of it
+for two, and the most where little is explained ..."""
 _MARGIN = 25.0
 """... and how much at least, nats."""
 _UNKNOWN_SHARE = 0.5
 """Of what should be seen, where that is not known."""
 _WELL_EXPLAINED = 0.85
 """The right offset usually explains at least this share of what should be seen, by a nat for each second."""
-_BESIDE_MARGIN = 20.0
-"""The same for offsets beside it, which share its errors."""
+_BESIDE_MARGIN = 10.0
+"""The same for offsets beside it, which share its errors; how wide it is tells its 1σ."""
 _LEAST_SEEN = 0.4
 """Share of the time in which vehicles should be well inside the picture that they must be matched."""
 _LARGEST_STD_S, _LARGEST_MOVE_S = 0.13, 0.6
@@ -132,7 +133,8 @@ def _allowed(best: OffsetFit, rival: OffsetFit) -> float:
         return best.evidence - _BESIDE_MARGIN
     seen_share = best.seen_share if np.isfinite(best.seen_share) else _UNKNOWN_SHARE
     explained = seen_share * min(best.evidence / max(best.matched_s, 1.0), 1.0)
-    share = min(_SHARE + max(_WELL_EXPLAINED - explained, 0.0), _MOST_SHARE)
+    few = _FEW_SHARE / max(best.vehicles, 1)
+    share = min(_SHARE + few + max(_WELL_EXPLAINED - explained, 0.0), _MOST_SHARE)
     return best.evidence - max(_MARGIN, share * best.evidence)
 
 

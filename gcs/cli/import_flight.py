@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -33,8 +34,17 @@ def import_flight(
         Path | None, typer.Option(help="Telemetry log with the ground vehicles, and perhaps the UAV.")
     ] = None,
     clock: Annotated[
-        str, typer.Option(help="By how many seconds the fleet's clock is ahead of the film's, as +3.5; or auto.")
+        str,
+        typer.Option(
+            help="By how many seconds the fleet's clock is ahead of the film's, as +3.5; auto: searched in the film."
+        ),
     ] = "auto",
+    clock_within: Annotated[
+        float | None,
+        typer.Option(
+            callback=check_range(1.0, FARTHEST_CLOCK_S), help="Seconds that the clocks differ by at most; else any."
+        ),
+    ] = None,
     fov: Annotated[
         float | None,
         typer.Option(callback=check_range(2.0, 170.0), help="Horizontal field of view, degrees; else as found."),
@@ -64,6 +74,7 @@ def import_flight(
         ugv=tuple(ugv or ()),
         tlog=tlog,
         clock_s=_clock_s(clock),
+        clock_within_s=math.inf if clock_within is None else clock_within,
         camera=CameraOptions(fov_deg=fov, lens=lens, model=camera, pitch_deg=pitch, mount=mount),
     )
     report = import_files(out, options)

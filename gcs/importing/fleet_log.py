@@ -53,6 +53,11 @@ class FleetTlog:
         )
         return places.select(whole_places(places.lat_deg, places.lon_deg))
 
+    def records_of(self, system_id: int) -> Iterator[TlogRecord]:
+        """The records of one system, by arrival."""
+        packets = sorted(self.tlog.packets(system_ids=(system_id,)), key=lambda packet: packet.t_us)
+        return ((packet.t_us, packet.raw) for packet in packets)
+
     def records(self, without: Collection[int]) -> Iterator[TlogRecord]:
         """All records but those of some systems, as they are, in the order of the file."""
         for packet in self.tlog.packets():

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -12,10 +13,11 @@ import numpy as np
 
 from gcs.errors import ImportFileError
 from gcs.importing.camera_choice import CameraOptions, ChosenCamera, choose_camera
+from gcs.importing.clock_choice import searched_times
 from gcs.importing.film import ImportedFilm, open_film
 from gcs.importing.film_log import read_film_log
 from gcs.importing.ground_vehicles import LAST_ID, GroundVehicles, read_ground_vehicles
-from gcs.importing.messages import vehicle_records
+from gcs.importing.messages import TlogRecord, vehicle_records
 from gcs.importing.session_folder import write_imported
 from gcs.importing.sources import read_vehicle_logs
 from gcs.importing.timeline import FilmTimes, check_overlap, find_timeline, on_film
@@ -40,7 +42,9 @@ class ImportOptions:
     """``ID=FILE``, or a table with a column of system ids."""
     tlog: Path | None = None
     clock_s: float | None = None
-    """By how much the fleet's clock is ahead of the film's; None: as the files say."""
+    """By how much the fleet's clock is ahead of the film's; None: searched in the film."""
+    clock_within_s: float = math.inf
+    """Largest offset that is searched, either way."""
     camera: CameraOptions = field(default_factory=CameraOptions)
 
 
@@ -83,7 +87,6 @@ def import_flight(out: Path, options: ImportOptions) -> ImportReport:
     uav, swapped = _above(on_film(uav, film), fleet) if uav is not None else (None, ())
     chosen, uav = choose_camera(film, uav, options.camera)
     timeline = find_timeline(film, uav, fleet.span_us, options.clock_s)
-    check_overlap(film, timeline, fleet.span_us)
     uav_id = _uav_id(fleet, uav)
     mission = Mission(
         uav=MissionVehicle(system_id=uav_id),
@@ -91,12 +94,16 @@ def import_flight(out: Path, options: ImportOptions) -> ImportReport:
         camera=chosen.camera,
         clock=Clock(video_offset_s="auto"),
     )
+    if options.clock_s is None:
+        seen = _uav_records(uav, uav_id, fleet, timeline)
+        timeline = searched_times(film, uav, fleet, mission, seen, timeline, options.clock_within_s)
+    check_overlap(film, timeline, fleet.span_us)
     report = _report(film, fleet, uav, chosen, timeline, uav_id)
     unread_found = tuple(("not read", text) for text in unread)
     report = replace(report, found=(*report.found, *unread_found), assumed=(*report.assumed, *swapped))
     streams = fleet.streams()
     if uav is not None:
-        streams.append(vehicle_records(uav, uav_id, timeline.uav_shift_us, flies=True, home_m=_home_m(uav, fleet)))
+        streams.append(_uav_records(uav, uav_id, fleet, timeline))
     write_imported(out, film, timeline.film_us, streams, mission, report.table())
     return report
 
@@ -106,6 +113,16 @@ def _uav_log(options: ImportOptions, *, coarse: bool) -> tuple[VehicleLog | None
     if options.uav is None or options.uav == options.video:
         return read_film_log(options.video, coarse=coarse or options.uav is not None)
     return _one_log(options.uav), ()
+
+
+def _uav_records(
+    uav: VehicleLog | None, uav_id: int, fleet: GroundVehicles, timeline: FilmTimes
+) -> Iterable[TlogRecord]:
+    """What the UAV sends, by its log or else by the fleet's."""
+    if uav is not None:
+        return vehicle_records(uav, uav_id, timeline.uav_shift_us, flies=True, home_m=_home_m(uav, fleet))
+    assert fleet.tlog is not None
+    return fleet.tlog.records_of(uav_id)
 
 
 def _one_log(path: Path) -> VehicleLog:

@@ -20,6 +20,7 @@ OPTIONS = [
     ("replay", (SWARM,), "--video-start"),
     ("replay", (SWARM,), "--fps"),
     ("identify", (SWARM, "-o", "out"), "--video-start"),
+    ("import", IMPORTED, "--clock-within"),
     ("import", IMPORTED, "--fov"),
     ("import", IMPORTED, "--pitch"),
     ("export", (SWARM, "-o", "out.csv"), "--video-start"),

@@ -28,6 +28,11 @@ def right(flown, tmp_path_factory):
     return right_of(flown.session, flown, tmp_path_factory.mktemp("names")).right
 
 
+@pytest.fixture(scope="module")
+def longer(tmp_path_factory):
+    return fly(tmp_path_factory.mktemp("longer"), 2 * FRAMES)
+
+
 def import_words(flown, out, *more):
     return ("import", "-o", out, "--video", flown.video, "--tlog", flown.fleet, "--fov", FOV_DEG, *more)
 
@@ -148,7 +153,7 @@ def test_telemetry_inside_the_film(kind, flown, right, tmp_path):
 def test_the_gimbal_of_an_enterprise_drone_gives_the_heading(flown, right, tmp_path):
     subtitles, session = tmp_path / "DJI_0001.SRT", tmp_path / "session"
     subtitles.write_text(srt("enterprise", flown.spots()))
-    code, told, _ = run_gcs(*import_words(flown, session, "--uav", subtitles))
+    code, told, _ = run_gcs(*import_words(flown, session, "--uav", subtitles, "--clock=+0"))
     assert code == 0
     assert "only the gimbal's angles count" in told
     log = Tlog.open(session / "telemetry.tlog")
@@ -175,15 +180,42 @@ def test_nothing_is_guessed_of_the_camera(flown, tmp_path):
     assert "dji-mini-2" in told
 
 
-@pytest.mark.parametrize(("clock", "code"), [("auto", 2), ("+7200", 2), ("-7200", 0), ("later", 2), ("nan", 2)])
+@pytest.mark.parametrize(("clock", "code"), [("+7200", 2), ("-7200", 0), ("later", 2), ("nan", 2)])
 def test_a_clock_in_another_time_zone(clock, code, flown, tmp_path):
-    subtitles, session = tmp_path / "DJI_0001.SRT", tmp_path / "session"
-    spots = [(t, type(s)(**{**vars(s), "unix_us": s.unix_us + 7_200_000_000})) for t, s in flown.spots()]
-    subtitles.write_text(srt("keyed", spots))
+    subtitles, session = shifted_subtitles(flown, tmp_path, 7200.0), tmp_path / "session"
     got, _, told = run_gcs(*import_words(flown, session, "--uav", subtitles, f"--clock={clock}"))
     assert got == code
     assert code == 0 or "--clock" in told
     assert session.exists() == (code == 0)
+
+
+def shifted_subtitles(flown, folder, later_s):
+    """DJI's subtitles by a clock that is ahead."""
+    subtitles = folder / "DJI_0001.SRT"
+    spots = [(t, type(s)(**{**vars(s), "unix_us": s.unix_us + round(later_s * 1e6)})) for t, s in flown.spots()]
+    subtitles.write_text(srt("keyed", spots))
+    return subtitles
+
+
+@pytest.mark.parametrize("later_s", [3.0, 7200.0])
+def test_a_clock_that_is_off_is_found_in_the_film(later_s, longer, tmp_path):
+    subtitles, session = shifted_subtitles(longer, tmp_path, later_s), tmp_path / "session"
+    code, told, _ = run_gcs(*import_words(longer, session, "--uav", subtitles, "--json"))
+    assert code == 0
+    clock = json.loads(told)["found"]["clock"]
+    found_s = float(clock.partition(", ")[2].partition(" s")[0])
+    assert abs(found_s + later_s) < 0.2
+    result = right_of(session, longer, tmp_path)
+    assert result.right >= 0.98
+    assert result.wrong_sure_s == 0.0
+
+
+def test_a_clock_is_not_searched_beyond_what_is_allowed(longer, tmp_path):
+    subtitles = shifted_subtitles(longer, tmp_path, 600.0)
+    words = import_words(longer, tmp_path / "session", "--uav", subtitles, "--clock-within", "60")
+    code, _, told = run_gcs(*words)
+    assert code == 2
+    assert "between -60 and +60 s" in told
 
 
 def test_a_uav_elsewhere(flown, tmp_path):

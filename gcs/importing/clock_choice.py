@@ -1,0 +1,58 @@
+"""When a film was taken on the fleet's clock, where the user does not tell: searched in the film itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+from gcs.importing.film import ImportedFilm
+from gcs.importing.fleet_clock import FilmBoxes, FilmedFleetLogs, find_fleet_clock
+from gcs.importing.ground_vehicles import GroundVehicles
+from gcs.importing.messages import TlogRecord
+from gcs.importing.timeline import FilmTimes
+from gcs.importing.vehicle_log import VehicleLog
+from gcs.mission.mission import Mission
+
+__all__ = ["searched_times"]
+
+
+def searched_times(
+    film: ImportedFilm,
+    uav: VehicleLog | None,
+    fleet: GroundVehicles,
+    mission: Mission,
+    records: Iterable[TlogRecord],
+    times: FilmTimes,
+    within_s: float,
+) -> FilmTimes:
+    """The film's place on the fleet's clock, by how the fleet fits the picture.
+
+    Args:
+        film: what was filmed.
+        uav: the UAV's log; None: its telemetry is in the fleet's.
+        fleet: the ground vehicles.
+        mission: who flies, with which camera.
+        records: the UAV's, on the clock that ``times`` has.
+        times: as the files say.
+        within_s: largest offset either way, seconds.
+
+    Raises:
+        ImportFileError: no offset fits, or two do.
+        VideoError, ModelError: film or detector cannot be used.
+    """
+    with_fleet = uav is None or uav.clock == "utc"
+    # what --clock counts from
+    start_us = film.created_us if uav is not None and uav.clock == "utc" and film.created_us else times.film_us
+    kept = list(records)
+    logs = FilmedFleetLogs(mission=mission, uav=lambda: kept, uav_with_fleet=with_fleet, fleet=fleet.places)
+    found = find_fleet_clock(_boxes(film, start_us, mission), logs, (-within_s, within_s), str(film.path))
+    ahead_us = round(found.ahead_s * 1e6)
+    uav_us = times.uav_shift_us + (0 if with_fleet else ahead_us)
+    return replace(times, film_us=start_us + ahead_us, uav_shift_us=uav_us, said=f"{times.said}, {found.said}")
+
+
+def _boxes(film: ImportedFilm, film_us: int, mission: Mission) -> Iterator[FilmBoxes]:
+    # the detector takes long to load
+    from gcs.importing.film_boxes import boxes_of_spans
+
+    return boxes_of_spans(film.path, film_us, mission.detector)
