@@ -35,15 +35,15 @@ _SHARE, _FEW_SHARE, _MOST_SHARE = 0.3, 0.5, 0.8
 for two, and the most where little is explained ..."""
 _MARGIN = 25.0
 """... and how much at least, nats."""
-_UNKNOWN_SHARE = 0.5
+_UNKNOWN_SHARE = 0.7
 """Of what should be seen, where that is not known."""
 _WELL_EXPLAINED = 0.85
 """The right offset usually explains at least this share of what should be seen, by a nat for each second."""
 _BESIDE_MARGIN = 10.0
 """The same for offsets beside it, which share its errors; how wide it is tells its 1σ."""
-_LEAST_SEEN = 0.4
-"""Share of the time in which vehicles should be well inside the picture that they must be matched."""
-_LARGEST_STD_S, _LARGEST_MOVE_S = 0.13, 0.6
+_LEAST_EXPLAINED = 0.5
+"""An offset that explains less is a chance fit, whatever the others do."""
+_LARGEST_STD_S, _LARGEST_MOVE_S = 0.16, 0.6
 """1σ of an offset that is told, and by how much smoothing may move it, seconds."""
 
 
@@ -131,15 +131,19 @@ def _allowed(best: OffsetFit, rival: OffsetFit) -> float:
     near = _distance_s(best, rival) <= max(_BESIDE_S) + _LARGEST_MOVE_S
     if near:
         return best.evidence - _BESIDE_MARGIN
-    seen_share = best.seen_share if np.isfinite(best.seen_share) else _UNKNOWN_SHARE
-    explained = seen_share * min(best.evidence / max(best.matched_s, 1.0), 1.0)
     few = _FEW_SHARE / max(best.vehicles, 1)
-    share = min(_SHARE + few + max(_WELL_EXPLAINED - explained, 0.0), _MOST_SHARE)
+    share = min(_SHARE + few + max(_WELL_EXPLAINED - _explained(best), 0.0), _MOST_SHARE)
     return best.evidence - max(_MARGIN, share * best.evidence)
 
 
+def _explained(best: OffsetFit) -> float:
+    """Share of what should be seen that the best explains, by a nat for each second."""
+    seen_share = best.seen_share if np.isfinite(best.seen_share) else _UNKNOWN_SHARE
+    return seen_share * min(max(best.evidence, 0.0) / max(best.matched_s, 1.0), 1.0)
+
+
 def _verdict(best: OffsetFit, runner_up: OffsetFit | None) -> ClockVerdict:
-    if best.evidence < _LEAST or best.seen_share < _LEAST_SEEN:
+    if best.evidence < _LEAST or _explained(best) < _LEAST_EXPLAINED:
         return ClockVerdict.UNRELATED
     if best.std_s > _LARGEST_STD_S:
         return ClockVerdict.AMBIGUOUS
