@@ -38,8 +38,8 @@ _LEAST = 0.88
 """Lowest limit: below it the alternatives are weighed by their own evidence, but no name is sure."""
 
 _FOUND = 0.9
-"""q. On labelled films from drones 0.88 to 0.94 of the vehicles have a box; what is missed is missed for long: a kind, a
-colour, a shadow that the detector does not know."""
+"""q. On labelled films from drones 0.88 to 0.94 of the vehicles have a box; what is missed is missed for long: a kind,
+a colour, a shadow that the detector does not know."""
 _NEAR_M = 6.0
 """Radius within which strangers are counted, metres: two bays to either side."""
 _FAR_OFF = -30.0
