@@ -16,6 +16,7 @@ still shows no course. Each track counts with its best vehicle, so that the sum 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,6 +53,8 @@ _HEADINGS_KNOWN = np.deg2rad(np.array([-12.0, -6.0, 0.0, 6.0, 12.0]))
 """ψ where the heading is unknown, and where it is known."""
 _CHUNK = 256
 """Offsets that are worked on at once."""
+_MOST_OFFSETS = 500_000
+"""Offsets that are compared: of three days of reports; of more the longest stretches."""
 _APART = 2
 """Grid points by which two starts differ at least, else they lead to the same offset."""
 
@@ -111,18 +114,46 @@ def _interpolated(t: FloatArray, x: FloatArray, at: FloatArray, gap_s: float) ->
     return np.where(inside[:, None], x[after - 1] * (1.0 - w) + x[after] * w, 0.0), inside
 
 
-def _fleet_grid(log: FleetLog, start: float, count: int) -> tuple[ComplexArray, BoolArray]:
-    """(count, n) places on the grid, east + i north, and where they are known."""
-    at = np.asarray(start + np.arange(count) * GRID_S, np.float64)
-    place, known = np.zeros((count, log.n), np.complex128), np.zeros((count, log.n), np.bool_)
+def _ways(log: FleetLog) -> list[tuple[FloatArray, FloatArray]]:
+    """Times (k,) and places (k, 2) of each vehicle's reports, in order of time."""
+    found = []
     for vehicle in range(log.n):
         rows = np.flatnonzero(log.vehicle == vehicle)
-        if len(rows) < 2:
-            continue
         rows = rows[np.argsort(log.t[rows], kind="stable")]
-        p, known[:, vehicle] = _interpolated(log.t[rows], log.p_enu[rows], at, _REPORT_GAP_S)
-        place[:, vehicle] = p[:, 0] + 1j * p[:, 1]
+        found.append((log.t[rows], log.p_enu[rows]))
+    return found
+
+
+def _fleet_grid(
+    ways: Sequence[tuple[FloatArray, FloatArray]], start: float, count: int
+) -> tuple[ComplexArray, BoolArray]:
+    """(count, n) places on the grid, east + i north, and where they are known."""
+    at = np.asarray(start + np.arange(count) * GRID_S, np.float64)
+    place, known = np.zeros((count, len(ways)), np.complex128), np.zeros((count, len(ways)), np.bool_)
+    for vehicle, (t, p) in enumerate(ways):
+        if len(t) > 1:
+            east_north, known[:, vehicle] = _interpolated(t, p, at, _REPORT_GAP_S)
+            place[:, vehicle] = east_north[:, 0] + 1j * east_north[:, 1]
     return place, known
+
+
+def _stretches(log: FleetLog, film_s: tuple[float, float], bounds_s: tuple[float, float]) -> list[tuple[int, int]]:
+    """First and last number of offsets at which film and log overlap, one stretch after the other.
+
+    Only there can anything be judged; times of years, as a clock that was never set has them, cost nothing in between.
+    """
+    t = np.sort(log.t)
+    apart = np.flatnonzero(np.diff(t) > film_s[1] - film_s[0] + _REPORT_GAP_S)
+    begins, ends = t[np.concatenate([[0], apart + 1])], t[np.concatenate([apart, [len(t) - 1]])]
+    first = np.ceil(np.maximum(begins - film_s[1], bounds_s[0]) / GRID_S)
+    last = np.floor(np.minimum(ends - film_s[0], bounds_s[1]) / GRID_S)
+    kept, left = [], _MOST_OFFSETS
+    for k in np.argsort(first - last, kind="stable").tolist():
+        size = min(int(last[k] - first[k]) + 1, left)
+        if size > 0:
+            kept.append((int(first[k]), int(first[k]) + size - 1))
+            left -= size
+    return kept
 
 
 def _arms(ray: FloatArray, R: FloatArray, p: FloatArray, ground_z: float) -> tuple[ComplexArray, BoolArray]:
@@ -156,36 +187,42 @@ def coarse_starts(
     film = _sampled(tracks)
     if not film.seen.shape[1] or not len(log.t):
         return []
-    # only where film and log overlap can anything be judged
-    least = max(bounds_s[0], float(np.min(log.t)) - film.t[-1])
-    largest = min(bounds_s[1], float(np.max(log.t)) - film.t[0])
-    first, last = int(np.ceil(least / GRID_S)), int(np.floor(largest / GRID_S))
-    if last < first:
-        return []
-    span = (len(film.t) - 1) * film.stride + 1
-    place, known = _fleet_grid(log, film.t[0] + first * GRID_S, last - first + span)
     R, p = path.at(film.t)
-    arm, falls = _arms(film.ray, R, p, path.ground_z)
-    score, yaw = np.zeros(last - first + 1), np.zeros(last - first + 1)
+    arms = (*_arms(film.ray, R, p, path.ground_z), p)
     headings = _HEADINGS_KNOWN if path.heading_known else _HEADINGS
-    for k in range(0, len(score), _CHUNK):
-        size = min(_CHUNK, len(score) - k)
-        rows = slice(k, k + size + span - 1)
-        q = sliding_window_view(place[rows], span, axis=0)[..., :: film.stride].transpose(0, 2, 1)
-        has = sliding_window_view(known[rows], span, axis=0)[..., :: film.stride].transpose(0, 2, 1)
-        if camera_too:
-            offsets = (first + k + np.arange(size)) * GRID_S
-            R, p = path.at((film.t[None] + offsets[:, None]).ravel())
-            rays = np.broadcast_to(film.ray, (size, *film.ray.shape)).reshape(-1, *film.ray.shape[1:])
-            arm, falls = _arms(rays, R, p, path.ground_z)
-            arm, falls = arm.reshape(size, *film.seen.shape), falls.reshape(size, *film.seen.shape)
-            p = p.reshape(size, len(film.t), 3)
-        foot = p[..., 0] + 1j * p[..., 1]
-        seen = film.seen & falls
-        score[k : k + size], best = _scores(arm, seen, q - foot[..., None], has, headings, film.stride * GRID_S)
-        yaw[k : k + size] = headings[best]
-    chosen = _peaks(score, most)
-    return [CoarseStart(offset_s=(first + k) * GRID_S, yaw=float(yaw[k]), score=float(score[k])) for k in chosen]
+    span, ways = (len(film.t) - 1) * film.stride + 1, _ways(log)
+    found: list[CoarseStart] = []
+    for first, last in _stretches(log, (film.t[0], film.t[-1]), bounds_s):
+        score, yaw = np.zeros(last - first + 1), np.zeros(last - first + 1)
+        for k in range(0, len(score), _CHUNK):
+            size = min(_CHUNK, len(score) - k)
+            place, known = _fleet_grid(ways, film.t[0] + (first + k) * GRID_S, size + span - 1)
+            if not known.any():
+                continue
+            q = sliding_window_view(place, span, axis=0)[..., :: film.stride].transpose(0, 2, 1)
+            has = sliding_window_view(known, span, axis=0)[..., :: film.stride].transpose(0, 2, 1)
+            if camera_too:
+                offsets_s = np.asarray((first + k + np.arange(size)) * GRID_S, np.float64)
+                arms = _moved_arms(film, path, offsets_s)
+            arm, falls, p = arms
+            foot = p[..., 0] + 1j * p[..., 1]
+            q = q - foot[..., None]
+            score[k : k + size], best = _scores(arm, film.seen & falls, q, has, headings, film.stride * GRID_S)
+            yaw[k : k + size] = headings[best]
+        found += [
+            CoarseStart(offset_s=(first + k) * GRID_S, yaw=float(yaw[k]), score=float(score[k]))
+            for k in _peaks(score, most).tolist()
+        ]
+    return sorted(found, key=lambda start: -start.score)[:most]
+
+
+def _moved_arms(film: _Sampled, path: CameraPath, offsets_s: FloatArray) -> tuple[ComplexArray, BoolArray, FloatArray]:
+    """a (D, B, T), where it meets the ground, and camera positions (D, B, 3) of a path under offsets (D,)."""
+    shape = (len(offsets_s), *film.seen.shape)
+    R, p = path.at((film.t[None] + offsets_s[:, None]).ravel())
+    rays = np.broadcast_to(film.ray, (len(offsets_s), *film.ray.shape)).reshape(-1, *film.ray.shape[1:])
+    arm, falls = _arms(rays, R, p, path.ground_z)
+    return arm.reshape(shape), falls.reshape(shape), p.reshape(*shape[:2], 3)
 
 
 def _scores(

@@ -1,5 +1,7 @@
 """A clock's offset is found to a tenth of a second within hours, and never taken where it cannot be told."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -79,6 +81,20 @@ def test_bounds_in_which_the_log_has_nothing_are_told_apart():
     found = find_clock(fleet.film(), fleet.path(), fleet.log(), (50_000.0, 60_000.0))
     assert found.verdict is ClockVerdict.NO_OVERLAP
     assert found.best is None
+
+
+def test_reports_of_years_apart_are_no_burden():
+    fleet = FilmedFleet(ahead_s=40.0)
+    log = fleet.log(-200.0, 300.0)
+    stray = replace(
+        log,
+        t=np.concatenate([log.t, [-1.7e9, 1.7e9, 1.7e9 + 1.0]]),
+        vehicle=np.concatenate([log.vehicle, [0, 0, 0]]),
+        p_enu=np.concatenate([log.p_enu, np.zeros((3, 2))]),
+    )
+    found = find_clock(fleet.film(), fleet.path(), stray, (-np.inf, np.inf))
+    assert found.verdict is ClockVerdict.FOUND
+    assert abs(found.best.offset_s - 40.0) < 0.15
 
 
 def test_a_log_that_begins_in_the_middle_of_the_film_is_enough():
