@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from itertools import tee
 
+from gcs.errors import ImportFileError
 from gcs.importing.film import ImportedFilm
-from gcs.importing.fleet_clock import FilmBoxes, FilmedFleetLogs, find_fleet_clock
+from gcs.importing.fleet_clock import FilmBoxes, FilmedFleetLogs, FleetClock, find_fleet_clock
 from gcs.importing.ground_vehicles import GroundVehicles
 from gcs.importing.messages import TlogRecord
 from gcs.importing.timeline import FilmTimes
@@ -40,15 +42,32 @@ def searched_times(
         ImportFileError: no offset fits, or two do.
         VideoError, ModelError: film or detector cannot be used.
     """
-    with_fleet = uav is None or uav.clock == "utc"
+    dated = uav is not None and uav.clock == "utc"
     # what --clock counts from
-    start_us = film.created_us if uav is not None and uav.clock == "utc" and film.created_us else times.film_us
+    start_us = film.created_us if dated and film.created_us else times.film_us
     kept = list(records)
-    logs = FilmedFleetLogs(mission=mission, uav=lambda: kept, uav_with_fleet=with_fleet, fleet=fleet.places)
-    found = find_fleet_clock(_boxes(film, start_us, mission), logs, (-within_s, within_s), str(film.path))
+    logs = FilmedFleetLogs(mission=mission, uav=lambda: kept, uav_with_fleet=uav is None or dated, fleet=fleet.places)
+    spans, again = tee(_boxes(film, start_us, mission))
+    bounds_s, where = (-within_s, within_s), str(film.path)
+    try:
+        found = find_fleet_clock(spans, logs, bounds_s, where)
+    except ImportFileError:
+        if not dated or not film.created_us:
+            raise
+        logs = replace(logs, uav_with_fleet=False)
+        found = _second(again, logs, bounds_s, where)
     ahead_us = round(found.ahead_s * 1e6)
-    uav_us = times.uav_shift_us + (0 if with_fleet else ahead_us)
+    uav_us = times.uav_shift_us + (0 if logs.uav_with_fleet else ahead_us)
     return replace(times, film_us=start_us + ahead_us, uav_shift_us=uav_us, said=f"{times.said}, {found.said}")
+
+
+def _second(spans: Iterable[FilmBoxes], logs: FilmedFleetLogs, bounds_s: tuple[float, float], where: str) -> FleetClock:
+    """Where the UAV's clock is not the fleet's: perhaps it is the film's, by the dates of both."""
+    try:
+        return find_fleet_clock(spans, logs, bounds_s, where)
+    except ImportFileError as error:
+        taken = "the UAV's clock was taken to be the fleet's, then the film's"
+        raise ImportFileError(f"{error} ({taken})") from error
 
 
 def _boxes(film: ImportedFilm, film_us: int, mission: Mission) -> Iterator[FilmBoxes]:
