@@ -77,6 +77,8 @@ class CameraState:
     """True: ``R_enu_cam`` is the rotation at the moment of the frame, whatever telemetry's clock is off by."""
     height_std_m: float = np.nan
     """1σ of the camera's height above the ground, metres; NaN: as the identifier assumes."""
+    position_std_m: float = np.nan
+    """1σ per axis of the camera's level position, metres; NaN: as the identifier assumes."""
 
     def __post_init__(self) -> None:
         _need("R_enu_cam", self.R_enu_cam, (3, 3))

@@ -94,6 +94,8 @@ class UavState:
     """To the ground along the body's own vertical axis, by its rangefinder; NaN not reported in the last second."""
     terrain_height_m: float = math.nan
     """Above the ground by the autopilot's own map of the terrain, likewise."""
+    std_m: float = math.nan
+    """1σ of the position per axis, level, by its receiver; NaN unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

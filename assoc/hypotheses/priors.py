@@ -76,7 +76,9 @@ def prior_of(q: IdentifierParams, camera: CameraState, offset_std_s: float) -> P
         if free
         else (np.deg2rad(q.yaw_std_deg), np.deg2rad(q.yaw_rate_std_deg_s))
     )
-    level = q.position_std_m if camera.position_known else _FREE_POSITION_STD_M
+    level = _FREE_POSITION_STD_M
+    if camera.position_known:
+        level = camera.position_std_m if np.isfinite(camera.position_std_m) else q.position_std_m
     height = camera.height_std_m if np.isfinite(camera.height_std_m) else q.height_std_m
     std = np.array([yaw, rate, tilt, tilt, level, level, height, offset_std_s], np.float64)
     # along a road an offset of seconds is a shift, and what does not fit of it would be taken for a sway

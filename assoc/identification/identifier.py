@@ -301,4 +301,5 @@ def _complete_state(camera: CameraState) -> CameraState | None:
         stabilized=camera.stabilized,
         half_view=camera.half_view,
         height_std_m=camera.height_std_m,
+        position_std_m=camera.position_std_m,
     )

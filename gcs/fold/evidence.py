@@ -93,6 +93,7 @@ def camera_of(view: FrameCamera, stabilized: bool) -> CameraState:
         px_rad=1.0 / lens.fx,
         attitude_known=view.attitude_known,
         position_known=view.position_sure,
+        position_std_m=view.position_std_m,
         stabilized=stabilized,
         half_view=(0.5 * lens.width / lens.fx, 0.5 * lens.height / lens.fy),
     )

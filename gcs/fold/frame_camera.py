@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -28,6 +29,8 @@ class FrameCamera:
     attitude_known: bool
     position_sure: bool
     """False: the UAV doubts its own position."""
+    position_std_m: float = math.nan
+    """1σ of its position per axis, level, where that is known to be coarse; else NaN."""
     of_image_time: bool = False
     """The rotation is that of the frame's own moment, as its boxes show; else telemetry's, by telemetry's clock."""
 

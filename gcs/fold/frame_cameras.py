@@ -35,6 +35,9 @@ LEAST_HEIGHT_M = 2.0
 """Above the ground; lower down nothing is level enough."""
 SPEED_STD, UNKNOWN_SPEED_STD = 0.3, 8.0
 """1σ per axis of the UAV's reported velocity, m/s, and of one that reports none."""
+COARSE_M = 2.5
+"""1σ of a position from which on it is none of an ordinary receiver with a view of the sky: rounded, or of few
+satellites."""
 BOX_NOISE, LEAST_NOISE_PX = 0.04, 1.0
 """1σ of a box's centre, in box sizes, and at least, px: as the tracker has it."""
 
@@ -218,6 +221,7 @@ class FrameCameras:
             ground=self._heights.below(uav),
             attitude_known=uav.attitude_valid,
             position_sure=not state.vehicles[0].doubted_for,
+            position_std_m=uav.std_m if uav.std_m >= COARSE_M else math.nan,
         )
         return camera, events
 

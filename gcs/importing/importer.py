@@ -19,6 +19,7 @@ from gcs.importing.film_log import read_film_log
 from gcs.importing.ground_vehicles import LAST_ID, GroundVehicles, read_ground_vehicles
 from gcs.importing.messages import TlogRecord, vehicle_records
 from gcs.importing.session_folder import write_imported
+from gcs.importing.smoothing import filled_in
 from gcs.importing.sources import read_vehicle_logs
 from gcs.importing.timeline import FilmTimes, check_overlap, find_timeline, on_film
 from gcs.importing.vehicle_log import VehicleLog
@@ -85,6 +86,7 @@ def import_flight(out: Path, options: ImportOptions) -> ImportReport:
     fleet = read_ground_vehicles(options.tlog, options.ugv)
     uav, unread = _uav_log(options, coarse=not fleet.aircraft)
     uav, swapped = _above(on_film(uav, film), fleet) if uav is not None else (None, ())
+    uav = replace(uav, places=filled_in(uav.places)) if uav is not None else None
     chosen, uav = choose_camera(film, uav, options.camera)
     timeline = find_timeline(film, uav, fleet.span_us, options.clock_s)
     uav_id = _uav_id(fleet, uav)

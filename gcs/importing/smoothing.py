@@ -1,10 +1,12 @@
 """A path through positions that were rounded, repeated or noisy, and the velocity along it.
 
-Along each axis the velocity is a random walk, x = (p, v):
+Along each axis the velocity is a random walk with q m²/s³. Of positions z_k with noise σ at times t_k,
 
-    x_k = F x_{k−1} + w,   F = [1 Δ; 0 1],   w ~ N(0, q [Δ³/3 Δ²/2; Δ²/2 Δ]),   z_k = p_k + n,   n ~ N(0, σ²)
+    minimise Σ (p_k − z_k)² / σ² + Σ (v_k − v_{k−1})² / (q Δ_k),   v_k = (p_{k+1} − p_k) / (t_{k+1} − t_k)
 
-filtered forward and smoothed backward (Rauch, Tung, Striebel 1965, doi:10.2514/3.3166).
+Where positions were rounded to cells of metres there is no noise to speak of: the path is the smoothest that stays
+within them, |p_k − z_k| ≤ cell / 2, by alternating directions (ADMM: Boyd et al. 2011, doi:10.1561/2200000016, 5.2).
+When a cell is left tells more than how often it was told.
 """
 
 from __future__ import annotations
@@ -13,65 +15,73 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
+from scipy.linalg import solveh_banded
 
-from gcs.importing.vehicle_log import PlaceTrack, thinned
+from gcs.importing.vehicle_log import PlaceTrack, at_times, thinned
 
-__all__ = ["smooth_path", "smoothed_places"]
+__all__ = ["filled_in", "smooth_path", "smoothed_places"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+ACCELERATION = 1.5
+"""q in m²/s³: a multicopter or a car that changes its speed by this in a second, 1σ."""
+COARSE_CELL_M = 1.0
+"""From here on the rounding of positions is more than their noise."""
+ROUNDS = 200
+"""Of ADMM: the path is within centimetres of its end by then."""
 _STEP_US = 90_000
 """Positions closer together are thinned: a receiver has ten a second."""
 _GAP_US = 10_000_000
 """Longer holes are not bridged."""
+_SPARSE_US, _LOST_US = 250_000, 3_000_000
+"""Positions farther apart than the first are filled in; than the second, nobody knows where it was in between."""
 _DEG_M = 111_320.0
 
-ACCELERATION = 1.5
-"""q in m²/s³: a multicopter or a car that changes its speed by this in a second, 1σ."""
-FIRST_SPEED = 15.0
-"""1σ of the velocity at first, m/s."""
 
-
-def smooth_path(t_s: Floats, p: Floats, std_m: float) -> tuple[Floats, Floats]:
-    """Positions and velocities.
+def smooth_path(t_s: Floats, p: Floats, noise_m: float, cell_m: float) -> tuple[Floats, Floats]:
+    """Positions and velocities along one axis.
 
     Args:
         t_s: (n,) seconds, increasing.
-        p: (n, k) metres, k axes.
-        std_m: σ of each, more than 0.
+        p: (n,) metres.
+        noise_m: σ of each, more than 0.
+        cell_m: to which they were rounded.
 
     Returns:
-        (n, k) metres and (n, k) m/s.
+        (n,) metres and (n,) m/s.
     """
-    n = len(t_s)
-    if n == 0:
-        return p.copy(), np.zeros_like(p)
-    steps, r = np.diff(t_s), std_m**2
-    means, priors = np.empty((n, 2, p.shape[1])), np.empty((n, 2, p.shape[1]))
-    covs, prior_covs = np.empty((n, 2, 2)), np.empty((n, 2, 2))
-    mean, cov = np.stack([p[0], np.zeros(p.shape[1])]), np.diag([r, FIRST_SPEED**2])
-    means[0], covs[0] = mean, cov
-    for k in range(1, n):
-        d = float(steps[k - 1])
-        F = np.array([[1.0, d], [0.0, 1.0]])
-        Q = ACCELERATION * np.array([[d**3 / 3.0, d**2 / 2.0], [d**2 / 2.0, d]])
-        mean, cov = F @ mean, F @ cov @ F.T + Q
-        priors[k], prior_covs[k] = mean, cov
-        # gain = P Hᵀ / (H P Hᵀ + σ²), H = (1 0)
-        gain = cov[:, 0] / (cov[0, 0] + r)
-        mean = mean + gain[:, None] * (p[k] - mean[0])
-        cov = cov - np.outer(gain, cov[0])
-        means[k], covs[k] = mean, cov
-    for k in range(n - 2, -1, -1):
-        F = np.array([[1.0, float(steps[k])], [0.0, 1.0]])
-        back = np.linalg.solve(prior_covs[k + 1], F @ covs[k]).T
-        means[k] += back @ (means[k + 1] - priors[k + 1])
-    return means[:, 0], means[:, 1]
+    if len(t_s) < 3:
+        return p.copy(), np.gradient(p, t_s) if len(t_s) == 2 else np.zeros_like(p)
+    banded = _banded(t_s, noise_m)
+    x = np.asarray(solveh_banded(banded, p))
+    if cell_m > COARSE_CELL_M:
+        u = np.zeros_like(p)
+        for _ in range(ROUNDS):
+            # y = Π(x + u),   u ← u + x − y,   x = argmin of the sum with y − u for z
+            y = np.clip(x + u, p - 0.5 * cell_m, p + 0.5 * cell_m)
+            u += x - y
+            x = np.asarray(solveh_banded(banded, y - u))
+    return x, np.gradient(x, t_s)
+
+
+def _banded(t_s: Floats, noise_m: float) -> Floats:
+    """(3, n) upper bands of I + σ²/q Σ d dᵀ / Δ, d the difference of two velocities as weights of three positions."""
+    step = np.diff(t_s)
+    before, after = 1.0 / step[:-1], 1.0 / step[1:]
+    weights = (before, -(before + after), after)
+    scale = noise_m**2 / ACCELERATION / (0.5 * (step[:-1] + step[1:]))
+    bands = np.zeros((3, len(t_s)))
+    bands[2] = 1.0
+    for i in range(3):
+        for j in range(i, 3):
+            bands[2 - (j - i), j : j + len(scale)] += scale * weights[i] * weights[j]
+    return bands
 
 
 def smoothed_places(
-    t_us: Ints, degrees: Floats, *, alt_m: Floats, height_m: Floats, noise_m: float, std_m: float
+    t_us: Ints, degrees: Floats, *, alt_m: Floats, height_m: Floats, noise_m: float, cell_deg: float, std_m: float
 ) -> PlaceTrack:
     """Positions with the path smoothed and the velocity along it.
 
@@ -80,7 +90,8 @@ def smoothed_places(
         degrees: (n, 2) latitude and longitude.
         alt_m: (n,) above sea level.
         height_m: (n,) above the take-off.
-        noise_m: 1σ per axis of what differs from one position to the next: rounding and noise.
+        noise_m: 1σ per axis of what differs from one position to the next.
+        cell_deg: to which latitude and longitude were rounded.
         std_m: 1σ per axis of a position.
     """
     rows = thinned(t_us, _STEP_US)
@@ -89,8 +100,12 @@ def smoothed_places(
     level: Floats = (degrees[rows] - middle) * scale
     smooth, v = np.empty_like(level), np.empty_like(level)
     for part in np.split(np.arange(len(t)), np.flatnonzero(np.diff(t) > _GAP_US) + 1):
-        smooth[part], v[part] = smooth_path(np.asarray((t[part] - t[part[:1]]) * 1e-6), level[part], noise_m)
+        t_s = np.asarray((t[part] - t[part[:1]]) * 1e-6)
+        for axis, cell_m in enumerate((cell_deg * scale).tolist()):
+            smooth[part, axis], v[part, axis] = smooth_path(t_s, level[part, axis], noise_m, cell_m)
     places = smooth / scale + middle
+    if (cell_deg * scale).max() > COARSE_CELL_M:
+        v[:] = np.nan  # half a metre a second of error would turn the camera
     return PlaceTrack.of(
         t,
         places[:, 0],
@@ -99,4 +114,42 @@ def smoothed_places(
         height_m=height_m[rows],
         v_ned=np.column_stack([v, np.full(len(t), np.nan)]),
         std_m=std_m,
+    )
+
+
+def filled_in(places: PlaceTrack) -> PlaceTrack:
+    """The track of a camera with ten positions a second: between two that are farther apart, by both velocities.
+
+    What follows a flight knows a position only once it is reported; a log knows the next one too. Holes of seconds
+    stay holes.
+    """
+    step_us = np.diff(places.t_us)
+    if not len(step_us) or np.median(step_us) <= _SPARSE_US:
+        return places
+    t = places.t_us
+    bridged = (step_us > _SPARSE_US) & (step_us <= _LOST_US)
+    starts = [
+        np.arange(a, b, _STEP_US) if fill else np.array([a]) for a, b, fill in zip(t[:-1], t[1:], bridged, strict=True)
+    ]
+    at = np.concatenate([*starts, t[-1:]]).astype(np.int64)
+    scale = np.array([_DEG_M, _DEG_M * math.cos(math.radians(float(np.median(places.lat_deg))))])
+    level = np.column_stack([places.lat_deg, places.lon_deg])
+    middle = np.median(level, axis=0)
+    level = (level - middle) * scale
+    t_s, at_s = (t - t[0]) * 1e-6, (at - t[0]) * 1e-6
+    v = np.where(np.isfinite(places.v_ned[:, :2]), places.v_ned[:, :2], np.gradient(level, t_s, axis=0))
+    told = np.isfinite(places.v_ned[:, :2]).all()
+    path = CubicHermiteSpline(t_s, level, v)
+    degrees = path(at_s) / scale + middle
+    heading = at_times(at, t, places.heading, _LOST_US, turns=True)
+    down = np.interp(at_s, t_s, places.v_ned[:, 2])
+    return PlaceTrack.of(
+        at,
+        degrees[:, 0],
+        degrees[:, 1],
+        alt_m=np.interp(at_s, t_s, places.alt_m),
+        height_m=np.interp(at_s, t_s, places.height_m),
+        v_ned=np.column_stack([np.where(told, path(at_s, 1), np.nan), down]),
+        heading=heading,
+        std_m=places.std_m,
     )

@@ -51,6 +51,7 @@ def uav_state(
         camera=camera,
         range_m=ground.range_m(t_us),
         terrain_height_m=ground.terrain_height_m(t_us),
+        std_m=fix.std_m,
     )
 
 

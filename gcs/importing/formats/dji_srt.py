@@ -107,7 +107,8 @@ def _places(t_us: NDArray[np.int64], read: Sequence[DjiCue], decimals: int) -> P
         columns[:, :2],
         alt_m=columns[:, 2],
         height_m=columns[:, 3],
-        noise_m=math.hypot(rounding_m, _NOISE_M),
+        noise_m=_NOISE_M,
+        cell_deg=10.0**-decimals,
         std_m=math.hypot(rounding_m, _LEVEL_STD_M),
     )
 

@@ -84,15 +84,16 @@ def _unread(streams: Iterable[Any]) -> Iterator[str]:
 
 def _parts(stream: Any, data: bytes) -> Iterator[tuple[str, bytes]]:  # noqa: ANN401 - untyped streams
     """What counts of a packet, by its kind."""
+    # there is none for what FFmpeg has no decoder of
+    codec = stream.codec_context.name if stream.codec_context is not None else ""
     if stream.type == "video":
-        codec = stream.codec_context.name
         if codec in _WITH_MESSAGES:
             hevc = codec == "hevc"
             size = _length_size(stream.codec_context.extradata, hevc=hevc)
             yield from (("message", part) for part in unregistered_messages(data, size, hevc=hevc))
     elif stream.type == "subtitle":
         # a subtitle in MP4 has its length in front, and boxes about style behind
-        if stream.codec_context.name == "mov_text":
+        if codec == "mov_text":
             data = data[2 : 2 + int.from_bytes(data[:2], "big")]
         if data:
             yield "text", data

@@ -32,7 +32,8 @@ _NUMBERS = re.compile(r"\b(abs_alt|gb_yaw|gb_pitch|gb_roll)\s?:\s?([-+]?\d{1,6}(
 _DATE = re.compile(r"\b(\d{4})-(\d{2})-(\d{2})_(\d{2})-(\d{2})-(\d{2})\b")
 STD_M = 3.0
 """1σ per axis: 0.1″ is 3.1 m, and whole seconds make another metre or two of a flying camera."""
-ROUNDING_M = 3.1 / math.sqrt(12.0)
+_CELL_DEG = 0.1 / 3600.0
+_NOISE_M = 0.5
 _HALF_SECOND_US = 500_000
 
 
@@ -73,7 +74,13 @@ def siyi_log(source: str, cues: Sequence[SubtitleCue]) -> VehicleLog:
         clock="video",
         zero_us=zero_us,
         places=smoothed_places(
-            t_us, table[:, 1:3], alt_m=table[:, 3], height_m=np.full(len(t_us), np.nan), noise_m=ROUNDING_M, std_m=STD_M
+            t_us,
+            table[:, 1:3],
+            alt_m=table[:, 3],
+            height_m=np.full(len(t_us), np.nan),
+            noise_m=_NOISE_M,
+            cell_deg=_CELL_DEG,
+            std_m=STD_M,
         ),
         gimbal=AngleTrack(t_us=t_us[known], angles=table[known, 4:7], yaw_from="nose"),
         notes=ImportNotes(
