@@ -35,15 +35,18 @@ _SHARE, _FEW_SHARE, _MOST_SHARE = 0.3, 0.5, 0.8
 for two, and the most where little is explained ..."""
 _MARGIN = 25.0
 """... and how much at least, nats."""
+_BESIDE_MARGIN = 10.0
+"""The same for offsets beside it, which share its errors; how wide it is tells its 1σ."""
 _UNKNOWN_SHARE = 0.7
 """Of what should be seen, where that is not known."""
 _WELL_EXPLAINED = 0.85
 """The right offset usually explains at least this share of what should be seen, by a nat for each second."""
-_BESIDE_MARGIN = 10.0
-"""The same for offsets beside it, which share its errors; how wide it is tells its 1σ."""
 _LEAST_EXPLAINED = 0.5
 """An offset that explains less is a chance fit, whatever the others do."""
-_LARGEST_STD_S, _LARGEST_MOVE_S = 0.16, 0.6
+_LASTING = 2.0
+"""1σ of what is found against that of the parabola: errors of UAV and receivers last, and are counted as if they did
+less."""
+_LARGEST_STD_S, _LARGEST_MOVE_S = 0.32, 0.6
 """1σ of an offset that is told, and by how much smoothing may move it, seconds."""
 
 
@@ -109,7 +112,7 @@ def find_clock(
 def _smoothed(best: OffsetFit, about: Sequence[OffsetFit | None]) -> OffsetFit:
     """The best offset by a parabola through the evidence about it: assignments that change make it jagged.
 
-    V(δ) ≈ a δ² + b δ + c:  δ* = −b/2a,  σ = 1/√(−2a)
+    V(δ) ≈ a δ² + b δ + c:  δ* = −b/2a,  σ = 2/√(−2a)
     """
     known = [fit for fit in about if fit is not None]
     a, b = 0.0, 0.0
@@ -119,7 +122,7 @@ def _smoothed(best: OffsetFit, about: Sequence[OffsetFit | None]) -> OffsetFit:
     move_s = -b / (2.0 * a) if a < 0.0 else np.inf
     if abs(move_s) > _LARGEST_MOVE_S:
         return replace(best, std_s=np.inf)
-    return replace(best, offset_s=best.offset_s + move_s, std_s=float(1.0 / np.sqrt(-2.0 * a)))
+    return replace(best, offset_s=best.offset_s + move_s, std_s=float(_LASTING / np.sqrt(-2.0 * a)))
 
 
 def _distance_s(fit: OffsetFit, other: OffsetFit) -> float:
