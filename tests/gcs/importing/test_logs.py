@@ -1,4 +1,5 @@
 import struct
+import sys
 
 import gpxpy
 import numpy as np
@@ -100,6 +101,12 @@ def test_ulog(flown, tmp_path):
     assert np.abs(turned).max() < 1e-5
     oracle = ULog(str(tmp_path / "rover.ulg")).get_dataset("vehicle_global_position").data
     assert oracle["lat"] == pytest.approx(log.places.lat_deg, abs=1e-9)
+
+
+def test_without_pyulog_it_is_told_what_to_install(flown, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyulog", None)
+    with pytest.raises(ImportFileError, match=r"pip install 'rollcall-gcs\[import\]'"):
+        read(tmp_path, "rover.ulg", ulog(flown, 12))
 
 
 def test_a_table_of_several_vehicles(flown, tmp_path):
