@@ -22,12 +22,12 @@ def import_flight(
     out: Annotated[Path, typer.Option("--out", "-o", help="Session folder to write.")],
     video: Annotated[Path, typer.Option(help="The film.")],
     uav: Annotated[
-        Path | None, typer.Option(help="Log of the UAV that filmed: .srt (DJI), .bin, .ulg, .csv or .gpx.")
+        Path | None, typer.Option(help="Log of the UAV that filmed: .srt (DJI), .bin, .ulg, .tlog, .csv or .gpx.")
     ] = None,
     ugv: Annotated[
         list[str] | None,
         typer.Option(
-            help="Log of a ground vehicle, as 11=rover.bin (.bin, .ulg, .csv, .gpx), or a table with ids; repeatable."
+            help="Log of a ground vehicle, as 11=rover.bin (.bin, .ulg, .tlog, .csv, .gpx), or a table; repeatable."
         ),
     ] = None,
     tlog: Annotated[

@@ -11,19 +11,20 @@ from gcs.importing.formats.dji_srt import log_of_cues
 from gcs.importing.formats.gpx import read_gpx
 from gcs.importing.formats.px4_log import read_px4
 from gcs.importing.formats.subtitles import read_cues
+from gcs.importing.tlog_vehicles import read_tlog_vehicles
 from gcs.importing.vehicle_log import VehicleLog, within_a_day
 
 __all__ = ["read_vehicle_logs"]
 
 _TABLES = (".csv", ".tsv", ".txt")
-KINDS = ".srt (DJI), .bin (ArduPilot), .ulg (PX4), .csv or .gpx"
+KINDS = ".srt (DJI), .bin (ArduPilot), .ulg (PX4), .tlog, .csv or .gpx"
 
 
 def read_vehicle_logs(path: Path) -> list[VehicleLog]:
     """The vehicles in a file, by the file's suffix; the place in the file of each is the place in the list.
 
     Raises:
-        ImportFileError: no such file, or none that can be read.
+        ImportFileError, TlogError: no such file, or none that can be read.
     """
     return [within_a_day(log) for log in _logs(path)]
 
@@ -36,6 +37,8 @@ def _logs(path: Path) -> list[VehicleLog]:
         return [read_ardupilot(path)]
     if suffix == ".ulg":
         return [read_px4(path)]
+    if suffix == ".tlog":
+        return read_tlog_vehicles(path)
     if suffix in _TABLES:
         return read_csv(path)
     if suffix == ".gpx":

@@ -12,6 +12,7 @@ from gcs.errors import GcsError
 from gcs.importing.film_log import read_film_log
 from gcs.importing.messages import vehicle_records
 from gcs.importing.sources import read_vehicle_logs
+from mavlink.errors import MavlinkError
 from mavlink.protocol.framing import Framer
 from tests.support.imports.film_writers import with_klv, with_sei, with_subtitles
 from tests.support.imports.flown import fly
@@ -56,13 +57,14 @@ def samples(tmp_path_factory):
         "rovers.gpx": gpx(flown, (11, 12)).encode(),
         "rover.bin": dataflash(flown, 11, gimbal_deg=(0.0, -45.0, 10.0)),
         "rover.ulg": ulog(flown, 11),
+        "uav.tlog": (flown.session / "telemetry.tlog").read_bytes()[:40_000],
         **{name: path.read_bytes() for name, path in films.items()},
     }
 
 
 NAMES = (
     *(f"{layout}.srt" for layout in LAYOUTS),
-    *("positions.csv", "pose.csv", "rovers.gpx", "rover.bin", "rover.ulg", "ts", "sei.mp4", "siyi.mkv"),
+    *("positions.csv", "pose.csv", "rovers.gpx", "rover.bin", "rover.ulg", "uav.tlog", "ts", "sei.mp4", "siyi.mkv"),
 )
 
 
@@ -127,7 +129,7 @@ def test_whatever_a_file_holds(name, samples, tmp_path):
         path.write_bytes(spoilt(samples[name], name, seed))
         try:
             logs = read(path)
-        except (GcsError, VisionError) as error:
+        except (GcsError, MavlinkError, VisionError) as error:
             refused += 1
             assert "\n" not in str(error)
             assert str(seed) in str(error)

@@ -103,6 +103,18 @@ def test_ulog(flown, tmp_path):
     assert oracle["lat"] == pytest.approx(log.places.lat_deg, abs=1e-9)
 
 
+def test_a_telemetry_log_of_one_vehicle(flown, tmp_path):
+    flown.log.cut(tmp_path / "uav.tlog", system_ids=[1])
+    (log,) = read_vehicle_logs(tmp_path / "uav.tlog")
+    assert (log.clock, log.system_id) == ("utc", 1)
+    assert_same_places(log, flown, 1, within_us=0)
+    t_us, angles = wire_attitudes(flown, 1)
+    assert log.attitudes.t_us == pytest.approx(t_us)
+    assert log.attitudes.angles == pytest.approx(angles)
+    assert np.degrees(log.gimbal.angles[:, 1]) == pytest.approx(-90.0, abs=0.1)
+    assert log.gimbal.yaw_from == "nose"
+
+
 def test_without_pyulog_it_is_told_what_to_install(flown, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyulog", None)
     with pytest.raises(ImportFileError, match=r"pip install 'rollcall-gcs\[import\]'"):
