@@ -101,8 +101,9 @@ def import_flight(out: Path, options: ImportOptions) -> ImportReport:
         timeline = searched_times(film, uav, fleet, mission, seen, timeline, options.clock_within_s)
     check_overlap(film, timeline, fleet.span_us)
     report = _report(film, fleet, uav, chosen, timeline, uav_id)
-    unread_found = tuple(("not read", text) for text in unread)
-    report = replace(report, found=(*report.found, *unread_found), assumed=(*report.assumed, *swapped))
+    unused = (("not read", "; ".join(unread)), ("not in the mission", _not_in_mission(fleet, uav_id)))
+    found = (*report.found, *((subject, text) for subject, text in unused if text))
+    report = replace(report, found=found, assumed=(*report.assumed, *swapped))
     streams = fleet.streams()
     if uav is not None:
         streams.append(_uav_records(uav, uav_id, fleet, timeline))
@@ -216,9 +217,19 @@ def _report(
     )
 
 
+def _not_in_mission(fleet: GroundVehicles, uav_id: int) -> str:
+    """Vehicles of the telemetry log that neither film nor are named, and why."""
+    silent = [i for i in fleet.tlog.ground if i not in fleet.places] if fleet.tlog is not None else []
+    aircraft = [i for i in fleet.aircraft if i != uav_id]
+    words = [f"system {i}, which reports no position" for i in silent]
+    return "; ".join([*words, *(f"system {i}, another aircraft" for i in aircraft)])
+
+
 def _height_words(uav: VehicleLog, fleet: GroundVehicles) -> list[str]:
     places = uav.places
     if np.isfinite(places.alt_m).any() and np.isfinite(places.height_m).any():
         return []
+    if np.isnan(fleet.ground_m):
+        return ["altitudes count from the UAV's take-off: no vehicle tells how high it is"]
     missing = "altitude" if np.isfinite(places.height_m).any() else "height above the ground"
     return [f"the UAV's {missing} by the fleet's median altitude of {fleet.ground_m:.1f} m"]

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from gcs.report.score import score_files
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.tlog.log import Tlog
 from tests.support.command_line import run_gcs
 from tests.support.imports.film_writers import with_klv, with_sei, with_subtitles
@@ -227,6 +228,21 @@ def test_a_uav_elsewhere(flown, tmp_path):
     code, _, told = run_gcs(*import_words(flown, session, "--uav", subtitles))
     assert code == 2
     assert "km from the fleet" in told
+
+
+def test_who_is_in_the_telemetry_and_not_in_the_mission(flown, tmp_path):
+    subtitles = tmp_path / "DJI_0001.SRT"
+    subtitles.write_text(srt("enterprise", flown.spots()))
+    silent = MavlinkEncoder(99).heartbeat()
+    stamp = int(flown.frames_us[0]).to_bytes(8, "big")
+    both = tmp_path / "both.tlog"
+    both.write_bytes((flown.session / "telemetry.tlog").read_bytes() + stamp + silent)
+    words = ("import", "-o", tmp_path / "session", "--video", flown.video, "--uav", subtitles, "--tlog", both)
+    code, told, _ = run_gcs(*words, "--clock=+0", "--fov", FOV_DEG, "--json")
+    assert code == 0
+    report = json.loads(told)
+    assert report["found"]["not in the mission"] == ("system 99, which reports no position; system 1, another aircraft")
+    assert (report["uav"], report["ugv"]) == (2, list(UGVS))
 
 
 def test_latitude_and_longitude_the_other_way_round(flown, tmp_path):
