@@ -19,6 +19,11 @@ from vision.training.net import STRIDE
 
 __all__ = ["Losses", "losses"]
 
+WIDTH_SHARE, SIGMA_CELLS = 0.16, (0.5, 2.0)
+"""σ of a centre's target across a vehicle: a share of its width, within bounds; a choice."""
+CAR_ASPECT, MOST_SPREAD = 2.5, 2.5
+"""Vehicles of a higher aspect have targets that spread along them in proportion, so many times σ at most."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Losses:
@@ -50,11 +55,7 @@ def losses(out: Tensor, batch: TrainingBatch) -> Losses:
     # from every cell's middle to every centre, in cells: (B, N, w) and (B, N, h)
     dx, dy = centre[..., :1] - column, centre[..., 1:] - row
     wanted = real & (boxes[..., 5] > 0.5)
-    # σ grows with the smaller side: a cell well inside a large vehicle is a small mistake
-    spread = 2.0 * (0.16 * side.min(dim=-1).values).clamp(0.5, 2.0)[..., None] ** 2
-    # exp(−(dx² + dy²) / 2σ²), as a product of rows and columns
-    across, down = torch.exp(-dx * dx / spread) * wanted[..., None], torch.exp(-dy * dy / spread)
-    heat, nearest = (down[..., :, None] * across[..., None, :]).max(dim=1)
+    heat, nearest = _heat(dx, dy, side, boxes[..., 4], wanted, batch.known)
     ignored = batch.unjudged | _hidden_cells(dx, dy, side, real & ~wanted)
     score = _focal(out[:, 0], heat, _centre_cells(centre, wanted, h, w), ignored)
 
@@ -80,6 +81,24 @@ def losses(out: Tensor, batch: TrainingBatch) -> Losses:
         front=mean((found[:, 5:7] - front) ** 2, Known.FRONT),
         axis=mean(smooth(found[:, 7:9], axis, 0.1), Known.BOX),
     )
+
+
+def _heat(dx: Tensor, dy: Tensor, side: Tensor, heading: Tensor, wanted: Tensor, known: Tensor) -> tuple[Tensor, Tensor]:
+    """How near each cell is to a centre, 1 in it, and which centre that is: two of (B, h, w).
+
+    σ grows with the width, as a cell well inside a large vehicle is a small mistake, and along a vehicle that is longer
+    than a car also with its length: where between its ends the middle of a bus lies is seen less sharply than where
+    between its sides.
+    """
+    aspect = side[..., 0] / side[..., 1]
+    across = (WIDTH_SHARE * side[..., 1].minimum(side[..., 0])).clamp(*SIGMA_CELLS)
+    along = across * torch.where(known >= int(Known.BOX), aspect / CAR_ASPECT, 1.0).clamp(1.0, MOST_SPREAD)
+    sin, cos = heading.sin()[..., None, None], heading.cos()[..., None, None]
+    x, y = dx[..., None, :], dy[..., :, None]
+    # exp(−a² / 2σ_a² − c² / 2σ_c²), a along and c across the vehicle, whose front points to (sin, −cos)
+    a, c = (x * sin - y * cos) / along[..., None, None], (x * cos + y * sin) / across[..., None, None]
+    heat, nearest = (torch.exp(-0.5 * (a * a + c * c)) * wanted[..., None, None]).max(dim=1)
+    return heat, nearest
 
 
 def _centre_cells(centre: Tensor, wanted: Tensor, h: int, w: int) -> Tensor:
