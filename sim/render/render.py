@@ -224,9 +224,9 @@ def _tree(bodies: Bodies, i: int) -> Tree:
     )
 
 
-def body_outline(view: CameraView, bodies: Bodies, i: int) -> NDArray[np.float32] | None:
-    """(p, 2) convex outline of a body's box in the image; None where it is not imaged."""
-    uv, ok = project(view, _world_corners(bodies, i, _UNIT_BOX).reshape(-1, 3))
+def body_outline(view: CameraView, bodies: Bodies, i: int, model: Model | None = None) -> NDArray[np.float32] | None:
+    """(p, 2) convex outline of a body in the image, that of its box without a model; None where it is not imaged."""
+    uv, ok = project(view, _world_corners(bodies, i, model or _UNIT_BOX).reshape(-1, 3))
     return np.asarray(cv2.convexHull(uv.astype(np.float32)).reshape(-1, 2), np.float32) if ok.all() else None
 
 

@@ -7,6 +7,7 @@ seed, one shard, so that shards can be made in any order and by several processe
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from sim.render.render import Renderer, body_outline
 from sim.render.training_ground import TrainingGround, random_training_ground
 from sim.training.placing import random_bodies
 from sim.training.shards import write_missing
+from sim.world.bodies import Model
 from sim.world.view import OCCLUDER, Bodies, CameraView, FloatArray, Scene, project
 
 __all__ = ["MAX_BOXES", "SIDE", "Crop", "crop", "labels", "write_shard"]
@@ -86,6 +88,30 @@ def labels(view: CameraView, bodies: Bodies) -> FloatArray:
     return np.column_stack([uv[:, 0], length, width, heading])
 
 
+def seen_sides(view: CameraView, bodies: Bodies, models: Mapping[int, Model], boxes: FloatArray) -> FloatArray:
+    """How far what is seen of each body reaches along and across its heading in the image.
+
+    Straight down these are the sides of ``labels``; seen from the side, the height of the body adds to them.
+
+    Args:
+        view: the camera.
+        bodies: n bodies.
+        models: the shape of each kind.
+        boxes: (n, 5) of ``labels``.
+
+    Returns:
+        (n, 2) length, width px; NaN where a body is not imaged, or is of no kind in ``models``.
+    """
+    sides = np.full((len(boxes), 2), np.nan)
+    for i in np.flatnonzero(np.isfinite(boxes).all(axis=1)).tolist():
+        model = models.get(int(bodies.kind[i]))
+        outline = body_outline(view, bodies, i, model) if model is not None else None
+        if outline is not None:
+            sin, cos = np.sin(boxes[i, 4]), np.cos(boxes[i, 4])
+            sides[i] = np.ptp(outline @ np.array([[sin, cos], [-cos, sin]]), axis=0)
+    return sides
+
+
 def crop(ground: TrainingGround, catalogue: tuple[ObjectKind, ...], rng: np.random.Generator) -> Crop:
     """One random image of a ground with objects of some kinds."""
     over = float(rng.choice(OVER))
@@ -99,6 +125,7 @@ def crop(ground: TrainingGround, catalogue: tuple[ObjectKind, ...], rng: np.rand
     renderer = Renderer(Scene(), style, seed=int(rng.integers(1 << 30)), ground=ground)
     image = as_footage(renderer.draw(view, bodies), rng)
     boxes = labels(view, bodies)
+    boxes[:, 2:4] = seen_sides(view, bodies, style.models, boxes)
     weight = _visible(view, bodies)
     boxes[:, :4] *= SIDE / view.width
     sorts = [catalogue[k - FIRST_KIND] if k >= FIRST_KIND else None for k in bodies.kind]
