@@ -83,7 +83,9 @@ def losses(out: Tensor, batch: TrainingBatch) -> Losses:
     )
 
 
-def _heat(dx: Tensor, dy: Tensor, side: Tensor, heading: Tensor, wanted: Tensor, known: Tensor) -> tuple[Tensor, Tensor]:
+def _heat(
+    dx: Tensor, dy: Tensor, side: Tensor, heading: Tensor, wanted: Tensor, known: Tensor
+) -> tuple[Tensor, Tensor]:
     """How near each cell is to a centre, 1 in it, and which centre that is: two of (B, h, w).
 
     σ grows with the width, as a cell well inside a large vehicle is a small mistake, and along a vehicle that is longer

@@ -8,9 +8,9 @@ import pytest
 from sim.render.exposure import Exposure
 from sim.render.footage import as_footage
 from sim.render.randomise import FIRST_KIND, HEAVY, SIZES, URBAN, VEHICLES, random_catalogue, random_scene, random_style
-from sim.render.render import Renderer
+from sim.render.render import DEFAULT_MODELS, Renderer
 from sim.render.training_ground import random_training_ground
-from sim.training.crops import MAX_BOXES, SIDE, _random_view, crop, labels, write_shard
+from sim.training.crops import MAX_BOXES, SIDE, _random_view, crop, labels, seen_sides, write_shard
 from sim.training.placing import random_bodies
 from sim.world.view import OCCLUDER, UGV, Bodies, CameraView, Scene, ray_ground
 
@@ -46,6 +46,35 @@ def ground():
 @pytest.fixture(scope="module")
 def catalogue():
     return random_catalogue(np.random.default_rng(1))
+
+
+def standing(heading, height):
+    return Bodies(
+        kind=np.array([UGV], np.int8),
+        x=np.zeros(1),
+        y=np.zeros(1),
+        heading=np.array([heading]),
+        length=np.array([4.0]),
+        width=np.array([2.0]),
+        height=np.array([height]),
+        color=np.zeros((1, 3), np.uint8),
+    )
+
+
+@pytest.mark.parametrize(("heading", "taller"), [(0.0, 0), (0.5 * np.pi, 1)])
+def test_from_the_side_the_height_of_a_body_adds_to_the_side_that_it_rises_along(heading, taller):
+    """45° down towards north: a vehicle that drives north rises along its length, one that drives east across it."""
+    s = np.sqrt(0.5)
+    down_north = np.column_stack([[1.0, 0.0, 0.0], [0.0, -s, -s], [0.0, s, -s]])
+    view = replace(camera(), R_enu_cam=down_north, p_enu=np.array([0.0, -40.0, 40.0]))
+    sides = {}
+    for height in (0.01, 1.5):
+        body = standing(heading, height)
+        sides[height] = seen_sides(view, body, DEFAULT_MODELS, labels(view, body))[0]
+    px_per_m = 400.0 / np.hypot(40.0, 40.0)
+    added = (sides[1.5] - sides[0.01]) / (1.5 * s * px_per_m)
+    assert 0.3 < added[taller] < 1.1
+    assert abs(added[1 - taller]) < 0.2
 
 
 def test_labels_straight_down():

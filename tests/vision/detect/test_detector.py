@@ -132,7 +132,7 @@ def test_a_vehicle_at_an_odd_place_of_an_odd_image(renderer, detector):
     found = detector.detect(renderer.draw(view, things), gsd_m=40.0 / 1200.0)
     (want,) = truth(view, things)
     assert len(found) == 1
-    np.testing.assert_allclose(found.centre[0], want[:2], atol=4.0)
+    np.testing.assert_allclose(found.centre[0], want[:2], atol=0.1 * want[2])
     assert abs(wrap(found.heading[0] - want[4])) < 0.15
 
 

@@ -49,6 +49,20 @@ def test_a_label_teaches_what_it_knows_and_no_more(known, box, front):
     assert (slope[FRONT].amax(dim=(1, 2)) > 0.0).tolist() == [front] * 2
 
 
+@pytest.mark.parametrize(("length", "spread"), [(52.0, False), (150.0, True)])
+def test_a_guess_beside_the_middle_costs_less_along_a_bus_than_across_it(length, spread):
+    from vision.training.loss import losses
+
+    batch = batch_of(Known.FRONT)
+    batch.boxes[0, 0] = torch.tensor([128.0, 128.0, length, 24.0, 0.0, 1.0])
+    cost = []
+    for row, column in ((28, 32), (32, 36)):
+        out = torch.full((1, 9, 64, 64), -8.0)
+        out[0, 0, row, column] = 4.0
+        cost.append(float(losses(out, batch).score))
+    assert (cost[0] < 0.8 * cost[1]) == spread
+
+
 def test_nothing_is_a_mistake_where_nothing_was_judged():
     area = [[(8.0, 8.0), (56.0, 8.0), (56.0, 40.0), (8.0, 40.0)]]
     free, masked = gradients(batch_of(Known.FRONT))[0], gradients(batch_of(Known.FRONT, area))[0]
