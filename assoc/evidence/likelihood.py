@@ -27,6 +27,7 @@ __all__ = [
     "PairState",
     "bound_variance",
     "initial_state",
+    "log_density",
     "replace_tracks",
     "reset_tracks",
     "run_filter",
@@ -119,8 +120,14 @@ def _constant(blocks: Blocks, noise: Noise) -> tuple[FloatArray, FloatArray]:
     return white / k + noise.floor_var + blocks.extra_var, constant
 
 
-def _log_density(e2: FloatArray, s: FloatArray, V: FloatArray) -> FloatArray:
-    """ln of (1 − w) N(e; 0, s) + w N(e; 0, s'), s' with six times the bias variance V: some wander more than others."""
+def log_density(e2: FloatArray, s: FloatArray, V: FloatArray) -> FloatArray:
+    """ln of (1 − w) N(e; 0, s) + w N(e; 0, s'), s' with six times the bias variance V: some wander more than others.
+
+    Args:
+        e2: |e|², m².
+        s: Variance per axis, m², the bias's included.
+        V: That of the bias, m².
+    """
     wide = s + _WIDER * V
     near = _LOG_NEAR - np.log(s) - e2 / (2 * s)
     return np.asarray(np.logaddexp(near, _LOG_WIDE - np.log(wide) - e2 / (2 * wide)) - _LOG_2PI)
@@ -153,7 +160,7 @@ def run_filter(
     decay, prior = noise.decay, noise.bias_std**2
     null, null_later = _first_null(blocks, noise), blocks.log_null - noise.in_view_bonus
     # each block as if it were the first of the pair
-    log_p_first = constant + _log_density(squared_magnitude(mean_r), prior + variance, np.asarray(prior))
+    log_p_first = constant + log_density(squared_magnitude(mean_r), prior + variance, np.asarray(prior))
     restart = np.clip(log_p_first - null, _FIRST_LEAST, noise.increment_max)
     restart_gain = prior / (prior + variance)
     M_first, V_first = restart_gain * mean_r, prior - restart_gain * prior
@@ -168,7 +175,7 @@ def run_filter(
         M, V = decay * M, decay**2 * V + renewed[b]
         e = mean_r[b] - M
         s = V + variance[b]
-        log_p = constant[b] + _log_density(squared_magnitude(e), s, V)
+        log_p = constant[b] + log_density(squared_magnitude(e), s, V)
         later = np.minimum(np.maximum(log_p - null_later[b], -noise.increment_max), noise.increment_max)
         first = np.maximum(log_p - null[b], _FIRST_LEAST)
         stay = np.where(seen, L + later, first)

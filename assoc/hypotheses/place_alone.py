@@ -24,9 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, ndtr
 
+from assoc.evidence.likelihood import log_density
+
 __all__ = ["limit_by_place", "limit_by_strangers"]
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 _SIZE_NODES, _SIZE_WEIGHTS = np.exp(0.5 * np.sqrt(3.0) * np.array([-1.0, 0.0, 1.0])), np.array([1.0, 4.0, 1.0]) / 6.0
 """Factors and weights that integrate over σ_b, log-normal with 1σ of 0.5: a dozen biases do not tell it better, and
@@ -44,8 +47,6 @@ _NEAR_M = 6.0
 """Radius within which strangers are counted, metres: two bays to either side."""
 _FAR_OFF = -30.0
 """Least that being far off counts for a pair, nats: strangers that move otherwise have less."""
-_LOG_USUAL, _LOG_WIDE, _WIDER = float(np.log(0.85)), float(np.log(0.15)), 6.0
-"""ln of the weights of the two parts of N, the second of six times the variance: one vehicle in seven wanders more."""
 
 
 def limit_by_place(p: FloatArray, score: FloatArray, place: FloatArray, bias_std: float) -> FloatArray:
@@ -86,7 +87,13 @@ def limit_by_place(p: FloatArray, score: FloatArray, place: FloatArray, bias_std
 
 
 def limit_by_strangers(
-    p: FloatArray, score: FloatArray, bias: FloatArray, bias_std: float, view: FloatArray, log_area: float
+    p: FloatArray,
+    score: FloatArray,
+    bias: FloatArray,
+    bias_std: float,
+    view: FloatArray,
+    log_area: float,
+    stated: BoolArray,
 ) -> FloatArray:
     """Limit names by the strangers that may stand where a vehicle that has no box reports to be.
 
@@ -97,9 +104,11 @@ def limit_by_strangers(
         bias_std: σ_b, metres.
         view: (n,) probability of each vehicle to be in view.
         log_area: ln of twice the ground area in view, m².
+        stated: (m,) whether an operator said whose the track is, which no place contradicts.
     """
     name = np.argmax(p, axis=1)
-    rows, strangers = np.flatnonzero(name < score.shape[1]), np.flatnonzero(name == score.shape[1])
+    named = name < score.shape[1]
+    rows, strangers = np.flatnonzero(named & ~stated), np.flatnonzero(~named)
     if not len(rows) or not len(strangers):
         return p
     vehicle = name[rows]
@@ -108,11 +117,9 @@ def limit_by_strangers(
     near = np.linalg.norm(bias[np.ix_(strangers, vehicle)] - M, axis=2) < _NEAR_M
     log_near = np.log(np.maximum(np.sum(alike & near, axis=0), 1e-300) / (np.pi * _NEAR_M**2))
     log_anywhere = np.log(np.maximum(np.sum(alike, axis=0), 1e-300)) + np.log(2.0) - log_area
-    e2, var = np.sum(M * M, axis=1), bias_std**2
-    usual = _LOG_USUAL - np.log(var) - e2 / (2.0 * var)
-    wide = _LOG_WIDE - np.log(_WIDER * var) - e2 / (2.0 * _WIDER * var)
+    var = np.full(len(rows), bias_std**2)
     found = np.maximum(_FOUND * view[vehicle], np.finfo(float).tiny)
-    odds = np.log(found / (1.0 - found)) + np.logaddexp(usual, wide) - np.log(2.0 * np.pi)
+    odds = np.log(found / (1.0 - found)) + log_density(np.sum(M * M, axis=1), var, var)
     limit = expit(odds - np.maximum(log_near, log_anywhere))
     over = np.maximum(p[rows, vehicle] - limit, 0.0)
     p = p.copy()

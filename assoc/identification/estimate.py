@@ -184,7 +184,8 @@ class Estimator:
         elsewhere = self._co_visibility.elsewhere(live)
         p = mixed_marginals(found, share, context, free, elsewhere)
         self.fit.update(t, context, best, steady=camera.attitude_known and camera.stabilized)
-        p = self.fit.limited(p, self._stated.among(history.track_id[live]))
+        stated = self._stated.among(history.track_id[live])
+        p = self.fit.limited(p, stated)
         if not self.fit.fits:
             self.gross.look_mirrored(context, self.fit, camera)
             return self._without_names(t, context, best, p)
@@ -199,7 +200,7 @@ class Estimator:
         self._fold(context, best)
         p = limit_by_place(review.p, best.score, self._places(live, camera), self._bias_std)
         bias = best.final.mean[: len(live)]
-        p = limit_by_strangers(p, best.score, bias, self._bias_std, context.view, context.noise.log_area)
+        p = limit_by_strangers(p, best.score, bias, self._bias_std, context.view, context.noise.log_area, stated)
         return UpdateResult(live, p, review.vehicles)
 
     def _follow_sway(self, context: UpdateContext, best: Hypothesis, camera: CameraState) -> None:

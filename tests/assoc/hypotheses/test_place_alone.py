@@ -49,7 +49,7 @@ def test_tracks_out_of_sight_and_unnamed_ones_limit_nobody():
     assert limit_by_place(none, np.zeros((2, 2)), np.zeros((2, 2)), BIAS_STD_M)[0, 0] == 0.99
 
 
-def among_strangers(offset_m, n_strangers, against=0.0, view=1.0):
+def among_strangers(offset_m, n_strangers, against=0.0, view=1.0, stated=False):
     """The probability that is left of 0.999 for a vehicle whose report is so far off, with strangers 3 m apart."""
     m = 1 + n_strangers
     p = np.zeros((m, 2))
@@ -59,7 +59,7 @@ def among_strangers(offset_m, n_strangers, against=0.0, view=1.0):
     bias = np.zeros((m, 1, 2))
     bias[0, 0, 0] = offset_m
     bias[1:, 0, 1] = 3.0 * np.arange(1, m)
-    left = limit_by_strangers(p, score, bias, 1.0, np.array([view]), np.log(2.0 * 3000.0))
+    left = limit_by_strangers(p, score, bias, 1.0, np.array([view]), np.log(2.0 * 3000.0), np.arange(m) < stated)
     np.testing.assert_allclose(left.sum(axis=1), 1.0)
     return left[0, 0]
 
@@ -74,6 +74,10 @@ def test_a_name_far_from_its_report_is_doubted_among_parked_strangers():
 def test_only_strangers_that_move_alike_can_stand_in():
     assert among_strangers(3.0, 0) == 0.999
     assert among_strangers(3.0, 3, against=100.0) == 0.999
+
+
+def test_what_an_operator_stated_is_not_doubted_for_its_place():
+    assert among_strangers(5.0, 3, stated=True) == 0.999
 
 
 def test_a_vehicle_out_of_view_is_rather_a_stranger():
