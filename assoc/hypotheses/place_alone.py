@@ -26,10 +26,11 @@ from scipy.special import expit, ndtr
 
 from assoc.evidence.likelihood import log_density
 
-__all__ = ["limit_by_place", "limit_by_strangers"]
+__all__ = ["StrangerLimit", "limit_by_place", "log_odds_among_strangers"]
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
 
 _SIZE_NODES, _SIZE_WEIGHTS = np.exp(0.5 * np.sqrt(3.0) * np.array([-1.0, 0.0, 1.0])), np.array([1.0, 4.0, 1.0]) / 6.0
 """Factors and weights that integrate over σ_b, log-normal with 1σ of 0.5: a dozen biases do not tell it better, and
@@ -47,6 +48,8 @@ _NEAR_M = 6.0
 """Radius within which strangers are counted, metres: two bays to either side."""
 _FAR_OFF = -30.0
 """Least that being far off counts for a pair, nats: strangers that move otherwise have less."""
+_FORGOTTEN_NATS_S = 0.1
+"""What the odds of the past lose in a second: biases wander in a minute, reports go wrong for some seconds."""
 
 
 def limit_by_place(p: FloatArray, score: FloatArray, place: FloatArray, bias_std: float) -> FloatArray:
@@ -86,16 +89,10 @@ def limit_by_place(p: FloatArray, score: FloatArray, place: FloatArray, bias_std
     return p
 
 
-def limit_by_strangers(
-    p: FloatArray,
-    score: FloatArray,
-    bias: FloatArray,
-    bias_std: float,
-    view: FloatArray,
-    log_area: float,
-    stated: BoolArray,
+def log_odds_among_strangers(
+    p: FloatArray, score: FloatArray, bias: FloatArray, bias_std: float, view: FloatArray, log_area: float
 ) -> FloatArray:
-    """Limit names by the strangers that may stand where a vehicle that has no box reports to be.
+    """ln odds of each name against a stranger that stands where a vehicle without a box reports to be.
 
     Args:
         p: (m, n + 1) marginals, the last column "none of ours".
@@ -104,25 +101,63 @@ def limit_by_strangers(
         bias_std: σ_b, metres.
         view: (n,) probability of each vehicle to be in view.
         log_area: ln of twice the ground area in view, m².
-        stated: (m,) whether an operator said whose the track is, which no place contradicts.
+
+    Returns:
+        (m,) of the likeliest name; inf where no strangers move like its vehicle, and for tracks that are none of ours.
     """
     name = np.argmax(p, axis=1)
-    named = name < score.shape[1]
-    rows, strangers = np.flatnonzero(named & ~stated), np.flatnonzero(~named)
+    rows, strangers = np.flatnonzero(name < score.shape[1]), np.flatnonzero(name == score.shape[1])
+    found = np.full(len(p), np.inf)
     if not len(rows) or not len(strangers):
-        return p
+        return found
     vehicle = name[rows]
     alike = score[np.ix_(strangers, vehicle)] > _FAR_OFF
     M = bias[rows, vehicle]
     near = np.linalg.norm(bias[np.ix_(strangers, vehicle)] - M, axis=2) < _NEAR_M
-    log_near = np.log(np.maximum(np.sum(alike & near, axis=0), 1e-300) / (np.pi * _NEAR_M**2))
-    log_anywhere = np.log(np.maximum(np.sum(alike, axis=0), 1e-300)) + np.log(2.0) - log_area
+    beside = np.sum(alike & near, axis=0) / (np.pi * _NEAR_M**2)
+    density = np.maximum(beside, np.sum(alike, axis=0) / (0.5 * np.exp(log_area)))
     var = np.full(len(rows), bias_std**2)
-    found = np.maximum(_FOUND * view[vehicle], np.finfo(float).tiny)
-    odds = np.log(found / (1.0 - found)) + log_density(np.sum(M * M, axis=1), var, var)
-    limit = expit(odds - np.maximum(log_near, log_anywhere))
-    over = np.maximum(p[rows, vehicle] - limit, 0.0)
-    p = p.copy()
-    p[rows, vehicle] -= over
-    p[rows, -1] += over
-    return p
+    boxed = np.maximum(_FOUND * view[vehicle], np.finfo(float).tiny)
+    odds = np.log(boxed / (1.0 - boxed)) + log_density(np.sum(M * M, axis=1), var, var)
+    some = density > 0.0
+    found[rows[some]] = odds[some] - np.log(density[some])
+    return found
+
+
+class StrangerLimit:
+    """Limits names by those odds, the best ones of late: a report that goes wrong is no stranger's.
+
+    A stranger would have had to stand where the vehicle reported to be all the time. So the odds that a name had once
+    are forgotten slowly.
+    """
+
+    def __init__(self) -> None:
+        self._best: dict[tuple[int, int], float] = {}
+        self._t = np.inf
+
+    def limit(self, t: float, tracks: IntArray, p: FloatArray, odds: FloatArray, stated: BoolArray) -> FloatArray:
+        """Limit names; what is taken from them goes to "none of ours".
+
+        Args:
+            t: time, seconds.
+            tracks: (m,) ids.
+            p: (m, n + 1) marginals, the last column "none of ours".
+            odds: (m,) of ``log_odds_among_strangers``.
+            stated: (m,) whether an operator said whose the track is, which no place contradicts.
+        """
+        name = np.argmax(p, axis=1)
+        forgotten = max(t - self._t, 0.0) * _FORGOTTEN_NATS_S
+        self._t = t
+        before, self._best = self._best, {}
+        p = p.copy()
+        for i in np.flatnonzero(name < p.shape[1] - 1).tolist():
+            pair = int(tracks[i]), int(name[i])
+            remembered = before.get(pair, -np.inf) - forgotten
+            best = remembered if np.isinf(odds[i]) else max(float(odds[i]), remembered)
+            if np.isfinite(best):
+                self._best[pair] = best
+            if np.isfinite(odds[i]) and not stated[i]:
+                over = max(p[i, name[i]] - float(expit(best)), 0.0)
+                p[i, name[i]] -= over
+                p[i, -1] += over
+        return p

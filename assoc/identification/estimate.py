@@ -23,7 +23,7 @@ from assoc.history import TrackHistory
 from assoc.hypotheses.bias_memory import BiasMemory
 from assoc.hypotheses.bias_noise import learn_bias_noise
 from assoc.hypotheses.labels import mixed_marginals, posterior_weights
-from assoc.hypotheses.place_alone import limit_by_place, limit_by_strangers
+from assoc.hypotheses.place_alone import StrangerLimit, limit_by_place, log_odds_among_strangers
 from assoc.hypotheses.priors import OffsetPrior, noise_of, prior_of
 from assoc.hypotheses.search import Hypothesis, UpdateContext, keep_best, refine, shifts, swaps, turns
 from assoc.hypotheses.sway_fit import fit_sway
@@ -79,6 +79,7 @@ class Estimator:
         """(8,) 1σ of ``theta``, NaN before the first update."""
         self._lock = SearchLock(params.lock)
         self.fit, self.gross = FleetFit(), GrossErrors()
+        self._strangers = StrangerLimit()
         # vehicle of each certainly named track, by column: live tracks, and ended ones that still constrain the pose
         self._confident: dict[int, int] = {}
         self._anchors: dict[int, int] = {}
@@ -200,7 +201,8 @@ class Estimator:
         self._fold(context, best)
         p = limit_by_place(review.p, best.score, self._places(live, camera), self._bias_std)
         bias = best.final.mean[: len(live)]
-        p = limit_by_strangers(p, best.score, bias, self._bias_std, context.view, context.noise.log_area, stated)
+        odds = log_odds_among_strangers(p, best.score, bias, self._bias_std, context.view, context.noise.log_area)
+        p = self._strangers.limit(t, history.track_id[live], p, odds, stated)
         return UpdateResult(live, p, review.vehicles)
 
     def _follow_sway(self, context: UpdateContext, best: Hypothesis, camera: CameraState) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from assoc.hypotheses.place_alone import limit_by_place, limit_by_strangers
+from assoc.hypotheses.place_alone import StrangerLimit, limit_by_place, log_odds_among_strangers
 
 BIAS_STD_M, SPACING_M = 2.0, 4.0
 
@@ -57,11 +57,20 @@ def among_strangers(offset_m, n_strangers, against=0.0, view=1.0, stated=False):
     score = np.full((m, 1), 40.0)
     score[1:] = 20.0 - against
     bias = np.zeros((m, 1, 2))
-    bias[0, 0, 0] = offset_m
     bias[1:, 0, 1] = 3.0 * np.arange(1, m)
-    left = limit_by_strangers(p, score, bias, 1.0, np.array([view]), np.log(2.0 * 3000.0), np.arange(m) < stated)
+    limit = StrangerLimit()
+    for t, offset in enumerate(np.atleast_1d(offset_m)):
+        bias[0, 0, 0] = offset
+        odds = log_odds_among_strangers(p, score, bias, 1.0, np.array([view]), np.log(2.0 * 3000.0))
+        left = limit.limit(float(t), np.arange(1, m + 1), p, odds, np.arange(m) < stated)
     np.testing.assert_allclose(left.sum(axis=1), 1.0)
     return left[0, 0]
+
+
+def test_a_report_that_goes_wrong_for_seconds_is_no_strangers():
+    assert among_strangers([0.0] * 10 + [8.0] * 5, 2) > 0.9
+    assert among_strangers([8.0] * 15, 2) < 0.3
+    assert among_strangers([0.0] + [8.0] * 90, 2) < 0.3
 
 
 def test_a_name_far_from_its_report_is_doubted_among_parked_strangers():
