@@ -38,7 +38,9 @@ def see(tmp_path):
 
 
 def test_the_bundled_detector_tells_fronts_itself(see):
-    assert np.isfinite(see().heading).all()
+    found = see().at_least(0.3)
+    assert len(found) >= 4
+    assert np.isfinite(found.heading).all()
 
 
 def test_a_yolo_export_alone_tells_none(see):
