@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+import os
+import shutil
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from gcs.errors import SessionError
@@ -12,8 +15,13 @@ from gcs.session.event_log import EventLog
 from gcs.session.identity_log import IdentityLog
 from gcs.session.session import Session
 from gcs.snapshot import Snapshot
+from infra.files.aside import make_aside, put_all_in_place
+from infra.session_format import EVENTS, IDENTITY, IDENTITY_EVIDENCE
 
 __all__ = ["identify_session"]
+
+_FILES = (IDENTITY.name, IDENTITY_EVIDENCE, EVENTS)
+_NEVER_OVERWRITTEN = "exists already and is never overwritten; choose another place"
 
 
 def identify_session(
@@ -25,6 +33,8 @@ def identify_session(
     note: Callable[[str], None] = lambda text: None,
 ) -> RollCall:
     """Fold a session and write ``identity.csv``, ``identity.jsonl`` and ``events.jsonl``; same input, same bytes.
+
+    The files are there when they are whole: what is broken off leaves none.
 
     Args:
         session: as ``gcs.session.session.open_session`` gives it.
@@ -38,9 +48,42 @@ def identify_session(
         Who was named when, and in how many boxes.
 
     Raises:
-        SessionError: no frame in it, or files of these names in ``out``.
+        SessionError: no frame in it, files of these names in ``out``, or it cannot be written.
         ConfigError, ModelError, LogError: mission, detector or telemetry cannot be used.
     """
+    for name in _FILES:
+        if os.path.lexists(out / name):
+            raise SessionError(f"{out / name}: {_NEVER_OVERWRITTEN}")
+    with _aside(out) as folder:
+        return _identify(session, folder, detect=detect, report=report, note=note)
+
+
+@contextlib.contextmanager
+def _aside(out: Path) -> Iterator[Path]:
+    """A folder whose files come into ``out`` at the end; an error leaves none."""
+    with _as_session_error(out):
+        folder = make_aside(out)
+    try:
+        yield folder
+        with _as_session_error(out):
+            put_all_in_place(folder, out, last=IDENTITY.name)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def _as_session_error(out: Path) -> Iterator[None]:
+    try:
+        yield
+    except FileExistsError as error:
+        raise SessionError(f"{error.filename2 or error.filename}: {_NEVER_OVERWRITTEN}") from None
+    except OSError as error:
+        raise SessionError(f"{out}: cannot be written: {error.strerror}; choose another place") from error
+
+
+def _identify(
+    session: Session, out: Path, *, detect: bool, report: Callable[[int, int], None], note: Callable[[str], None]
+) -> RollCall:
     analysis = Analysis(session, redetect=detect)
     for text in analysis.warnings:
         note(text)
@@ -48,8 +91,7 @@ def identify_session(
     last: Snapshot | None = None
     blind = False
     try:
-        with IdentityLog(out) as log:
-            events = EventLog(out / "events.jsonl")
+        with IdentityLog(out) as log, contextlib.closing(EventLog(out / EVENTS)) as events:
             for last in analysis.snapshots(images=False):
                 log.write(last)
                 events.write(last.events)
@@ -59,7 +101,6 @@ def identify_session(
                         note(event.text)
                 report(calls.frames, len(analysis.times_us))
                 blind |= last.pose == "no attitude"
-            events.close()
     finally:
         analysis.close()
     if last is None:

@@ -28,3 +28,24 @@ def test_it_overwrites_nothing(tmp_path):
     with pytest.raises(SessionError, match=r"identity\.csv"):
         identify_session(session, tmp_path / "out")
     assert (tmp_path / "out" / "identity.csv").read_bytes() == before
+
+
+def test_what_is_broken_off_leaves_nothing(tmp_path):
+    session = open_session(shortened(CURVED_ROAD, tmp_path / "flown", 5))
+
+    def fail(now, total):
+        assert not (tmp_path / "out" / "identity.csv").exists()
+        raise RuntimeError(f"{now} of {total}")
+
+    with pytest.raises(RuntimeError, match="1 of 5"):
+        identify_session(session, tmp_path / "out", report=fail)
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_file_that_appears_meanwhile_is_not_overwritten(tmp_path):
+    session = open_session(shortened(CURVED_ROAD, tmp_path / "flown", 5))
+    other = tmp_path / "out" / "identity.jsonl"
+    with pytest.raises(SessionError, match=r"identity\.jsonl: exists already"):
+        identify_session(session, tmp_path / "out", report=lambda *_: other.write_text("another's"))
+    assert other.read_text() == "another's"
+    assert not (tmp_path / "out" / "identity.csv").exists()
