@@ -5,12 +5,25 @@ GcsError
 ├── SessionError    a folder that is no session, or cannot be written
 ├── ImportFileError what others recorded and cannot be used
 ├── FlightError     a job of a flight that fails again and again
+├── BatchError      flights of a batch, or what is to hold its results, that cannot be used
+│   ├── StoreError      a store of files that does not answer, or refuses
+│   └── ClusterError    a cluster that is not to be had, or that lost a flight
 └── ScoreError      an identity log or truth file that cannot be compared
 """
 
 from __future__ import annotations
 
-__all__ = ["ConfigError", "FlightError", "GcsError", "ImportFileError", "ScoreError", "SessionError"]
+__all__ = [
+    "BatchError",
+    "ClusterError",
+    "ConfigError",
+    "FlightError",
+    "GcsError",
+    "ImportFileError",
+    "ScoreError",
+    "SessionError",
+    "StoreError",
+]
 
 
 class GcsError(Exception):
@@ -31,6 +44,18 @@ class ImportFileError(GcsError):
 
 class FlightError(GcsError):
     """A job of a flight that fails again and again; the flight itself goes on."""
+
+
+class BatchError(GcsError):
+    """Flights that are not to be told apart or cannot be read, or an output folder that holds something else."""
+
+
+class StoreError(BatchError):
+    """A store of files that does not answer, or refuses: to try again may help."""
+
+
+class ClusterError(BatchError):
+    """A cluster that is not to be had, or whose workers ended one after another with a flight."""
 
 
 class ScoreError(GcsError):

@@ -24,6 +24,7 @@ _COMMANDS: dict[str, str] = {
     "fly": "Name the vehicles in a live video; record everything.",
     "replay": "Play, seek and step through a recording.",
     "identify": "Name the boxes of a recording, faster than real time.",
+    "batch": "Name the boxes of many recordings, on this machine or a cluster.",
     "import": "Make a session of a flight that others recorded: film, logs, tables.",
     "export": "Write identities for other programs, or a film with names.",
     "score": "Compare an identity log with the truth.",
@@ -41,6 +42,7 @@ _COMMANDS: dict[str, str] = {
 """The line of ``--help`` for each: to print it no command is imported."""
 _GROUPS = ("tlog", "keys")
 _MODULES = {
+    "batch": "batch.batch",
     "eval-detector": "detectors.eval_detector",
     "import": "import_flight",
     "train-detector": "detectors.train_detector",

@@ -6,7 +6,7 @@ The decoder and the detector are imported when a recording needs them: to load t
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -34,6 +34,7 @@ from vision.detect.detections import Detections
 from vision.stream.pace import stall_after_s
 
 if TYPE_CHECKING:
+    from gcs.mission.mission import DetectorChoice
     from vision.detect.detector import Detector
     from vision.video.video import VideoFile
 
@@ -53,18 +54,28 @@ LOOKED_US = 4_000_000
 class Analysis:
     """One session, opened: its frames' times and the fold over them."""
 
-    def __init__(self, session: Session, *, redetect: bool = False) -> None:
+    def __init__(
+        self,
+        session: Session,
+        *,
+        redetect: bool = False,
+        open_detector: Callable[[DetectorChoice], Detector] | None = None,
+        looking_threads: int = 2,
+    ) -> None:
         """Open all files of a session.
 
         Args:
             session: What to fold.
             redetect: Look at the video again even when the session has detections.
+            open_detector: loads the mission's networks, for those who keep them; None: they are loaded anew.
+            looking_threads: which look at the next frames meanwhile; 0: the one that folds looks, too.
 
         Raises:
             SessionError, TlogError, VideoError, ModelError: a part that cannot be used.
             CameraError: the mission's camera cannot have taken the video.
         """
         self.session = session
+        self._open_detector, self._looking_threads = open_detector, looking_threads
         self.faults = 0
         """Packets that could not be worked on."""
         self._log = SessionLog(session.tlog, session.notes.had_key_for)
@@ -187,6 +198,8 @@ class Analysis:
         """The mission's detector when frames have to be looked at."""
         if self.video is None or self._boxes is not None:
             return None
+        if self._open_detector is not None:
+            return self._open_detector(self.mission.detector)
         from gcs.fold.detector_factory import open_mission_detector
 
         return open_mission_detector(self.mission.detector)
@@ -386,7 +399,8 @@ class Analysis:
             packets = PacketsInOrder(self._log.packets())
             deque(packets.until(0 if from_us is None else from_us - WARM_UP_US), maxlen=0)
             scale = GroundScale(self.mission, packets)
-            return look_again(self.video, detector, scale.gsd_m, self.mission.detector.score, first)
+            least, threads = self.mission.detector.score, self._looking_threads
+            return look_again(self.video, detector, scale.gsd_m, least, first, threads=threads)
         return recorded_frames(self._looks, self.times_us, first, self.video if images else None)
 
     def close(self) -> None:

@@ -7,6 +7,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gcs.errors import SessionError
 from gcs.playback.analysis import Analysis
@@ -17,6 +18,10 @@ from gcs.session.session import Session
 from gcs.snapshot import Snapshot
 from infra.files.aside import make_aside, put_all_in_place
 from infra.session_format import EVENTS, IDENTITY, IDENTITY_EVIDENCE
+
+if TYPE_CHECKING:
+    from gcs.mission.mission import DetectorChoice
+    from vision.detect.detector import Detector
 
 __all__ = ["identify_session"]
 
@@ -31,6 +36,8 @@ def identify_session(
     detect: bool = False,
     report: Callable[[int, int], None] = lambda done, total: None,
     note: Callable[[str], None] = lambda text: None,
+    open_detector: Callable[[DetectorChoice], Detector] | None = None,
+    looking_threads: int = 2,
 ) -> RollCall:
     """Fold a session and write ``identity.csv``, ``identity.jsonl`` and ``events.jsonl``; same input, same bytes.
 
@@ -43,6 +50,8 @@ def identify_session(
         report: called after every frame with the frames that are done, and all there are.
         note: called with each line that a user should read: what the recording lacks, what the camera's stream did,
             what was not known in the end.
+        open_detector: loads a mission's networks, for those who name many recordings; None: they are loaded anew.
+        looking_threads: which look at the next frames of a video meanwhile; 0: one thread does all.
 
     Returns:
         Who was named when, and in how many boxes.
@@ -55,7 +64,8 @@ def identify_session(
         if os.path.lexists(out / name):
             raise SessionError(f"{out / name}: {_NEVER_OVERWRITTEN}")
     with _aside(out) as folder:
-        return _identify(session, folder, detect=detect, report=report, note=note)
+        analysis = Analysis(session, redetect=detect, open_detector=open_detector, looking_threads=looking_threads)
+        return _identify(analysis, folder, report, note)
 
 
 @contextlib.contextmanager
@@ -82,9 +92,8 @@ def _as_session_error(out: Path) -> Iterator[None]:
 
 
 def _identify(
-    session: Session, out: Path, *, detect: bool, report: Callable[[int, int], None], note: Callable[[str], None]
+    analysis: Analysis, out: Path, report: Callable[[int, int], None], note: Callable[[str], None]
 ) -> RollCall:
-    analysis = Analysis(session, redetect=detect)
     for text in analysis.warnings:
         note(text)
     calls = RollCall(analysis.mission)
@@ -104,7 +113,7 @@ def _identify(
     finally:
         analysis.close()
     if last is None:
-        raise SessionError(f"{session.path}: not one frame in it")
+        raise SessionError(f"{analysis.session.path}: not one frame in it")
     for text in _doubts(last, calls, blind=blind):
         note(text)
     return calls

@@ -92,7 +92,13 @@ def recorded_frames(
 
 
 def look_again(
-    video: VideoFile, detector: Detector, gsd_m: Callable[[Frame], float | None], score: float, first: int = 0
+    video: VideoFile,
+    detector: Detector,
+    gsd_m: Callable[[Frame], float | None],
+    score: float,
+    first: int = 0,
+    *,
+    threads: int = 2,
 ) -> Iterator[LookedFrame]:
     """Look at the frames of a video, from one on.
 
@@ -102,6 +108,7 @@ def look_again(
         gsd_m: metres on the ground per pixel of a frame as telemetry has it, None unknown: then the vehicles tell it.
         score: weaker boxes do not count, of which the best are kept.
         first: index of the first frame.
+        threads: which look at the next frames meanwhile; 0: none.
     """
     from vision.detect.scale_finder import ScaleFinder
     from vision.motion.estimator import MotionEstimator
@@ -114,7 +121,7 @@ def look_again(
         news[frame.index] = scale.news()
         return used
 
-    with closing(look_ahead(video.frames(first), detector, used_gsd_m)) as looked:
+    with closing(look_ahead(video.frames(first), detector, used_gsd_m, workers=threads)) as looked:
         for frame, found in looked:
             boxes = found.useful(score)
             motion = motions.update(frame.image, boxes.at_least(score))

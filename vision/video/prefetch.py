@@ -28,8 +28,12 @@ def look_ahead(
         frames: decoded as they are asked for.
         detector: may be asked from several threads at once.
         gsd_m: metres on the ground per pixel of a frame, None unknown; asked once for each, in order.
-        workers: frames in work at once.
+        workers: frames in work at once, by threads of their own; 0: each is looked at when it is asked for.
     """
+    if not workers:
+        for frame in frames:
+            yield frame, detector.detect(frame.image, gsd_m=gsd_m(frame))
+        return
     waiting: deque[tuple[Frame, Future[Detections]]] = deque()
     with ThreadPoolExecutor(workers, thread_name_prefix="detect") as pool:
         try:

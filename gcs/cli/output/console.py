@@ -2,7 +2,7 @@
 
 Exit codes: 0 done; 1 a fault of the program; 2 input that cannot be used; 3 a link, port, disk or camera that is not
 to be had, or a flight of which something could not be recorded; 4 done, but no box could be named; 5 a log that is
-damaged (``gcs tlog check``).
+damaged (``gcs tlog check``); 6 a batch of which some flights failed.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import Annotated, Any, Literal, TextIO
 import typer
 
 from assoc.errors import AssocError
-from gcs.errors import GcsError
+from gcs.errors import ClusterError, GcsError, StoreError
 from infra.files.safe_open import open_to_append
 from infra.plain_text import plain
 from mavlink.errors import LinkError, MavlinkError
@@ -38,6 +38,7 @@ __all__ = [
     "MOST_FPS",
     "NOT_AVAILABLE",
     "NO_NAMES",
+    "SOME_FAILED",
     "AsJson",
     "Fps",
     "Graphics",
@@ -56,7 +57,7 @@ __all__ = [
     "start_log",
 ]
 
-BAD_INPUT, NOT_AVAILABLE, NO_NAMES = 2, 3, 4
+BAD_INPUT, NOT_AVAILABLE, NO_NAMES, SOME_FAILED = 2, 3, 4, 6
 
 _OF_THE_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EFBIG)
 FRAME_SIZE = "Size of the frames that detections.csv is about, as 1280x720, where the recording does not know."
@@ -195,7 +196,7 @@ def errors_as_exit_codes() -> Iterator[None]:
     """Turn what a user can mend into one line and an exit code."""
     try:
         yield
-    except LinkError as error:
+    except (LinkError, StoreError, ClusterError) as error:
         print_note(_one_line(error))
         raise SystemExit(NOT_AVAILABLE) from error
     except (GcsError, MavlinkError, VisionError, AssocError, SimError) as error:

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from gcs.cli.app import app
 from gcs.cli.output.console import print_json
 
-HEAVY = ("numpy", "cv2", "av", "onnxruntime", "textual", "pymavlink", "scipy")
+HEAVY = ("numpy", "pyarrow", "fsspec", "distributed", "cv2", "av", "onnxruntime", "textual", "pymavlink", "scipy")
 
 
 def test_help_names_every_command_and_loads_none():
@@ -28,7 +28,9 @@ def test_help_names_every_command_and_loads_none():
     assert not set(HEAVY) & set(modules.split())
 
 
-@pytest.mark.parametrize("command", ["fly", "replay", "identify", "export", "score", "tlog", "keys", "sim", "demo"])
+@pytest.mark.parametrize(
+    "command", ["fly", "replay", "identify", "batch", "export", "score", "tlog", "keys", "sim", "demo"]
+)
 def test_every_command_has_a_page_of_help(command):
     page = CliRunner().invoke(app, [command, "--help"])
     assert page.exit_code == 0

@@ -43,7 +43,7 @@ def test_every_command_with_json_is_documented():
     able = {command for command, page in help_pages() if "--json" in page}
     assert able == {
         *("fly", "identify", "demo", "score", "tlog info", "tlog check", "keys list", "keys check"),
-        *("doctor", "calibrate", "eval-detector", "import", "sim", "sim from-tracks"),
+        *("doctor", "calibrate", "eval-detector", "import", "batch", "sim", "sim from-tracks"),
     }
     for command in (*able, "bench"):
         assert documented(command)
@@ -55,6 +55,13 @@ def test_recordings(tmp_path):
     assert {(row["system_id"], row["name"]) for row in named["vehicles"]} == {(i, f"UGV-{i}") for i in range(2, 8)}
     score = printed("score", SWARM, tmp_path / "out" / "identity.csv")
     assert set(score) == documented("score")
+
+
+def test_batches(tmp_path):
+    code, stdout, _ = run_gcs("batch", swarm_session(tmp_path), "-o", tmp_path / "out", "--json")
+    assert code == 0
+    flight, sums = map(json.loads, stdout.splitlines())
+    assert set(flight) | set(sums) == documented("batch")
 
 
 def test_logs_and_keys(tmp_path):

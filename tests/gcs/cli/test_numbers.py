@@ -20,6 +20,7 @@ OPTIONS = [
     ("replay", (SWARM,), "--video-start"),
     ("replay", (SWARM,), "--fps"),
     ("identify", (SWARM, "-o", "out"), "--video-start"),
+    *(("batch", (SWARM, "-o", "out"), option) for option in ("--jobs", "--retries", "--timeout", "--memory")),
     ("import", IMPORTED, "--clock-within"),
     ("import", IMPORTED, "--fov"),
     ("import", IMPORTED, "--pitch"),

@@ -1,0 +1,70 @@
+"""Addresses of files: paths of this machine, and those with a protocol, which fsspec reads.
+
+Options of a store are taken from where its own tools take them, such as ``AWS_ENDPOINT_URL`` and ``AWS_PROFILE``, and
+from fsspec's own settings (``FSSPEC_S3_ANON`` and the like).
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from gcs.errors import StoreError
+
+__all__ = ["is_of_this_process", "is_remote", "local_path", "remote_files", "store_errors"]
+
+_LOCAL = ("file", "local")
+_OF_THIS_PROCESS = ("memory",)
+"""What no other process can read."""
+
+
+def _protocol(address: str) -> str:
+    protocol, found, _ = address.partition("://")
+    return protocol if found else ""
+
+
+def is_remote(address: str) -> bool:
+    """Whether fsspec is to read it."""
+    return _protocol(address) not in ("", *_LOCAL)
+
+
+def is_of_this_process(address: str) -> bool:
+    """Whether no other process sees what is there."""
+    return _protocol(address) in _OF_THIS_PROCESS
+
+
+def local_path(address: str) -> Path:
+    """The path of an address that is not remote."""
+    return Path(address.partition("://")[2] if _protocol(address) in _LOCAL else address)
+
+
+def remote_files(address: str) -> tuple[Any, str]:
+    """fsspec's file system of an address, and the path in it.
+
+    Raises:
+        StoreError: fsspec, or what it needs for this protocol, is not installed, or knows no such protocol.
+    """
+    try:
+        from fsspec.core import url_to_fs
+    except ImportError:
+        raise StoreError(f"{address}: needs fsspec: pip install 'rollcall-gcs[batch]'") from None
+    with store_errors(address):
+        files, path = url_to_fs(address)
+    return files, path
+
+
+@contextlib.contextmanager
+def store_errors(address: str) -> Iterator[None]:
+    """Turn what a store raises into one line that names the address.
+
+    Raises:
+        StoreError: in place of any other error.
+    """
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise StoreError(f"{address}: no such file or folder") from error
+    except Exception as error:
+        raise StoreError(f"{address}: {' '.join(str(error).split()) or type(error).__name__}") from error

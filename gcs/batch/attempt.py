@@ -1,0 +1,60 @@
+"""One attempt at a flight: a job in, its result or what was wrong with it out, and a log of it beside."""
+
+from __future__ import annotations
+
+import logging
+import time
+from pathlib import Path
+
+from assoc.errors import AssocError
+from gcs.batch.jobs import SCRATCH_LOG, FlightDone, FlightFailed, FlightJob, FramesDone
+from gcs.batch.work import identify_flight
+from gcs.errors import GcsError, StoreError
+from infra.processes.channel import MessageChannel
+from infra.program_log import LogFile
+from mavlink.errors import MavlinkError
+from sim.errors import SimError
+from vision.errors import VisionError
+
+__all__ = ["work_on"]
+
+REPORT_S = 0.5
+_INPUT_ERRORS = (GcsError, MavlinkError, VisionError, AssocError, SimError)
+_log = logging.getLogger(__name__)
+
+
+def work_on(job: FlightJob, channel: MessageChannel[FlightJob] | None = None) -> FlightDone | FlightFailed:
+    """Work on a flight and log it; no error comes out.
+
+    Args:
+        job: its scratch folder is there.
+        channel: told how far it is.
+    """
+    due_s = 0.0
+
+    def report(done: int, total: int) -> None:
+        nonlocal due_s
+        if channel is not None and time.monotonic() >= due_s:
+            due_s = time.monotonic() + REPORT_S
+            channel.send(FramesDone(done, total))
+
+    log = LogFile(Path(job.scratch) / SCRATCH_LOG)
+    try:
+        done = identify_flight(job, report)
+        _log.info("done: %s frames, %s of %s named", done.record.frames, done.record.named, done.record.vehicles)
+        return done
+    except StoreError as error:
+        return _failed(str(error), again=True)
+    except _INPUT_ERRORS as error:
+        return _failed(str(error), again=False)
+    except Exception as error:  # noqa: BLE001 - goes to the flight's log and record
+        _log.exception("a fault of this program")
+        return _failed(f"a fault of this program, see the flight's log: {error!r}", again=True)
+    finally:
+        log.close()
+
+
+def _failed(text: str, *, again: bool) -> FlightFailed:
+    line = " ".join(text.split())
+    _log.error("%s", line)
+    return FlightFailed(line, again=again)

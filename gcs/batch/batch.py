@@ -1,0 +1,168 @@
+"""A batch: flights in, each worked on once, one table over all of them out. Prints nothing."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Generator, Iterable, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+
+from gcs.batch.addresses import is_of_this_process, is_remote, local_path
+from gcs.batch.cluster import run_in_cluster
+from gcs.batch.flights import BatchFlight
+from gcs.batch.jobs import (
+    FAILED,
+    FLIGHTS_TABLE,
+    RECORDS,
+    BatchOptions,
+    FlightDone,
+    FlightFailed,
+    FlightJob,
+    FlightRecord,
+    program_version,
+)
+from gcs.batch.local_pool import FlightResult, OnFrames, run_here, run_in_processes
+from gcs.batch.parquet import import_pyarrow
+from gcs.batch.records import write_failure, write_table
+from gcs.batch.runner import RunLimits, share_of_memory
+from gcs.batch.stores import ASIDE, LOCK, ResultStore, open_results
+from gcs.errors import BatchError
+
+__all__ = ["BatchCounts", "BatchWork", "run_batch"]
+
+LEFT_ASIDE_S = 86_400.0
+"""What other machines are still working on is younger."""
+Note = Callable[[str], None]
+Results = Generator[FlightResult, None, None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatchWork:
+    """Who works, and what a flight may cost."""
+
+    workers: int = 0
+    """Processes of this machine; 0: one for each core."""
+    scheduler: str = ""
+    """Address of a Dask scheduler, whose workers work instead."""
+    limits: RunLimits = field(default_factory=RunLimits)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatchCounts:
+    """What became of the flights of one run."""
+
+    done: int = 0
+    """With a result, those that were skipped included."""
+    skipped: int = 0
+    """Whose result was there before."""
+    failed: int = 0
+    frames: int = 0
+    """That were looked at in this run."""
+
+
+def run_batch(
+    flights: Sequence[BatchFlight],
+    out: str,
+    *,
+    options: BatchOptions | None = None,
+    work: BatchWork | None = None,
+    on_result: Callable[[FlightRecord, bool], None] = lambda record, skipped: None,
+    on_frames: OnFrames = lambda flight, done, total: None,
+    note: Note = lambda text: None,
+) -> BatchCounts:
+    """Name the flights that have no result yet, and put the table of all flights into place.
+
+    A flight that fails costs nothing but itself. What is broken off goes on where it was when this is called again.
+
+    Args:
+        flights: as ``gcs.batch.flights.find_flights`` gives them.
+        out: folder of the results, or an address that fsspec writes; new, or of a batch before.
+        options: what results depend on besides the recordings.
+        work: who works.
+        on_result: called with each flight's record as it comes, and whether its result was there before.
+        on_frames: called with a flight's name, how many of its frames are done, and of how many; not from a cluster.
+        note: called with each line that a user should read.
+
+    Returns:
+        How many flights were done, skipped and failed.
+
+    Raises:
+        BatchError: the folder holds something else, or what writes Parquet is not installed.
+        StoreError: the results cannot be written, or another batch is writing them.
+        ClusterError: there is no such cluster.
+    """
+    import_pyarrow()
+    options, work = options or BatchOptions(), work or BatchWork()
+    results = open_results(out if is_remote(out) else str(local_path(out).absolute()))
+    _check(results)
+    now: dict[str, FlightRecord] = {}
+    counts = BatchCounts()
+    with results.claim(older_s=LEFT_ASIDE_S if work.scheduler else 0.0):
+        jobs = [
+            FlightJob(
+                name=flight.name,
+                address=flight.address,
+                out=results.address,
+                options=options,
+                version=program_version(),
+            )
+            for flight in flights
+        ]
+        try:
+            with closing(_run(jobs, work, on_frames, note)) as outcomes:
+                for job, outcome in outcomes:
+                    record = _record(results, job, outcome)
+                    now[record.flight] = record
+                    skipped = isinstance(outcome, FlightDone) and outcome.skipped
+                    counts = _counted(counts, record, skipped)
+                    on_result(record, skipped)
+        finally:
+            write_table(results, now)
+    return counts
+
+
+def _check(results: ResultStore) -> None:
+    """That a folder is new, or a batch's.
+
+    Raises:
+        BatchError: it holds something else.
+    """
+    there = set(results.names("")) - {ASIDE, LOCK}
+    if there and RECORDS not in there and FLIGHTS_TABLE not in there:
+        raise BatchError(f"{results.address}: holds something else than a batch's results; choose another folder")
+
+
+def _run(jobs: Iterable[FlightJob], work: BatchWork, on_frames: OnFrames, note: Note) -> Results:
+    jobs = list(jobs)
+    if any(is_of_this_process(address) for job in jobs for address in (job.address, job.out)):
+        note("memory:// is of this process alone, which names its flights one after the other, without a time limit")
+        return run_here(jobs)
+    if work.scheduler:
+        return run_in_cluster(jobs, work.scheduler, work.limits, note)
+    workers = work.workers or os.cpu_count() or 1
+    limits = replace(work.limits, most_bytes=work.limits.most_bytes or share_of_memory(workers))
+    return run_in_processes(jobs, min(workers, len(jobs)), limits, on_frames)
+
+
+def _record(results: ResultStore, job: FlightJob, outcome: FlightDone | FlightFailed) -> FlightRecord:
+    if isinstance(outcome, FlightDone):
+        return outcome.record
+    record = FlightRecord(
+        flight=job.name,
+        status=FAILED,
+        error=outcome.error,
+        source=job.address,
+        version=job.version,
+        versions={},
+        options=job.options.text(),
+        attempts=outcome.attempts,
+    )
+    write_failure(results, record)
+    return record
+
+
+def _counted(counts: BatchCounts, record: FlightRecord, skipped: bool) -> BatchCounts:
+    if record.status == FAILED:
+        return replace(counts, failed=counts.failed + 1)
+    looked = 0 if skipped else record.frames or 0
+    return replace(counts, done=counts.done + 1, skipped=counts.skipped + skipped, frames=counts.frames + looked)

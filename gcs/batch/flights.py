@@ -1,0 +1,137 @@
+"""Which flights a batch is about: words of a command line in, names and addresses out."""
+
+from __future__ import annotations
+
+import glob
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from gcs.batch.addresses import is_remote, local_path, remote_files, store_errors
+from gcs.errors import BatchError
+from infra.files.segments import segments
+from infra.session_format import LOG
+
+__all__ = ["BatchFlight", "find_flights"]
+
+LIST_SUFFIXES = (".txt", ".list")
+"""Of files with a flight on each line."""
+LOG_SUFFIX = ".tlog"
+_MAGIC = frozenset("*?[")
+
+
+@dataclass(frozen=True, slots=True)
+class BatchFlight:
+    """One flight of a batch."""
+
+    name: str
+    """What its results are called; no other flight of the batch has it."""
+    address: str
+    """Absolute path of a session folder or telemetry log, or where fsspec finds it."""
+
+
+def find_flights(words: Iterable[str], note: Callable[[str], None] = lambda text: None) -> list[BatchFlight]:
+    """The flights that words stand for, in their order, each once.
+
+    A word is a session folder, a folder of session folders, a telemetry log, a pattern of those (``*``, ``?``, ``[]``),
+    a list (``.txt``: a word on each line, ``#`` begins a comment, paths relative to the list), or an address
+    with a protocol, as ``s3://bucket/flights/*``. ``NAME=WORD`` gives a single flight another name.
+
+    Args:
+        words: as given by the user.
+        note: called with a line for what is left out.
+
+    Raises:
+        BatchError: no flight at all, two of one name, or a list that cannot be read.
+    """
+    by_name: dict[str, BatchFlight] = {}
+    for flight in _flights(words, Path(), note):
+        known = by_name.setdefault(flight.name, flight)
+        if known.address != flight.address:
+            raise BatchError(
+                f"two flights are called {flight.name}: {known.address} and {flight.address}; "
+                f"give one another name, as OTHER={flight.address}"
+            )
+    if not by_name:
+        raise BatchError("not one flight found; give session folders, telemetry logs, patterns of them, or a .txt list")
+    return list(by_name.values())
+
+
+def _flights(words: Iterable[str], folder: Path, note: Callable[[str], None]) -> Iterator[BatchFlight]:
+    for word in words:
+        name, named, rest = word.partition("=")
+        if named and name and "/" not in name and not (folder / word).exists():
+            found = list(_addresses(rest, folder, note))
+            if len(found) != 1:
+                raise BatchError(f"{word}: {len(found)} flights there; a name is for one")
+            yield BatchFlight(_checked(name), found[0])
+        elif not is_remote(word) and Path(word).suffix.lower() in LIST_SUFFIXES:
+            path = folder / local_path(word)
+            yield from _flights(_lines(path), path.parent, note)
+        else:
+            for address in _addresses(word, folder, note):
+                yield BatchFlight(_checked(_name_of(address)), address)
+
+
+def _lines(path: Path) -> Iterator[str]:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise BatchError(f"{path}: cannot be read as a list of flights: {error}") from error
+    lines = (line.strip() for line in text.splitlines())
+    return (line for line in lines if line and not line.startswith("#"))
+
+
+def _checked(name: str) -> str:
+    if not name.isprintable() or name in ("", ".", ".."):
+        raise BatchError(f"{name!r} is no name for a flight; give it one, as NAME=ADDRESS")
+    return name
+
+
+def _name_of(address: str) -> str:
+    last = address.rstrip("/").rpartition("/")[2]
+    return last.removesuffix(LOG_SUFFIX)
+
+
+def _addresses(word: str, folder: Path, note: Callable[[str], None]) -> Iterator[str]:
+    if is_remote(word):
+        yield from _remote_addresses(word, note)
+        return
+    path = folder / local_path(word)
+    if _MAGIC & set(word) and not path.exists():
+        found = sorted(glob.glob(str(path)))  # noqa: PTH207 - of a path that may be absolute
+        if not found:
+            note(f"{word}: nothing there is called so")
+        paths = [Path(each) for each in found]
+    else:
+        paths = [path]
+    for each in paths:
+        yield from _local_addresses(each, note)
+
+
+def _local_addresses(path: Path, note: Callable[[str], None]) -> Iterator[str]:
+    if path.is_dir() and not segments(path / LOG):
+        inside = sorted(folder for folder in path.iterdir() if folder.is_dir() and segments(folder / LOG))
+        # a folder without any is a broken flight, and is told as that
+        yield from (str(folder.resolve()) for folder in inside or [path])
+    elif path.is_file() and path.suffix.lower() != LOG_SUFFIX:
+        note(f"{path}: neither a session folder, a {LOG_SUFFIX} nor a {LIST_SUFFIXES[0]} list; left out")
+    else:
+        yield str(path.resolve())
+
+
+def _remote_addresses(word: str, note: Callable[[str], None]) -> Iterator[str]:
+    """An address as it is; of a pattern what matches. Nothing else is asked of the store: it may hold a million."""
+    if not _MAGIC & set(word):
+        yield word.rstrip("/")
+        return
+    with store_errors(word):
+        files, pattern = remote_files(word)
+        found = files.glob(pattern, detail=True)
+    for path, told in sorted(found.items()):
+        if told["type"] == "directory" or path.endswith(LOG_SUFFIX):
+            yield files.unstrip_protocol(path.rstrip("/"))
+        else:
+            note(f"{path}: neither a folder nor a {LOG_SUFFIX}; left out")
+    if not found:
+        note(f"{word}: nothing there is called so")

@@ -1,0 +1,119 @@
+"""What a result depends on: the files of a recording, and a hash over them that tells whether they are the same."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from gcs.batch.addresses import remote_files, store_errors
+from gcs.errors import BatchError, StoreError
+from gcs.mission.mission import BUNDLED, Mission
+from infra.session_format import EVENTS, IDENTITY, IDENTITY_EVIDENCE, LOG, MARKS, PROGRAM_LOG
+
+__all__ = ["fetch", "files_stamp", "input_files", "inputs_hash", "mission_files", "remote_stamp"]
+
+_NOT_READ = frozenset((IDENTITY.name, IDENTITY_EVIDENCE, MARKS, PROGRAM_LOG, "faults.txt"))
+"""Files of a session that no identification reads: what it wrote itself, and what was made later."""
+
+
+def _is_read(name: str) -> bool:
+    return name not in _NOT_READ and not name.startswith(".")
+
+
+def input_files(path: Path) -> list[Path]:
+    """All files of a recording that its identification may read, in order.
+
+    Args:
+        path: session folder, or a telemetry log.
+
+    Raises:
+        BatchError: nothing there.
+    """
+    if path.is_dir():
+        return sorted(file for file in path.iterdir() if file.is_file() and _is_read(file.name))
+    if not path.is_file():
+        raise BatchError(f"{path}: no such session folder or telemetry log")
+    if path.name == LOG:  # its segments and tables lie beside it
+        return input_files(path.parent)
+    return [path, *(file for file in [path.with_name(EVENTS)] if file.is_file())]
+
+
+def mission_files(mission: Mission | None) -> list[Path]:
+    """Files that a mission names and an identification reads, wherever they are."""
+    if mission is None:
+        return []
+    named = [mission.detector.model, mission.detector.front, mission.map.terrain]
+    return [Path(text) for text in named if text and text != BUNDLED]
+
+
+def inputs_hash(files: Sequence[Path]) -> str:
+    """SHA-256 over the names and contents of files, wherever they are.
+
+    Raises:
+        BatchError: one cannot be read.
+    """
+    whole = hashlib.sha256()
+    for path in files:
+        try:
+            with path.open("rb") as file:
+                content = hashlib.file_digest(file, "sha256").hexdigest()
+        except OSError as error:
+            raise BatchError(f"{path}: cannot be read: {error.strerror}") from error
+        whole.update(f"{json.dumps(path.name)} {content}\n".encode())
+    return whole.hexdigest()
+
+
+def files_stamp(files: Sequence[Path]) -> tuple[tuple[str, int, int], ...]:
+    """Name, size and time of change of files: another value tells that one was changed meanwhile."""
+    return tuple((path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in files if path.exists())
+
+
+def _remote_listing(address: str) -> Iterator[tuple[str, str]]:
+    """Path of each file of a recording in a store, and what the store tells apart its contents by."""
+    files, path = remote_files(address)
+    files.invalidate_cache()
+    told = files.info(path)
+    listed = [told] if told["type"] == "file" else files.ls(path, detail=True)
+    for each in sorted(listed, key=lambda info: str(info["name"])):
+        name = str(each["name"])
+        if each["type"] == "file" and _is_read(name.rpartition("/")[2]):
+            yield name, str(files.ukey(name))
+
+
+def remote_stamp(address: str) -> str:
+    """What a store says of a recording's files, such as their ETags: the same while none is changed.
+
+    Raises:
+        StoreError: it cannot be listed.
+    """
+    with store_errors(address):
+        listed = list(_remote_listing(address))
+    return hashlib.sha256(json.dumps(listed).encode()).hexdigest()
+
+
+def fetch(address: str, folder: Path) -> Path:
+    """Copy a recording out of a store.
+
+    Args:
+        address: of a session folder or a telemetry log.
+        folder: of this machine, where it gets a folder or a file of its own name.
+
+    Returns:
+        The folder, or the log.
+
+    Raises:
+        StoreError: it cannot be fetched.
+    """
+    last = address.rstrip("/").rpartition("/")[2]
+    if last in ("", ".", ".."):
+        raise StoreError(f"{address}: is no recording")
+    with store_errors(address):
+        files, path = remote_files(address)
+        is_file = files.info(path)["type"] == "file"
+        here = folder if is_file else folder / last
+        here.mkdir(parents=True, exist_ok=True)
+        for name, _ in _remote_listing(address):
+            files.get_file(name, str(here / Path(name).name))
+    return here / last if is_file else here

@@ -1,0 +1,180 @@
+"""What goes to a worker and what comes back: plain values, so that pipes and clusters carry them."""
+
+from __future__ import annotations
+
+import json
+from importlib.metadata import version
+from urllib.parse import quote
+
+import msgspec
+
+__all__ = [
+    "DONE",
+    "FAILED",
+    "FLIGHTS_TABLE",
+    "RECORDS",
+    "SCRATCH_LOG",
+    "BatchOptions",
+    "FlightDone",
+    "FlightFailed",
+    "FlightJob",
+    "FlightRecord",
+    "FramesDone",
+    "ScoreRecord",
+    "VehicleCall",
+    "file_name",
+    "identity_name",
+    "log_name",
+    "program_version",
+    "record_name",
+]
+
+IDENTITY_FOLDER, RECORDS, LOGS = "identity", "records", "logs"
+FLIGHTS_TABLE = "flights.parquet"
+DONE, FAILED = "done", "failed"
+SCRATCH_LOG = "flight.log"
+"""A flight's log while it is worked on, in its scratch folder."""
+
+
+def program_version() -> str:
+    """What is compared to tell whether a result is of this program."""
+    return version("rollcall-gcs")
+
+
+class BatchOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """What a result depends on besides the recording and the program."""
+
+    detect: bool = False
+    """Look at the video even where detections were kept."""
+    mission: str = ""
+    """Absolute path of a mission file for all flights; empty: each has its own."""
+    frame_size: tuple[int, int] | None = None
+    """Width and height of the frames, px, of recordings that do not know."""
+
+    def text(self) -> str:
+        """All of it on one line, the same for the same options."""
+        kept = {name: value for name, value in msgspec.structs.asdict(self).items() if value and name != "mission"}
+        return json.dumps(kept | ({"mission": True} if self.mission else {}), sort_keys=True)
+
+
+class FlightJob(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """One flight to be named."""
+
+    name: str
+    address: str
+    """Of the session folder or telemetry log."""
+    out: str
+    """Where results go: as ``gcs.batch.stores.open_results`` takes it."""
+    options: BatchOptions = BatchOptions()
+    version: str = ""
+    """Of the program that asks: a worker with another refuses."""
+    attempt: int = 1
+    scratch: str = ""
+    """Folder of this machine for what is not whole; its log is there too."""
+
+
+class FramesDone(msgspec.Struct, frozen=True, tag=True):
+    """How far the flight is that is worked on."""
+
+    done: int
+    total: int
+
+
+class FlightFailed(msgspec.Struct, frozen=True, tag=True):
+    """A flight that gave no result."""
+
+    error: str
+    """One line: what, where, and what to do."""
+    again: bool
+    """Whether another attempt may help."""
+    attempts: int = 1
+
+
+class VehicleCall(msgspec.Struct, frozen=True, kw_only=True):
+    """What was seen of one vehicle: a row of the roll call, null where it was never named."""
+
+    system_id: int
+    name: str
+    first_named_s: float | None
+    boxes: int
+    frames_in_view: int
+    confidence: float | None
+
+
+class ScoreRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """How right the names are where the truth is known; null where there is nothing to take a share of."""
+
+    precision: float | None
+    coverage: float | None
+    right: float | None
+    fper: float | None
+    switches: int
+    idf1: float | None
+    track_idf1: float | None
+    ece: float | None
+    wrong_sure_s: float
+
+
+class FlightRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """One row of the table of flights; null where it is not known, as of a flight that failed."""
+
+    flight: str
+    status: str
+    """``done`` or ``failed``."""
+    error: str | None = None
+    """Why it failed, on one line."""
+    source: str
+    version: str
+    versions: dict[str, str]
+    options: str
+    inputs: str | None = None
+    """SHA-256 of all files that the result depends on."""
+    stamp: str | None = None
+    """What the store said of the input's files; null for those of a disk."""
+    frames: int | None = None
+    span_s: float | None = None
+    boxes: int | None = None
+    unnamed: int | None = None
+    vehicles: int | None = None
+    named: int | None = None
+    roll_call: tuple[VehicleCall, ...] = ()
+    score: ScoreRecord | None = None
+    identity_bytes: int | None = None
+    """Size of the flight's identity table."""
+    attempts: int = 1
+    seconds: float | None = None
+    cpu_seconds: float | None = None
+    peak_bytes: int | None = None
+    """Most memory that the worker has held so far."""
+    worker: str | None = None
+    """Host and process id."""
+
+
+class FlightDone(msgspec.Struct, frozen=True, tag=True):
+    """A flight's result is in place."""
+
+    record: FlightRecord
+    skipped: bool
+    """It was there before."""
+    worker_bytes: int
+    """What the worker holds now."""
+
+
+def file_name(flight: str) -> str:
+    """As Hive, DuckDB and Arrow write values into paths."""
+    return quote(flight, safe=" ")
+
+
+def identity_name(flight: str) -> str:
+    """Of a flight's identity table in the folder of results."""
+    return f"{IDENTITY_FOLDER}/flight={file_name(flight)}/part-0.parquet"
+
+
+def record_name(flight: str) -> str:
+    """Of a flight's record."""
+    return f"{RECORDS}/{file_name(flight)}.json"
+
+
+def log_name(flight: str) -> str:
+    """Of a flight's log."""
+    return f"{LOGS}/{file_name(flight)}.log"

@@ -1,0 +1,212 @@
+"""The work on one flight: a recording in, its table and record in their places out. Prints nothing.
+
+A result is of the same input, program and options as what is asked for, or is made anew: first its record goes, then
+its table is replaced at once, then the new record comes. So whatever is killed when, a record stands beside the table
+that it is about.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import math
+import os
+import platform
+import resource
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+import psutil
+
+from gcs.batch.addresses import is_remote, local_path
+from gcs.batch.identity_table import write_identity_table
+from gcs.batch.inputs import fetch, files_stamp, input_files, inputs_hash, mission_files, remote_stamp
+from gcs.batch.jobs import (
+    DONE,
+    BatchOptions,
+    FlightDone,
+    FlightJob,
+    FlightRecord,
+    ScoreRecord,
+    VehicleCall,
+    identity_name,
+    program_version,
+    record_name,
+)
+from gcs.batch.records import read_record, write_record
+from gcs.batch.stores import ResultStore, open_results
+from gcs.errors import BatchError, GcsError, StoreError
+from gcs.playback.identification import identify_session
+from gcs.report.rollcall import RollCall
+from gcs.report.score import score_files
+from gcs.session.session import Session, open_session
+from infra.session_format import IDENTITY, IDENTITY_EVIDENCE
+
+if TYPE_CHECKING:
+    from gcs.mission.mission import DetectorChoice
+    from vision.detect.detector import Detector
+
+__all__ = ["identify_flight"]
+
+_PACKAGES = ("numpy", "scipy", "onnxruntime", "opencv-python-headless", "av", "pyarrow")
+"""Whose versions a result may depend on."""
+_log = logging.getLogger(__name__)
+
+
+def identify_flight(job: FlightJob, report: Callable[[int, int], None] = lambda done, total: None) -> FlightDone:
+    """Name one flight, where its result is not there yet, and put the result in its place.
+
+    Args:
+        job: which, and where to; its scratch folder is there.
+        report: called after every frame with the frames that are done, and all there are.
+
+    Returns:
+        The flight's record, whether it was there before, and what memory this process holds.
+
+    Raises:
+        StoreError: a store does not answer; to try again may help.
+        GcsError, MavlinkError, VisionError: the flight cannot be used, or its name is another's.
+    """
+    if job.version != program_version():
+        raise BatchError(
+            f"this worker ({_worker()}) has version {program_version()} of Rollcall, the batch {job.version}; "
+            "install the same on all machines"
+        )
+    began_s, cpu_s = time.monotonic(), time.process_time()
+    results, scratch = open_results(job.out), Path(job.scratch)
+    kept = read_record(results, job.name)
+    stamp = remote_stamp(job.address) if is_remote(job.address) else None
+    if stamp and kept and kept.stamp == stamp and _is_whole(results, kept, job, kept.inputs):
+        return FlightDone(kept, skipped=True, worker_bytes=_held_bytes())
+    path = fetch(job.address, scratch / "input") if is_remote(job.address) else local_path(job.address)
+    session, files = _open(path, job.options)
+    as_found, inputs = files_stamp(files), inputs_hash(files)
+    if kept and _is_whole(results, kept, job, inputs):
+        return FlightDone(kept, skipped=True, worker_bytes=_held_bytes())
+    if kept and kept.status == DONE and kept.source != job.address and kept.inputs != inputs:
+        raise BatchError(
+            f"{job.address}: {job.out} has the result of another flight of this name, {kept.source}; "
+            f"give one another name, as OTHER={job.address}, or take another folder for the results"
+        )
+    _log.info("%s: inputs %s, options %s", job.address, inputs, job.options.text())
+    calls = identify_session(
+        session,
+        scratch,
+        detect=job.options.detect,
+        report=report,
+        note=_log.warning,
+        open_detector=_detector,
+        looking_threads=0,
+    )
+    score = _score(session, scratch)
+    table = scratch / "part-0.parquet"
+    about = {"rollcall.version": job.version, "rollcall.options": job.options.text(), "rollcall.inputs": inputs}
+    write_identity_table(scratch / IDENTITY_EVIDENCE, table, about)
+    if files_stamp(files) != as_found:
+        raise StoreError(f"{job.address}: was changed while it was read; is it still being recorded?")
+    record = FlightRecord(
+        flight=job.name,
+        status=DONE,
+        source=job.address,
+        version=job.version,
+        versions=_versions(),
+        options=job.options.text(),
+        inputs=inputs,
+        stamp=stamp,
+        frames=calls.frames,
+        span_s=calls.span_s,
+        boxes=calls.boxes,
+        unnamed=calls.unnamed,
+        vehicles=len(calls.rows()),
+        named=calls.named,
+        roll_call=_roll_call(calls),
+        score=score,
+        identity_bytes=table.stat().st_size,
+        attempts=job.attempt,
+        seconds=round(time.monotonic() - began_s, 3),
+        cpu_seconds=round(time.process_time() - cpu_s, 3),
+        peak_bytes=_peak_bytes(),
+        worker=_worker(),
+    )
+    results.remove(record_name(job.name))
+    results.put(table, identity_name(job.name))
+    write_record(results, record)
+    return FlightDone(record, skipped=False, worker_bytes=_held_bytes())
+
+
+def _is_whole(results: ResultStore, kept: FlightRecord, job: FlightJob, inputs: str | None) -> bool:
+    """Whether a record is of what is asked for, and its table is there."""
+    asked = (DONE, inputs, job.version, job.options.text())
+    if (kept.status, kept.inputs, kept.version, kept.options) != asked:
+        return False
+    return results.size(identity_name(job.name)) == kept.identity_bytes
+
+
+def _open(path: Path, options: BatchOptions) -> tuple[Session, list[Path]]:
+    """A recording and all files that its result depends on."""
+    if not path.exists():
+        raise BatchError(f"{path}: no such session folder or telemetry log on {platform.node()}")
+    files = input_files(path)
+    mission = Path(options.mission) if options.mission else None
+    session = open_session(path, mission=mission, frame_size=options.frame_size)
+    return session, [*files, *([mission] if mission else []), *mission_files(session.mission)]
+
+
+@lru_cache(maxsize=2)
+def _detector(choice: DetectorChoice) -> Detector:
+    """A mission's networks, loaded once by each worker."""
+    from gcs.fold.detector_factory import open_mission_detector
+
+    return open_mission_detector(choice)
+
+
+def _score(session: Session, folder: Path) -> ScoreRecord | None:
+    """How right the names are; None where the truth is not known, or not usable."""
+    if session.truth is None:
+        return None
+    try:
+        score = asdict(score_files(session.truth, folder / IDENTITY.name))
+    except GcsError as error:
+        _log.warning("no score: %s", error)
+        return None
+    known = {name: _known(value) if isinstance(value, float) else value for name, value in score.items()}
+    return msgspec.convert(known, ScoreRecord)
+
+
+def _roll_call(calls: RollCall) -> tuple[VehicleCall, ...]:
+    rows = (asdict(row) for row in calls.rows())
+    known = ("first_named_s", "confidence")
+    return tuple(VehicleCall(**(row | {name: _known(row[name]) for name in known})) for row in rows)
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+@lru_cache(maxsize=1)
+def _versions() -> dict[str, str]:
+    found = {"python": platform.python_version()}
+    for name in _PACKAGES:
+        with contextlib.suppress(PackageNotFoundError):
+            found[name] = version(name)
+    return found
+
+
+def _worker() -> str:
+    return f"{platform.node()}:{os.getpid()}"
+
+
+def _held_bytes() -> int:
+    return int(psutil.Process().memory_info().rss)
+
+
+def _peak_bytes() -> int:
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
