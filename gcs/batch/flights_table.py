@@ -43,7 +43,7 @@ COLUMNS = {
     "peak_bytes": "int64",
     "worker": "string",
 }
-"""Columns with their Arrow types, and ``roll_call``, a list; null is unknown. What they mean: ``docs/batch.md``."""
+"""Columns with their Arrow types, and ``roll_call``, a list; null is unknown."""
 _CALL = {
     "system_id": "int16",
     "name": "string",

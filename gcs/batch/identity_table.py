@@ -51,7 +51,7 @@ COLUMNS = {
     "lon": "double",
     "stated": "bool",
 }
-"""Columns with their Arrow types; null is unknown. What they mean: ``docs/batch.md``."""
+"""Columns with their Arrow types; null is unknown."""
 _BOX, _ENU = ("cx", "cy", "w", "h", "angle"), ("east_m", "north_m", "up_m")
 
 
