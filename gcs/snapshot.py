@@ -225,6 +225,8 @@ class Box:
     fused: float = NAN
     p_enu: NDArray[np.float64] = field(default_factory=_nowhere)
     """(3,) where the box is on the ground, NaN when the camera's pose is unknown."""
+    place_std_m: float = NAN
+    """1σ per level axis of that place by the camera's reported pose alone, NaN unknown."""
     lat_deg: float = NAN
     lon_deg: float = NAN
 

@@ -49,6 +49,7 @@ COLUMNS = {
     "up_m": "double",
     "lat": "double",
     "lon": "double",
+    "place_std_m": "double",
     "stated": "bool",
 }
 """Columns with their Arrow types; null is unknown."""
@@ -78,6 +79,7 @@ class EvidenceRow(msgspec.Struct, frozen=True):
     enu_m: tuple[float | None, float | None, float | None]
     lat: float | None
     lon: float | None
+    place_std_m: float | None = None
     stated: bool = False
 
 

@@ -10,8 +10,10 @@ import typer
 
 from gcs.cli.output.console import FRAME_SIZE, VideoStart, parse_frame_size, print_note
 from gcs.cli.output.progress import progress
+from gcs.cli.output.tables import print_table
 from gcs.errors import GcsError
-from gcs.export import FORMATS, export_format
+from gcs.export.formats import FORMATS, format_for
+from gcs.export.job import ExportJob
 from gcs.playback.analysis import Analysis
 from gcs.session.identity_replay import read_snapshots
 from gcs.session.session import open_session
@@ -21,30 +23,51 @@ __all__ = ["export"]
 
 
 def export(
-    session: Annotated[Path, typer.Argument(help="Session folder, or a telemetry log.")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="File to write; the ending names the format.")],
-    form: Annotated[str | None, typer.Option("--format", "-f", help=f"One of {', '.join(FORMATS)}.")] = None,
+    session: Annotated[Path | None, typer.Argument(help="Session folder, or a telemetry log.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="To write; the ending names the format.")] = None,
+    form: Annotated[str | None, typer.Option("--format", "-f", help="One of those that --list names.")] = None,
+    formats: Annotated[bool, typer.Option("--list", help="List the formats, and what opens each.")] = False,
+    every: Annotated[int, typer.Option(min=1, max=1_000_000, help="Take each n-th frame only.")] = 1,
+    min_confidence: Annotated[
+        float, typer.Option(min=0.0, max=1.0, help="Training labels: leave less certain names out.")
+    ] = 0.0,
     identity: Annotated[Path | None, typer.Option(help="Export this identity.csv as it is.")] = None,
     video: Annotated[Path | None, typer.Option(help="Video file of a bare telemetry log.")] = None,
     video_start: VideoStart = 0.0,
     mission: Annotated[Path | None, typer.Option(help="Mission file; overrides the session's own.")] = None,
     frame_size: Annotated[str | None, typer.Option(help=FRAME_SIZE)] = None,
 ) -> None:
-    """Write identities as csv, jsonl, or a film with the names drawn in (mp4)."""
-    file_format = export_format(form or out.suffix.lstrip("."))
+    """Write identities for other programs: tables, maps, films, labels; --list shows all."""
+    if formats:
+        rows = [
+            (form.name, form.suffix or "folder", form.contents, form.opened_by, form.extra) for form in FORMATS.values()
+        ]
+        print_table(("format", "ending", "contents", "opened by", "extra"), rows)
+        return
+    if session is None or out is None:
+        raise GcsError("export what, and where to? gcs export SESSION -o FILE; gcs export --list shows the formats")
+    file_format = format_for(out, form)
     size = parse_frame_size(frame_size)
-    analysis = Analysis(open_session(session, video=video, video_start_s=video_start, mission=mission, frame_size=size))
+    opened = open_session(session, video=video, video_start_s=video_start, mission=mission, frame_size=size)
+    analysis = Analysis(opened)
     written = 0
     try:
-        if file_format.needs_images and analysis.video is None:
-            others = " or ".join(name for name, other in FORMATS.items() if not other.needs_images)
-            raise GcsError(f"{session}: no video in it to draw on; choose {others}")
-        sink = file_format(out)
+        sink = file_format.open(
+            ExportJob(
+                path=out,
+                name=opened.name,
+                video=opened.video,
+                truth=opened.truth,
+                times_us=analysis.times_us,
+                min_confidence=min_confidence,
+            )
+        )
         with progress("export") as report:
-            for snapshot in _snapshots(analysis, identity, file_format.needs_images):
-                sink.write(snapshot)
-                written += 1
-                report(written, len(analysis.times_us))
+            for count, snapshot in enumerate(_snapshots(analysis, identity, file_format.needs_images)):
+                if count % every == 0:
+                    sink.write(snapshot)
+                    written += 1
+                report(count + 1, len(analysis.times_us))
         sink.close()
     finally:
         analysis.close()

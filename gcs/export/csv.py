@@ -5,9 +5,8 @@ from __future__ import annotations
 import csv
 import math
 from datetime import UTC, datetime
-from pathlib import Path
-from typing import ClassVar
 
+from gcs.export.job import ExportJob
 from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
 from infra.plain_text import to_cell
@@ -16,7 +15,8 @@ __all__ = ["CsvExport"]
 
 COLUMNS = (
     *("time_utc", "frame", "track_id", "system_id", "name", "confidence", "runner_up", "runner_up_confidence"),
-    *("cx_px", "cy_px", "w_px", "h_px", "angle_deg", "heading_deg", "lat_deg", "lon_deg", "east_m", "north_m"),
+    *("cx_px", "cy_px", "w_px", "h_px", "angle_deg", "heading_deg"),
+    *("lat_deg", "lon_deg", "east_m", "north_m", "place_std_m"),
     *("residual_m", "position_age_s", "stated"),
 )
 
@@ -24,10 +24,8 @@ COLUMNS = (
 class CsvExport:
     """Degrees and metres, empty cells for what is unknown."""
 
-    needs_images: ClassVar[bool] = False
-
-    def __init__(self, path: Path) -> None:
-        self._file = open_new(path)
+    def __init__(self, job: ExportJob) -> None:
+        self._file = open_new(job.path)
         self._rows = csv.writer(self._file, lineterminator="\n")
         self._rows.writerow(COLUMNS)
 
@@ -42,7 +40,8 @@ class CsvExport:
             second = (box.runner_up or "", _cell(box.runner_up_confidence, 4))
             shape = [_cell(v, 2) for v in (box.cx, box.cy, box.w, box.h)]
             turn = [_cell(math.degrees(v), 2) for v in (box.angle, box.heading)]
-            place = (_cell(box.lat_deg, 7), _cell(box.lon_deg, 7), *(_cell(float(v), 3) for v in box.p_enu[:2]))
+            metres = (*box.p_enu[:2].tolist(), box.place_std_m)
+            place = (_cell(box.lat_deg, 7), _cell(box.lon_deg, 7), *(_cell(v, 3) for v in metres))
             trust = (_cell(box.residual_m, 3), _cell(box.position_age_s, 3))
             stated = int(box.stated)
             self._rows.writerow((time, snapshot.frame, *who, *second, *shape, *turn, *place, *trust, stated))

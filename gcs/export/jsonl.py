@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
-from typing import ClassVar
 
+from gcs.export.job import ExportJob
 from gcs.session.identity_log import json_row
 from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
@@ -26,10 +25,8 @@ HEADER = {
 class JsonlExport:
     """null is unknown."""
 
-    needs_images: ClassVar[bool] = False
-
-    def __init__(self, path: Path) -> None:
-        self._file = open_new(path)
+    def __init__(self, job: ExportJob) -> None:
+        self._file = open_new(job.path)
         self._file.write(json.dumps(HEADER) + "\n")
 
     def write(self, snapshot: Snapshot) -> None:

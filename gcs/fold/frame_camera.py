@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from assoc.params import IdentifierParams
 from gcs.fold.ground.surface import GroundSurface
 from mavlink.state import FleetState
 from vision.camera.camera import CameraPose, image_warp, project
@@ -17,6 +18,7 @@ from vision.camera.intrinsics import Intrinsics
 __all__ = ["FrameCamera", "expected_pixels", "ground_warp", "reported_pixels"]
 
 FloatArray = NDArray[np.float64]
+PRIOR = IdentifierParams()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +40,28 @@ class FrameCamera:
     def ground_z(self) -> float:
         """Height of the level plane on which tracks and reports are compared, ENU metres."""
         return self.ground.z
+
+    def place_std_m(self, p_enu: FloatArray) -> FloatArray:
+        """How uncertain places (k, 3) are that were worked out from pixels, before any vehicle's report is compared.
+
+        Returns:
+            (k,) 1σ per level axis, m, of the reported pose's usual errors (``assoc.params``), to first order; NaN where
+            the place, or the camera's attitude or position, is unknown.
+        """
+        reach = p_enu - self.pose.p_enu
+        d2, h2 = np.square(reach[..., :2]).sum(axis=-1), np.square(reach[..., 2])
+        s2, f2 = d2 + h2, self.intrinsics.fx * self.intrinsics.fy
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # an angle ε of the ray moves the place along it by s²/h·ε, across it by h·ε (tilt), s·ε (pixel), d·ε (yaw);
+            # σ² is the mean of both
+            along2 = s2**2 / h2
+            tilt2 = (along2 + h2) / 2 * np.radians(PRIOR.tilt_std_deg) ** 2
+            yaw2 = d2 / 2 * np.radians(PRIOR.yaw_std_deg) ** 2
+            pixel2 = (along2 + s2) / 2 * PRIOR.pixel_std**2 / f2
+            height2 = d2 / h2 / 2 * PRIOR.height_std_m**2
+        level = self.position_std_m if math.isfinite(self.position_std_m) else PRIOR.position_std_m
+        std_m = np.sqrt(level**2 + tilt2 + yaw2 + pixel2 + height2)
+        return np.where(self.attitude_known and self.position_sure, std_m, np.nan)
 
 
 def reported_pixels(state: FleetState, view: FrameCamera | None) -> dict[int, FloatArray]:

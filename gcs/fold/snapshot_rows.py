@@ -73,10 +73,17 @@ def boxes_of(
         p_enu = view.ground.below_level(level, view.pose.p_enu)
         nowhere = np.full(len(rows), np.nan)
         lat, lon, _ = origin.to_geodetic(p_enu) if origin else (nowhere, nowhere, nowhere)
-        for row, p, lat_deg, lon_deg in zip(rows, p_enu, lat.tolist(), lon.tolist(), strict=True):
+        columns = (p_enu, lat.tolist(), lon.tolist(), view.place_std_m(p_enu).tolist())
+        for row, p, lat_deg, lon_deg, std_m in zip(rows, *columns, strict=True):
             uv = vehicle_uv.get(row.get("system_id", 0))
             residual_px = NAN if uv is None else math.hypot(row["cx"] - uv[0], row["cy"] - uv[1])
-            row |= {"p_enu": p, "lat_deg": lat_deg, "lon_deg": lon_deg, "residual_px": residual_px}
+            row |= {
+                "p_enu": p,
+                "place_std_m": std_m,
+                "lat_deg": lat_deg,
+                "lon_deg": lon_deg,
+                "residual_px": residual_px,
+            }
     return tuple(Box(**row) for row in rows)
 
 

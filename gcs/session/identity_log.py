@@ -100,6 +100,7 @@ def json_row(snapshot: Snapshot, box: Box) -> str:
         "box": [_number(v, 4) for v in (box.cx, box.cy, box.w, box.h, box.angle)],
         "heading": _number(box.heading, 4),
         "enu_m": [_number(v, 2) for v in box.p_enu.tolist()],
+        "place_std_m": _number(box.place_std_m, 3),
         "lat": _number(box.lat_deg, 7),
         "lon": _number(box.lon_deg, 7),
     }

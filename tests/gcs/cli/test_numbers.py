@@ -24,7 +24,7 @@ OPTIONS = [
     ("import", IMPORTED, "--clock-within"),
     ("import", IMPORTED, "--fov"),
     ("import", IMPORTED, "--pitch"),
-    ("export", (SWARM, "-o", "out.csv"), "--video-start"),
+    *(("export", (SWARM, "-o", "out.csv"), option) for option in ("--video-start", "--every", "--min-confidence")),
     ("tlog check", (LOG,), "--most"),
     ("tlog cut", (LOG, "cut.tlog"), "--from"),
     ("tlog cut", (LOG, "cut.tlog"), "--to"),

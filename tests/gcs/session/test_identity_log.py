@@ -1,3 +1,4 @@
+import csv
 import json
 
 import numpy as np
@@ -5,15 +6,22 @@ import pytest
 
 from gcs.cli.rollcall import print_rollcall
 from gcs.errors import GcsError, SessionError
-from gcs.export import export_format
+from gcs.export.formats import FORMATS, format_for
+from gcs.export.job import ExportJob
 from gcs.report.rollcall import RollCall
 from gcs.session.event_log import EventLog
 from gcs.session.identity_log import IdentityLog, read_identity
 from gcs.session.identity_replay import read_snapshots
 from gcs.snapshot import Event
 from infra.session_format import IDENTITY
+from tests.support.bundled import CURVED_ROAD
+from tests.support.command_line import run_gcs
 from tests.support.snapshots import TWO_UGVS, box, snapshot
 from vision.video.video import VideoFile
+
+
+def open_export(path):
+    return format_for(path).open(ExportJob(path=path, video=path))
 
 
 def test_rows_have_the_columns_and_unknown_is_empty(tmp_path):
@@ -44,10 +52,12 @@ def test_nothing_is_overwritten(tmp_path):
     for form in ("csv", "jsonl", "mp4"):
         (tmp_path / f"there.{form}").write_text("kept")
         with pytest.raises(SessionError, match="never overwritten"):
-            export_format(form)(tmp_path / f"there.{form}")
+            open_export(tmp_path / f"there.{form}")
         assert (tmp_path / f"there.{form}").read_text() == "kept"
     with pytest.raises(GcsError, match="no export format 'gif'"):
-        export_format("gif")(tmp_path / "x.gif")
+        format_for(tmp_path / "x.csv", "gif")
+    with pytest.raises(GcsError, match=r"x\.gif: the ending names no format"):
+        format_for(tmp_path / "x.gif")
 
 
 def test_a_log_read_back_says_the_same(tmp_path):
@@ -71,7 +81,7 @@ def test_events_keep_hostile_text_as_it_came(tmp_path):
 
 
 def test_csv_export_has_names_and_degrees(tmp_path):
-    sink = export_format("csv")(tmp_path / "o.csv")
+    sink = open_export(tmp_path / "o.csv")
     sink.write(snapshot(boxes=[box(1, 2)]))
     sink.close()
     header, row = (line.split(",") for line in (tmp_path / "o.csv").read_text().splitlines())
@@ -81,7 +91,7 @@ def test_csv_export_has_names_and_degrees(tmp_path):
 
 
 def test_film_export_keeps_the_frames_times(tmp_path):
-    sink = export_format("mp4")(tmp_path / "o.mp4")
+    sink = open_export(tmp_path / "o.mp4")
     image = np.full((48, 64, 3), 90, np.uint8)
     for frame in (0, 1, 5):
         sink.write(snapshot(frame, boxes=[box(2, 2)], image=image))
@@ -103,3 +113,20 @@ def test_roll_call_counts_what_was_seen(capsys):
     assert "75.0%" in text
     assert "never in view" in text
     assert "1 of 2 vehicles named" in text
+
+
+def test_the_list_of_formats_says_what_opens_them(tmp_path):
+    code, told, _ = run_gcs("export", "--list")
+    assert code == 0
+    rows = told.splitlines()
+    assert rows[0].split() == ["format", "ending", "contents", "opened", "by", "extra"]
+    assert [row.split()[0] for row in rows[1:]] == list(FORMATS)
+
+
+def test_frames_can_be_thinned(tmp_path):
+    code, _, told = run_gcs("export", CURVED_ROAD, "-o", tmp_path / "o.csv", "--every", "100")
+    assert (code, told.splitlines()[-1]) == (0, f"gcs: 4 frames written to {tmp_path / 'o.csv'}")
+    with (tmp_path / "o.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert {row["frame"] for row in rows} == {"0", "100", "200", "300"}
+    assert all(0.5 < float(row["place_std_m"]) < 5.0 for row in rows)

@@ -3,28 +3,25 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from pathlib import Path
-from typing import ClassVar
 
 import av
 
+from gcs.export.job import ExportJob
 from gcs.report.labels import Labelling
 from gcs.report.overlay import draw, image_labels
 from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
 
-__all__ = ["VideoExport"]
+__all__ = ["Mp4Export"]
 
 TIME_BASE = Fraction(1, 90_000)
 
 
-class VideoExport:
+class Mp4Export:
     """Frames keep their time stamps, so the film runs in step with the log."""
 
-    needs_images: ClassVar[bool] = True
-
-    def __init__(self, path: Path) -> None:
-        self._file = open_new(path)
+    def __init__(self, job: ExportJob) -> None:
+        self._file = open_new(job.path)
         # FFmpeg by itself would write over what is there, and through a link
         self._film = av.open(f"/dev/fd/{self._file.fileno()}", "w", format="mp4", options={"movflags": "+faststart"})
         self._stream: av.VideoStream | None = None

@@ -1,0 +1,106 @@
+"""The formats of ``gcs export``: how each is called, what opens it, and where it is written.
+
+A format's module is imported when the format is asked for: a table needs no video library.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Final, cast
+
+from gcs.errors import GcsError
+from gcs.export.job import Export, ExportJob
+
+__all__ = ["FORMATS", "ExportFormat", "format_for"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportFormat:
+    """One format."""
+
+    name: str
+    """As ``--format`` takes it."""
+    suffix: str
+    """Ending of its file with the dot; empty: it is a folder, and has to be asked for by name."""
+    contents: str
+    """What is in it."""
+    opened_by: str
+    """Programs that open it."""
+    writer: str
+    """Module in this folder and class."""
+    needs_images: bool = False
+    """Whether snapshots must come with their frame's image: decoding takes longer than all the rest."""
+    needs_video: bool = False
+    """Whether there must be a film, of which it takes more than images."""
+    extra: str = ""
+    """Optional dependencies that must be installed; empty: none."""
+
+    def open(self, job: ExportJob) -> Export:
+        """Begin an export.
+
+        Raises:
+            GcsError: the recording lacks what it needs, or a library is not installed.
+            SessionError: what is to be written exists, or cannot be made.
+        """
+        if job.video is None and (self.needs_images or self.needs_video):
+            others = ", ".join(
+                other.name for other in FORMATS.values() if not (other.needs_images or other.needs_video)
+            )
+            raise GcsError(f"{job.name}: no video in it, and {self.name} needs one; choose another of {others}")
+        module, writer = self.writer.split(":")
+        try:
+            made = getattr(import_module(f"gcs.export.{module}"), writer)
+        except ImportError as error:
+            if not self.extra:
+                raise
+            raise GcsError(
+                f"{self.name} needs {error.name}; install it with: pip install 'rollcall[{self.extra}]'"
+            ) from error
+        return cast(Export, made(job))
+
+
+_ALL: Final = (
+    ExportFormat(
+        name="csv",
+        suffix=".csv",
+        contents="one row for each box of each frame",
+        opened_by="spreadsheets, pandas",
+        writer="csv:CsvExport",
+    ),
+    ExportFormat(
+        name="jsonl",
+        suffix=".jsonl",
+        contents="one JSON object for each box of each frame, with the evidence",
+        opened_by="jq, pandas, DuckDB",
+        writer="jsonl:JsonlExport",
+    ),
+    ExportFormat(
+        name="mp4",
+        suffix=".mp4",
+        contents="the film with boxes and names drawn in",
+        opened_by="any player",
+        writer="mp4:Mp4Export",
+        needs_images=True,
+    ),
+)
+
+FORMATS: Final = {form.name: form for form in _ALL}
+"""By name, in the order in which they are listed."""
+
+
+def format_for(path: Path, name: str | None = None) -> ExportFormat:
+    """The format of that name, or else the one that the path's ending says.
+
+    Raises:
+        GcsError: no such format, or an ending that says none.
+    """
+    if name is not None:
+        if name not in FORMATS:
+            raise GcsError(f"no export format {name!r}; there are {', '.join(FORMATS)}")
+        return FORMATS[name]
+    for form in FORMATS.values():
+        if form.suffix and path.name.lower().endswith(form.suffix):
+            return form
+    raise GcsError(f"{path}: the ending names no format; choose one of {', '.join(FORMATS)} with --format")

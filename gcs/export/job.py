@@ -1,0 +1,53 @@
+"""What an export gets besides snapshots: where to write, and what the recording is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.snapshot import Snapshot
+
+__all__ = ["Export", "ExportJob"]
+
+
+def _no_times() -> NDArray[np.int64]:
+    return np.zeros(0, dtype=np.int64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportJob:
+    """One export of one recording."""
+
+    path: Path
+    """File or folder to write; it does not exist yet."""
+    name: str = ""
+    """What the recording is called; plain text."""
+    video: Path | None = None
+    """Its film; None without one."""
+    truth: Path | None = None
+    """Its ``truth.csv``; None unknown."""
+    times_us: NDArray[np.int64] = field(default_factory=_no_times)
+    """(n,) when each of its frames was taken, Unix µs."""
+    min_confidence: float = 0.0
+    """Of training labels: boxes of less certain names are left out."""
+
+
+class Export(Protocol):
+    """An export while it is written."""
+
+    def __init__(self, job: ExportJob) -> None:
+        """Open what does not exist yet.
+
+        Raises:
+            SessionError: it exists, or cannot be written.
+        """
+
+    def write(self, snapshot: Snapshot) -> None:
+        """Append one frame."""
+
+    def close(self) -> None:
+        """Finish it."""
