@@ -83,6 +83,7 @@ async def shots(moments: Sequence[Moment], size: tuple[int, int]) -> AsyncIterat
             for station.moment in part:
                 app._poll()
                 await pilot.pause()
+                await pilot.pause()  # a machine with other work to do lets the first end before all is drawn
                 yield Shot(screen=read_screen(app), moment=station.moment)
 
 
