@@ -8,7 +8,7 @@ from pathlib import Path
 
 from assoc.errors import AssocError
 from gcs.batch.jobs import SCRATCH_LOG, FlightDone, FlightFailed, FlightJob, FramesDone
-from gcs.batch.work import identify_flight
+from gcs.batch.work import fetched_path, identify_flight
 from gcs.errors import GcsError, StoreError
 from infra.processes.channel import MessageChannel
 from infra.program_log import LogFile
@@ -38,23 +38,25 @@ def work_on(job: FlightJob, channel: MessageChannel[FlightJob] | None = None) ->
             due_s = time.monotonic() + REPORT_S
             channel.send(FramesDone(done, total))
 
+    if channel is not None:
+        channel.send(FramesDone(0, 0))
     log = LogFile(Path(job.scratch) / SCRATCH_LOG)
     try:
         done = identify_flight(job, report)
         _log.info("done: %s frames, %s of %s named", done.record.frames, done.record.named, done.record.vehicles)
         return done
     except StoreError as error:
-        return _failed(str(error), again=True)
+        return _failed(job, str(error), again=True)
     except _INPUT_ERRORS as error:
-        return _failed(str(error), again=False)
+        return _failed(job, str(error), again=False)
     except Exception as error:  # noqa: BLE001 - goes to the flight's log and record
         _log.exception("a fault of this program")
-        return _failed(f"a fault of this program, see the flight's log: {error!r}", again=True)
+        return _failed(job, f"a fault of this program, see the flight's log: {error!r}", again=True)
     finally:
         log.close()
 
 
-def _failed(text: str, *, again: bool) -> FlightFailed:
-    line = " ".join(text.split())
+def _failed(job: FlightJob, text: str, *, again: bool) -> FlightFailed:
+    line = " ".join(text.replace(str(fetched_path(job)), job.address).split())
     _log.error("%s", line)
     return FlightFailed(line, again=again)

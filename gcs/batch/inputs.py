@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from gcs.batch.addresses import remote_files, store_errors
-from gcs.errors import BatchError, StoreError
+from gcs.errors import BatchError
 from gcs.mission.mission import BUNDLED, Mission
 from infra.session_format import EVENTS, IDENTITY, IDENTITY_EVIDENCE, LOG, MARKS, PROGRAM_LOG
 
@@ -93,27 +93,19 @@ def remote_stamp(address: str) -> str:
     return hashlib.sha256(json.dumps(listed).encode()).hexdigest()
 
 
-def fetch(address: str, folder: Path) -> Path:
+def fetch(address: str, place: Path) -> None:
     """Copy a recording out of a store.
 
     Args:
         address: of a session folder or a telemetry log.
-        folder: of this machine, where it gets a folder or a file of its own name.
-
-    Returns:
-        The folder, or the log.
+        place: path of this machine that the folder or the log gets.
 
     Raises:
         StoreError: it cannot be fetched.
     """
-    last = address.rstrip("/").rpartition("/")[2]
-    if last in ("", ".", ".."):
-        raise StoreError(f"{address}: is no recording")
     with store_errors(address):
         files, path = remote_files(address)
         is_file = files.info(path)["type"] == "file"
-        here = folder if is_file else folder / last
-        here.mkdir(parents=True, exist_ok=True)
+        (place.parent if is_file else place).mkdir(parents=True, exist_ok=True)
         for name, _ in _remote_listing(address):
-            files.get_file(name, str(here / Path(name).name))
-    return here / last if is_file else here
+            files.get_file(name, str(place if is_file else place / Path(name).name))

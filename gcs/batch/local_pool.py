@@ -9,8 +9,8 @@ from collections.abc import Callable, Generator, Iterable
 
 import msgspec
 
-from gcs.batch.jobs import FlightDone, FlightFailed, FlightJob
-from gcs.batch.runner import FlightRunner, RunLimits
+from gcs.batch.jobs import SCRATCH_LOG, FlightDone, FlightFailed, FlightJob
+from gcs.batch.runner import FlightRunner, RunLimits, keep_log
 from gcs.batch.stores import open_results
 
 __all__ = ["FlightResult", "OnFrames", "run_here", "run_in_processes"]
@@ -94,6 +94,8 @@ def run_here(jobs: Iterable[FlightJob]) -> Generator[FlightResult, None, None]:
     for job in jobs:
         scratch = open_results(job.out).scratch("here")
         try:
-            yield job, work_on(msgspec.structs.replace(job, scratch=str(scratch)))
+            result = work_on(msgspec.structs.replace(job, scratch=str(scratch)))
+            keep_log(job, result, (scratch / SCRATCH_LOG).read_bytes())
         finally:
             shutil.rmtree(scratch, ignore_errors=True)
+        yield job, result

@@ -18,9 +18,11 @@ from gcs.batch.stores import open_results
 from gcs.errors import StoreError
 from infra.processes.child_process import ChildProcess
 
-__all__ = ["FlightRunner", "RunLimits", "share_of_memory"]
+__all__ = ["FlightRunner", "RunLimits", "keep_log", "share_of_memory"]
 
 POLL_S = 0.2
+START_S = 120.0
+"""A worker loads what it needs meanwhile; time limits are counted from when it has."""
 END_S = 2.0
 FRESH_AFTER_BYTES = 1 << 30
 """A worker that holds more after a flight makes way for a fresh one, as does ..."""
@@ -52,6 +54,13 @@ class RunLimits:
     """Of one attempt."""
     most_bytes: int | None = None
     """That a worker may hold; None: its share of the machine's memory."""
+
+
+def keep_log(job: FlightJob, result: FlightDone | FlightFailed, log: bytes) -> None:
+    """Put a flight's log beside its result; what was skipped has one."""
+    if not (isinstance(result, FlightDone) and result.skipped):
+        with contextlib.suppress(StoreError):  # the record tells the same
+            open_results(job.out).write(log, log_name(job.name))
 
 
 class FlightRunner:
@@ -87,9 +96,7 @@ class FlightRunner:
                 result = msgspec.structs.replace(result, attempts=attempt)
             if isinstance(result, FlightDone) or not result.again or self.stopping:
                 break
-        if not (isinstance(result, FlightDone) and result.skipped):
-            with contextlib.suppress(StoreError):  # the record tells the same
-                open_results(job.out).write(bytes(log), log_name(job.name))
+        keep_log(job, result, bytes(log))
         return result
 
     def stop(self) -> None:
@@ -124,16 +131,21 @@ class FlightRunner:
             self._child = ChildProcess("gcs.batch.worker", _Told, environment=ONE_THREAD)
             self._flights = 0
         child, self._flights = self._child, self._flights + 1
-        deadline_s = time.monotonic() + (self.limits.timeout_s or float("inf"))
+        deadline_s = time.monotonic() + START_S
+        begun = False
         try:
             child.channel.send(job)
             while True:
                 message = child.channel.receive(POLL_S)
+                if message is not None and not begun:
+                    begun, deadline_s = True, time.monotonic() + (self.limits.timeout_s or float("inf"))
                 if isinstance(message, FramesDone):
                     report(message.done, message.total)
                 elif message is not None:
                     self._make_way(message)
                     return message
+                if not begun and time.monotonic() > deadline_s:
+                    return self._kill(f"its worker did not begin within {START_S:g} s")
                 if failure := self._excess(child, deadline_s):
                     return self._kill(failure)
         except (EOFError, OSError):

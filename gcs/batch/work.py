@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from gcs.mission.mission import DetectorChoice
     from vision.detect.detector import Detector
 
-__all__ = ["identify_flight"]
+__all__ = ["fetched_path", "identify_flight"]
 
 _PACKAGES = ("numpy", "scipy", "onnxruntime", "opencv-python-headless", "av", "pyarrow")
 """Whose versions a result may depend on."""
@@ -85,7 +85,9 @@ def identify_flight(job: FlightJob, report: Callable[[int, int], None] = lambda 
     stamp = remote_stamp(job.address) if is_remote(job.address) else None
     if stamp and kept and kept.stamp == stamp and _is_whole(results, kept, job, kept.inputs):
         return FlightDone(kept, skipped=True, worker_bytes=_held_bytes())
-    path = fetch(job.address, scratch / "input") if is_remote(job.address) else local_path(job.address)
+    path = fetched_path(job) if is_remote(job.address) else local_path(job.address)
+    if is_remote(job.address):
+        fetch(job.address, path)
     session, files = _open(path, job.options)
     as_found, inputs = files_stamp(files), inputs_hash(files)
     if kept and _is_whole(results, kept, job, inputs):
@@ -139,6 +141,12 @@ def identify_flight(job: FlightJob, report: Callable[[int, int], None] = lambda 
     results.put(table, identity_name(job.name))
     write_record(results, record)
     return FlightDone(record, skipped=False, worker_bytes=_held_bytes())
+
+
+def fetched_path(job: FlightJob) -> Path:
+    """Where a flight of a store is while it is worked on."""
+    last = job.address.rstrip("/").rpartition("/")[2]
+    return Path(job.scratch) / "input" / (last if last not in ("", ".", "..") else "flight")
 
 
 def _is_whole(results: ResultStore, kept: FlightRecord, job: FlightJob, inputs: str | None) -> bool:

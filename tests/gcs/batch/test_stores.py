@@ -1,0 +1,120 @@
+"""Flights and results in stores of files: fsspec's memory, and an S3 server on this machine."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import fsspec
+import pytest
+
+from tests.support.batches.short_flights import short_flights
+from tests.support.batches.watched import single_run
+from tests.support.command_line import run_gcs
+from tests.support.ports import free_port
+from tests.support.waiting import until
+
+
+def in_memory(address):
+    """Files of fsspec's memory below an address, by their path in it."""
+    files = fsspec.filesystem("memory")
+    root = address.removeprefix("memory:/").rstrip("/")
+    return {path.removeprefix(f"{root}/"): files.cat_file(path) for path in files.find(root)}
+
+
+@pytest.fixture
+def memory():
+    yield fsspec.filesystem("memory")
+    fsspec.filesystem("memory").store.clear()
+    fsspec.filesystem("memory").pseudo_dirs[:] = [""]
+
+
+def test_flights_and_results_in_memory(tmp_path, memory, monkeypatch):
+    flights = short_flights(tmp_path, 2)
+    memory.put(str(tmp_path), "/flights", recursive=True)
+    memory.pipe_file("/flights/broken/telemetry.tlog", b"no log")
+    memory.pipe_file("/flights/notes.md", b"windy")
+    words = ("batch", "memory://flights/*", "-o", "memory://out", "--json")
+    code, stdout, stderr = run_gcs(*words)
+    assert code == 6
+    assert "notes.md: neither a folder" in stderr
+    assert "of this process alone" in stderr
+    *lines, sums = map(json.loads, stdout.splitlines())
+    assert (sums["done"], sums["failed"]) == (2, 1)
+    (failed,) = (line for line in lines if line["status"] == "failed")
+    assert failed["flight"] == "broken"
+    results = in_memory("memory://out")
+    for flight in flights:
+        assert results[f"identity/flight={flight.name}/part-0.parquet"] == single_run(flight)
+    assert {"flights.parquet", "logs/a.log", "records/a.json", "records/broken.json"} <= results.keys()
+
+    with monkeypatch.context() as patched:  # what the store tells is the same: nothing is fetched again
+        patched.setattr("gcs.batch.work.fetch", None)
+        assert json.loads(run_gcs(*words)[1].splitlines()[-1])["skipped"] == 2
+    memory.pipe_file("/flights/a/detections.csv", memory.cat_file("/flights/b/detections.csv"))
+    *_, sums = map(json.loads, run_gcs(*words)[1].splitlines())
+    assert (sums["skipped"], sums["done"]) == (1, 2)
+
+
+def test_a_folder_of_something_else_in_a_store_is_left_alone(tmp_path, memory):
+    (flight,) = short_flights(tmp_path, 1)
+    memory.pipe_file("/mine/thesis.tex", b"words")
+    code, _, stderr = run_gcs("batch", flight, "-o", "memory://mine")
+    assert code == 2
+    assert "holds something else" in stderr
+    assert in_memory("memory://mine") == {"thesis.tex": b"words"}
+
+
+@pytest.mark.parametrize("address", ["nonsense://bucket/a", "memory://nothing/here"])
+def test_addresses_that_cannot_be_read(address, tmp_path):
+    code, stdout, stderr = run_gcs("batch", address, "-o", tmp_path / "out")
+    assert code == 6
+    assert f"failed: {address}: " in stderr
+    assert "Traceback" not in stdout + stderr
+
+
+@pytest.fixture
+def s3(tmp_path, monkeypatch):
+    """An S3 server with an empty bucket; the settings are those that every tool of S3 takes."""
+    port = free_port()
+    monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{port}")
+    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
+        monkeypatch.setenv(name, "testing")
+    monkeypatch.setenv("AWS_DEFAULT_REGION", "us-east-1")
+    monkeypatch.setenv("AWS_CONFIG_FILE", str(tmp_path / "none"))
+    monkeypatch.setenv("AWS_SHARED_CREDENTIALS_FILE", str(tmp_path / "none"))
+    with Path(tmp_path / "s3.log").open("wb") as log:
+        command = [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(port)]
+        server = subprocess.Popen(command, stdout=log, stderr=log)
+    try:
+        assert until(lambda: "Running on" in (tmp_path / "s3.log").read_text())
+        files = fsspec.filesystem("s3", use_listings_cache=False, skip_instance_cache=True)
+        files.mkdir("rollcall")
+        yield files
+    finally:
+        server.kill()
+        server.wait()
+
+
+def test_flights_and_results_in_an_object_store(tmp_path, s3):
+    flights = short_flights(tmp_path / "flights", 3)
+    s3.put(str(tmp_path / "flights") + "/", "rollcall/flights", recursive=True)
+    words = ("batch", "s3://rollcall/flights/*", "-o", "s3://rollcall/out", "-j", "2", "--json")
+    code, stdout, stderr = run_gcs(*words)
+    assert code == 0, stderr
+    assert json.loads(stdout.splitlines()[-1])["done"] == 3
+    for flight in flights:
+        assert s3.cat_file(f"rollcall/out/identity/flight={flight.name}/part-0.parquet") == single_run(flight)
+    assert s3.exists("rollcall/out/flights.parquet")
+
+    s3.rm_file("rollcall/out/records/a.json")
+    *_, sums = map(json.loads, run_gcs(*words)[1].splitlines())
+    assert (sums["done"], sums["skipped"]) == (3, 2)
+
+    # results of a store's flights on a disk, and of a disk's in a store
+    assert run_gcs("batch", "s3://rollcall/flights/a", "-o", tmp_path / "here")[0] == 0
+    assert (tmp_path / "here/identity/flight=a/part-0.parquet").read_bytes() == single_run(flights[0])
+    assert run_gcs("batch", flights[1], "-o", "s3://rollcall/there")[0] == 0
+    assert s3.cat_file("rollcall/there/identity/flight=b/part-0.parquet") == single_run(flights[1])
