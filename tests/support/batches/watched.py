@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -11,6 +12,7 @@ from pathlib import Path
 import psutil
 
 from gcs.batch.jobs import FlightJob, identity_name, program_version
+from gcs.batch.stores import ASIDE
 from gcs.batch.work import identify_flight
 from tests.support.command_line import GCS
 from tests.support.waiting import until
@@ -52,13 +54,22 @@ def _is_writing(process: psutil.Process, out: Path) -> bool:
         return False
 
 
-def wait_for_writer(pid: int, out: Path) -> psutil.Process:
-    """A worker below a process that is at this moment writing boxes, not whole yet, into the results."""
+def stopped_writer(pid: int, out: Path) -> psutil.Process:
+    """A worker below a process, stopped while it writes boxes, not whole yet, into the results."""
     found: list[psutil.Process] = []
 
     def looked() -> bool:
-        found[:] = [worker for worker in workers_of(pid) if _is_writing(worker, out.resolve())]
-        return bool(found)
+        if not any(out.glob(f"{ASIDE}/**/identity.jsonl")):
+            return False
+        for worker in workers_of(pid):
+            with contextlib.suppress(psutil.NoSuchProcess):
+                worker.suspend()
+            if _is_writing(worker, out.resolve()):
+                found.append(worker)
+                return True
+            with contextlib.suppress(psutil.NoSuchProcess):
+                worker.resume()
+        return False
 
     assert until(looked, WAIT_S), "nobody writes"
     return found[0]
@@ -97,9 +108,12 @@ class WatchedBatch:
         return self.process.returncode, said
 
     def kill(self) -> None:
-        """End it at once, and wait until its workers have ended by themselves."""
+        """End it at once, and wait until its workers, stopped ones too, have ended by themselves."""
         workers = workers_of(self.pid)
         os.kill(self.pid, signal.SIGKILL)
+        for worker in workers:
+            with contextlib.suppress(psutil.Error):
+                worker.resume()
         self.process.communicate(timeout=WAIT_S)
         assert until(lambda: all(map(is_over, workers)), WAIT_S), "workers outlive the batch"
 
