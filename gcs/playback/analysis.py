@@ -9,42 +9,34 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import chain
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.errors import SessionError
-from gcs.fold.frame_size import FrameSize, fitting_size, holds
 from gcs.fold.pipeline import Pipeline
-from gcs.playback.discovery import discover
-from gcs.playback.looked_frames import LookedFrame, RecordedLooks, look_again, recorded_frames
-from gcs.playback.moments import moments_between, telemetry_times
-from gcs.playback.recorded_order import GroundScale, PacketsInOrder, RecordedTurns, missing_inputs
+from gcs.playback.looked_frames import LookedFrame, look_again, recorded_frames
+from gcs.playback.moments import moments_between
+from gcs.playback.opened_session import OpenedSession
+from gcs.playback.recorded_order import GroundScale, PacketsInOrder, RecordedTurns
+from gcs.playback.session_warnings import session_warnings
 from gcs.session.event_log import read_statements
 from gcs.session.fold_order import NO_FRAME, FoldTurn
-from gcs.session.frame_tables import read_times
-from gcs.session.log import SessionLog
 from gcs.session.session import Session
 from gcs.snapshot import Event, Health, Snapshot
 from mavlink.protocol.packet import Packet
-from vision.camera.intrinsics import resized
 from vision.detect.detections import Detections
 from vision.stream.pace import stall_after_s
 
 if TYPE_CHECKING:
     from gcs.mission.mission import DetectorChoice
     from vision.detect.detector import Detector
-    from vision.video.video import VideoFile
 
 __all__ = ["Analysis"]
 
 Image = NDArray[np.uint8]
 Times = NDArray[np.int64]
 
-LONGEST_US = 86_400_000_000
-"""A flight is not so long without a packet or a frame."""
 WARM_UP_US = 20_000_000
 """A fold that begins in the middle takes in so much telemetry before: what is sent every few seconds has come."""
 LOOKED_US = 4_000_000
@@ -52,7 +44,16 @@ LOOKED_US = 4_000_000
 
 
 class Analysis:
-    """One session, opened: its frames' times and the fold over them."""
+    """One session, opened, and the fold over it.
+
+    Attributes:
+        opened: the session's parts.
+        mission: who flew.
+        video: None where there is none.
+        times_us: (n,) when each frame was taken, Unix µs; of telemetry alone: moments to show it at.
+        warnings: what an analyst should know before names are trusted, one line each.
+        faults: packets that could not be worked on.
+    """
 
     def __init__(
         self,
@@ -74,129 +75,18 @@ class Analysis:
             SessionError, TlogError, VideoError, ModelError: a part that cannot be used.
             CameraError: the mission's camera cannot have taken the video.
         """
-        self.session = session
         self._open_detector, self._looking_threads = open_detector, looking_threads
         self.faults = 0
-        """Packets that could not be worked on."""
-        self._log = SessionLog(session.tlog, session.notes.had_key_for)
-        self.mission = session.mission or discover(self._log)
-        self._frames = read_times(session.frames) if session.frames else None
-        steps, start_us = self._log.steps, self._log.start_us
-        times = steps.correct_frames(self._frames.times_us, start_us) if self._frames else None
-        self.video = self._open_video(session.video, times)
-        self._looks = self._open_looks(redetect)
-        boxes = self._boxes = self._looks.boxes if self._looks else None
-        self._turns = RecordedTurns.open(session.folds, self._log, boxes) if session.folds and boxes else None
-        self.times_us = self._frame_times(times)
+        self.opened = opened = OpenedSession.open(session, redetect=redetect)
+        self.mission, self.video, self.times_us = opened.mission, opened.video, opened.times_us
+        self._log, self._looks, self._turns = opened.log, opened.looks, opened.turns
         self._frames_order_us = np.maximum.accumulate(self.times_us)
         self._stall_s = stall_after_s(self._frames_order_us)
-        self._size = self._frame_size()
-        self.warnings = tuple(self._find_warnings())
-
-    def _open_video(self, path: Path | None, times: NDArray[np.int64] | None) -> VideoFile | None:
-        if path is None:
-            return None
-        from vision.video.video import VideoFile
-
-        start_us = self._log.start_us + round(self.session.video_start_s * 1e6)
-        return VideoFile.open(path, times, start_us=start_us)
-
-    def _open_looks(self, redetect: bool) -> RecordedLooks | None:
-        path = self.session.detections
-        if redetect and self.session.video is None:
-            raise SessionError(f"{self.session.path}: no video to detect in; leave --detect out to use its detections")
-        if path is None or redetect:
-            return None
-        if self.session.frames is None and self.session.video is None:
-            raise SessionError(f"{self.session.path}: detections.csv needs frames.csv beside it, each frame's time")
-        return RecordedLooks.read(path, self.session.motion)
-
-    def _frame_times(self, times: NDArray[np.int64] | None) -> NDArray[np.int64]:
-        known = self.video.times_us if self.video is not None else times
-        if known is not None:
-            return self._turns.times_from(known) if self._turns else known
-        return telemetry_times(self._log.times_us)
-
-    def _frame_size(self) -> FrameSize:
-        """Size of frames that have no image, as far as it is known."""
-        recorded = self._turns.sizes if self._turns else set()
-        if self.video is not None:
-            recorded = recorded | {(self.video.width, self.video.height)}
-        stated = self.session.frame_size
-        if stated and recorded and stated not in recorded:
-            sizes = " and ".join(f"{width}×{height}" for width, height in sorted(recorded))
-            raise SessionError(f"{self.session.path}: its frames are {sizes}; leave --frame-size out")
-        camera = self.mission.camera.intrinsics if self.mission.camera else None
-        size = stated or (None if self.video is None else (self.video.width, self.video.height))
-        if size:
-            if camera is not None:
-                resized(camera, *size)
-            if self.video is None and self._boxes is not None and not holds(size, self._boxes):
-                x, y = self._boxes.extent
-                raise SessionError(
-                    f"{self.session.path}: boxes lie at {x:.0f},{y:.0f} px, outside frames of {size[0]}×{size[1]}"
-                )
-            return FrameSize(size=size)
-        if recorded or self._boxes is None or not self.session.notes.flown:
-            return FrameSize()
-        return fitting_size(self.mission, self._log, self.times_us, self._boxes)
-
-    def _find_warnings(self) -> Iterator[str]:
-        yield from self._log.warnings
-        for name, skipped in (self._looks.skipped if self._looks else {}).items():
-            if skipped:
-                yield f"{name}: {skipped} rows could not be read and were skipped"
-        yield from self._time_warnings()
-        if self.video is not None and self.video.missing:
-            yield f"{self.video.missing} frames were seen in flight and are not in the recorded video"
-        if self.mission.camera is None or self.mission.camera.intrinsics is None:
-            yield "no [camera] in the mission: boxes are named only once the UAV reports its camera"
-        if self._size.doubt:
-            yield self._size.doubt
-        if self._turns:
-            yield from self._turns.warnings
-        yield from missing_inputs(
-            self.session, self._log, detected_again=self.video is not None and self._boxes is None
-        )
-
-    def _time_warnings(self) -> Iterator[str]:
-        if self._frames is not None and self._frames.skipped:
-            yield f"frames.csv: {self._frames.skipped} rows cannot be used; their frames got the time between others"
-        if self._frames is not None and self._frames.unordered:
-            yield f"frames.csv: {self._frames.unordered} rows are out of order; they were sorted by frame"
-        backwards = int(np.count_nonzero(np.diff(self.times_us) < 0))
-        if backwards:
-            yield f"the frames' time goes back {backwards} times: what is named around there is not to be trusted"
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height of a frame, px; 0 unknown."""
-        return self._size.size or (0, 0)
-
-    @property
-    def frames_us(self) -> NDArray[np.int64] | None:
-        """(n,) when each frame was taken; None for telemetry alone."""
-        return self.times_us if self.video is not None or self._frames is not None else None
-
-    @property
-    def known_us(self) -> Times:
-        """(m,) when anything is known of the recording: each packet, each frame, its begin and its end."""
-        known_us = np.concatenate([self._log.times_us, self.times_us])
-        began_us = self.session.notes.started_us
-        ended_us = self.session.notes.ended_us - int(self._log.steps.step_us.sum())
-        first_us, last_us = int(known_us.min()), int(known_us.max())
-        if not (0 <= first_us - began_us < LONGEST_US and 0 <= ended_us - last_us < LONGEST_US):
-            return known_us  # by a clock that was set at another time
-        return np.concatenate([known_us, np.array([began_us, ended_us], dtype=np.int64)])
-
-    @property
-    def packets_us(self) -> NDArray[np.int64]:
-        """(k,) when each packet was received."""
-        return self._log.times_us
+        self.warnings = tuple(session_warnings(opened))
 
     def detector(self) -> Detector | None:
         """The mission's detector when frames have to be looked at."""
-        if self.video is None or self._boxes is not None:
+        if self.video is None or self._looks is not None:
             return None
         if self._open_detector is not None:
             return self._open_detector(self.mission.detector)
@@ -235,7 +125,7 @@ class Analysis:
             Time on the recording's time line, Unix µs, and what is known then.
         """
         flown_us = np.array([event.t_us for event in flown], dtype=np.int64)
-        received_us = np.sort(np.concatenate([self.known_us, flown_us]))
+        received_us = np.sort(np.concatenate([self.opened.known_us, flown_us]))
         if provisional_from_us is None:
             seen = deque(event for event in flown if event.alarm)
             pipeline, start_us = self._pipeline(), int(received_us[0])
@@ -251,8 +141,8 @@ class Analysis:
 
     def _pipeline(self) -> Pipeline:
         senders = self._log.senders
-        pipeline = Pipeline(self.mission, links=senders.names, address=senders.address, sized=self._size.known)
-        for statement in read_statements(self.session.tlog.parent, self.mission.ugv_ids):
+        pipeline = Pipeline(self.mission, links=senders.names, address=senders.address, sized=self.opened.size.known)
+        for statement in read_statements(self.opened.session.tlog.parent, self.mission.ugv_ids):
             pipeline.state_name(statement)
         for text in self.warnings:
             pipeline.add_event(Event(t_us=int(self.times_us[0]), level="warning", kind="recording", text=text))
@@ -311,7 +201,7 @@ class Analysis:
             frame.index,
             frame.t_us,
             image=image,
-            size=self._size.size,
+            size=self.opened.size.size,
             detections=frame.boxes,
             motion=frame.motion,
             health=health,
@@ -384,7 +274,7 @@ class Analysis:
     def health_at(self, t_us: int, index: int) -> Health:
         """As far as it is recorded: whether frames came at a time."""
         health = self._health(index)
-        if self.frames_us is None:
+        if self.opened.frames_us is None:
             return health
         if not (before := int(np.searchsorted(self._frames_order_us, t_us, side="right"))):
             return replace(health, video="waiting" if self.video else "none")
@@ -405,8 +295,7 @@ class Analysis:
 
     def close(self) -> None:
         """Close the video."""
-        if self.video is not None:
-            self.video.close()
+        self.opened.close()
 
 
 def _without_boxes(near: Snapshot, index: int, t_us: int, image: Image | None) -> Snapshot:

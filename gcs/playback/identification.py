@@ -113,7 +113,7 @@ def _identify(
     finally:
         analysis.close()
     if last is None:
-        raise SessionError(f"{analysis.session.path}: not one frame in it")
+        raise SessionError(f"{analysis.opened.session.path}: not one frame in it")
     for text in _doubts(last, calls, blind=blind):
         note(text)
     return calls

@@ -1,4 +1,4 @@
-"""A recorded flight in the order in which it was folded, and what a recording lacks to be folded alike."""
+"""A recorded flight in the order in which it was folded."""
 
 from __future__ import annotations
 
@@ -15,16 +15,13 @@ from gcs.mission.mission import Mission
 from gcs.session.fold_order import NO_FRAME, FoldOrder, FoldTurn
 from gcs.session.frame_tables import FrameDetections
 from gcs.session.log import SessionLog
-from gcs.session.metadata import PROGRAM
-from gcs.session.session import Session
-from infra.files.segments import segments
 from mavlink.protocol.packet import Packet
 from vision.detect.detections import Detections
 
 if TYPE_CHECKING:
     from vision.video.video import Frame
 
-__all__ = ["GroundScale", "PacketsInOrder", "RecordedTurns", "missing_inputs"]
+__all__ = ["GroundScale", "PacketsInOrder", "RecordedTurns"]
 
 _MOST_BETWEEN = 1000
 """Frames that a flight skips between two that it looks at, at most."""
@@ -165,39 +162,3 @@ class RecordedTurns:
         )
         if wrong:
             yield f"detections.csv: of {wrong} frames it has not the boxes that the flight found"
-
-
-def missing_inputs(session: Session, log: SessionLog, *, detected_again: bool) -> Iterator[str]:
-    """What a flight used and its recording lacks, one line each: a replay may give other names than the flight.
-
-    Args:
-        session: opened.
-        log: its telemetry.
-        detected_again: the detector is run on the video again.
-    """
-    notes, folder = session.notes, session.tlog.parent
-    if not notes.flown or session.path.is_file():
-        return
-    if detected_again:
-        yield from _other_models(session)
-    elif session.detections is not None and session.folds is None:
-        yield "folds.csv is missing: the flight skipped frames and received packets late, and may have named others"
-    if len(log) and not segments(folder / "senders.csv"):
-        yield "senders.csv is missing: who sent what is unknown, and two senders of one id are distinguished less well"
-    for name, rows in notes.lost.items():
-        yield f"{name}: {rows} rows of the flight were lost"
-    if notes.refused and log.refused != notes.refused:
-        yield f"refused.csv: the flight rejected {notes.refused} records, it names {log.refused}"
-    if notes.program != PROGRAM:
-        yield f"recorded by {notes.program or 'another program'}; this is {PROGRAM}, and names may differ"
-
-
-def _other_models(session: Session) -> Iterator[str]:
-    from gcs.fold.detector_factory import fingerprints
-
-    now = fingerprints(session.mission.detector) if session.mission else {}
-    if not session.notes.models:
-        yield "which networks looked at the frames in flight is not recorded; these may be others"
-    for name, digest in session.notes.models.items():
-        if now.get(name) != digest:
-            yield f"the network for {name} is another than in flight"

@@ -73,7 +73,7 @@ class Replay:
         self._analysis = analysis = Analysis(session, redetect=redetect)
         self._decoded = _DecodedFrames(session, analysis.video)
         self._times = np.maximum.accumulate(analysis.times_us)
-        first_us, last_us = int(analysis.known_us.min()), int(analysis.known_us.max())
+        first_us, last_us = int(analysis.opened.known_us.min()), int(analysis.opened.known_us.max())
         self._reports, trouble = FlownReports.read(session.path, first_us, last_us)
         flown_us = [event.t_us for event in self._reports.flown]
         self._start_us, self._stop_us = min(first_us, *flown_us[:1], first_us), max(last_us, *flown_us[-1:], last_us)
@@ -92,7 +92,8 @@ class Replay:
         self._now_us = float(self._begin_us())
         self._trails = Trails()
         self._confidence = ConfidenceHistory(self.start_us, self.stop_us)
-        self.gaps = find_gaps(self._analysis.frames_us, self._analysis.packets_us, self.start_us, self.stop_us)
+        opened = analysis.opened
+        self.gaps = find_gaps(opened.frames_us, opened.packets_us, self.start_us, self.stop_us)
         self._playing = True
         self._speed = 1.0
         self._title = session.name
@@ -237,7 +238,7 @@ class Replay:
 
     def _begin_us(self) -> int:
         """Where it begins to play: at the first frame if it comes soon, so that nobody waits for a picture."""
-        if self._analysis.frames_us is None or self._times[0] > self._start_us + SOON_US:
+        if self._analysis.opened.frames_us is None or self._times[0] > self._start_us + SOON_US:
             return self._start_us
         return int(self._times[0])
 
@@ -330,7 +331,7 @@ class Replay:
 
     def _blank(self, frame: int, image: NDArray[np.uint8] | None) -> Snapshot:
         """A place of which nothing is known but its frame."""
-        width, height = self._analysis.size if image is None else (image.shape[1], image.shape[0])
+        width, height = self._analysis.opened.size.size or (0, 0) if image is None else (image.shape[1], image.shape[0])
         return Snapshot(
             t_us=self.now_us,
             frame=frame,

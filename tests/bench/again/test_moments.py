@@ -69,7 +69,7 @@ def test_without_the_flights_order_the_hole_is_one_too(flown, tmp_path):
     moments = list(analysis.moments())
     times = [at_us for at_us, _ in moments]
     assert all(before < now <= before + 0.21 * S for before, now in pairwise(times))
-    first, last = analysis.packets_us.min(), max(analysis.packets_us.max(), analysis.times_us[-1])
+    first, last = analysis.opened.packets_us.min(), max(analysis.opened.packets_us.max(), analysis.times_us[-1])
     assert times[0] <= first + 0.2 * S and times[-1] == last
     middle = next(snapshot for at_us, snapshot in moments if at_us > SCENARIO.start_us + 10 * S)
     assert {row.standing for row in middle.vehicles[1:]} <= {"no new frame", "no position", "out of view"}
@@ -142,7 +142,7 @@ def test_a_replay_lasts_as_long_as_the_flight(flown, tmp_path):
     analysis = by_time(flown[0], tmp_path)
     toml = tmp_path / "by time" / "session.toml"
     text = "\n".join(line for line in toml.read_text().splitlines() if not line.startswith(("started", "ended")))
-    first, last = int(analysis.known_us.min()), int(analysis.known_us.max())
+    first, last = int(analysis.opened.known_us.min()), int(analysis.opened.known_us.max())
     began_us, ended_us = SCENARIO.start_us - 10 * S, SCENARIO.start_us + 120 * S
     for times, span in (
         ((began_us, ended_us), (began_us, ended_us)),
@@ -152,5 +152,5 @@ def test_a_replay_lasts_as_long_as_the_flight(flown, tmp_path):
     ):
         began, ended = (datetime.fromtimestamp(t_us * 1e-6, UTC).isoformat() for t_us in times)
         toml.write_text(text.replace("[session]", f"[session]\nstarted = {began}\nended = {ended}"))
-        known_us = Analysis(open_session(toml.parent, frame_size=SIZE)).known_us
+        known_us = Analysis(open_session(toml.parent, frame_size=SIZE)).opened.known_us
         assert (known_us.min(), known_us.max()) == span
