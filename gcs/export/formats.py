@@ -84,6 +84,27 @@ _ALL: Final = (
         writer="mp4:Mp4Export",
         needs_images=True,
     ),
+    ExportFormat(
+        name="ass",
+        suffix=".ass",
+        contents="subtitles: the names on the vehicles",
+        opened_by="VLC, mpv, beside the film",
+        writer="subtitles.ass:AssExport",
+    ),
+    ExportFormat(
+        name="srt",
+        suffix=".srt",
+        contents="subtitles: the names, from left to right",
+        opened_by="any player, beside the film",
+        writer="subtitles.text_cues:SrtExport",
+    ),
+    ExportFormat(
+        name="vtt",
+        suffix=".vtt",
+        contents="subtitles: the names on the vehicles",
+        opened_by="browsers, VLC",
+        writer="subtitles.text_cues:VttExport",
+    ),
 )
 
 FORMATS: Final = {form.name: form for form in _ALL}
