@@ -85,6 +85,14 @@ _ALL: Final = (
         needs_images=True,
     ),
     ExportFormat(
+        name="mkv",
+        suffix=".mkv",
+        contents="the film untouched, with the names on the vehicles as subtitles",
+        opened_by="VLC, mpv",
+        writer="subtitles.mkv:MkvExport",
+        needs_video=True,
+    ),
+    ExportFormat(
         name="ass",
         suffix=".ass",
         contents="subtitles: the names on the vehicles",

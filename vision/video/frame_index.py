@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from vision.errors import VideoError
 
-__all__ = ["ONE_FILE", "FrameIndex", "FrameReader", "bgr", "open_video", "read_index", "reason"]
+__all__ = ["ONE_FILE", "FrameIndex", "FrameReader", "bgr", "coded_packets", "open_video", "read_index", "reason"]
 
 
 ONE_FILE = (
@@ -54,15 +54,10 @@ def read_index(path: Path) -> FrameIndex:
         stream = container.streams.video[0]
         stamps: list[int] = []
         keys: list[int] = []
-        for packet in _packets(container, stream):
-            pts = _stamp(packet)
-            if pts is None or packet.is_discard:
-                continue
+        for pts, packet in coded_packets(container, stream):
             if packet.is_keyframe:
                 keys.append(pts)
-            # frames ahead of the first key frame have nothing to be decoded from
-            if keys and pts >= keys[0]:
-                stamps.append(pts)
+            stamps.append(pts)
         shown = sorted(set(stamps))
         width, height = stream.codec_context.width, stream.codec_context.height
         if not shown or not width:
@@ -75,6 +70,20 @@ def read_index(path: Path) -> FrameIndex:
             key_pts=np.array(sorted(keys), dtype=np.int64),
             tick_us=float((stream.time_base or Fraction(1, 1_000_000)) * 1_000_000),
         )
+
+
+def coded_packets(container: InputContainer, stream: VideoStream) -> Iterator[tuple[int, Packet[VideoStream]]]:
+    """Time stamp and packet of every frame that is shown, in the file's order."""
+    first: int | None = None
+    for packet in _packets(container, stream):
+        pts = _stamp(packet)
+        if pts is None or packet.is_discard:
+            continue
+        if packet.is_keyframe and first is None:
+            first = pts
+        # frames ahead of the first key frame have nothing to be decoded from
+        if first is not None and pts >= first:
+            yield pts, packet
 
 
 class FrameReader:

@@ -1,0 +1,81 @@
+"""The frames of a recording as they were coded, without decoding: to copy them into files of other kinds.
+
+A frame's index is that of ``vision.video.video``: its place in display order over all files of the recording.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, closing
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from av.packet import Packet
+from av.video.stream import VideoStream
+
+from vision.errors import VideoError
+from vision.video.frame_index import coded_packets, open_video
+from vision.video.recording_parts import read_parts
+
+__all__ = ["CodedFilm", "CodedFrame"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CodedFrame:
+    """One frame, coded."""
+
+    index: int
+    """In display order."""
+    packet: Packet[VideoStream]
+    """With the data; its time stamps are those of its own file."""
+
+
+class CodedFilm:
+    """A recorded video to be copied; also the files in which its recording went on.
+
+    Attributes:
+        path: the file, the first when there are several.
+        stream: of the first file: how all of them are coded.
+        n: frames in display order, up to the last one that was recorded.
+
+    Raises:
+        VideoError: no video, or its files are not coded alike, so that one copy cannot hold them.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._parts = read_parts(path)
+        self.n = self._parts[-1].end
+        self._open = ExitStack()
+        containers = [self._open.enter_context(closing(open_video(part.path))) for part in self._parts]
+        self._streams = [(container, container.streams.video[0]) for container in containers]
+        self.stream = self._streams[0][1]
+        for part, (_, stream) in zip(self._parts, self._streams, strict=True):
+            if _coding(stream) != _coding(self.stream):
+                self.close()
+                raise VideoError(f"video {part.path}: is coded otherwise than {path}; copy the files one by one")
+
+    def frames(self) -> Iterator[CodedFrame]:
+        """All frames in the order in which a decoder needs them, those that no decoder can begin with left out."""
+        for part, (container, stream) in zip(self._parts, self._streams, strict=True):
+            for stamp, packet in coded_packets(container, stream):
+                index = part.index.order.get(stamp, part.n)
+                if index < part.n:
+                    yield CodedFrame(index=part.first + index, packet=packet)
+
+    def close(self) -> None:
+        """Close the files; call it after the last use of a frame."""
+        self._open.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
+        self.close()
+
+
+def _coding(stream: VideoStream) -> tuple[str, int, int, bytes | None]:
+    coded = stream.codec_context
+    return coded.name, coded.width, coded.height, coded.extradata
