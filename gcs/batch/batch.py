@@ -22,11 +22,11 @@ from gcs.batch.jobs import (
     program_version,
 )
 from gcs.batch.local_pool import FlightResult, OnFrames, run_here, run_in_processes
-from gcs.batch.parquet import import_pyarrow
 from gcs.batch.records import write_failure, write_table
 from gcs.batch.runner import RunLimits, share_of_memory
 from gcs.batch.stores import ASIDE, LOCK, ResultStore, open_results
 from gcs.errors import BatchError
+from gcs.export.tables.arrow import import_pyarrow
 
 __all__ = ["BatchCounts", "BatchWork", "run_batch"]
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from gcs.batch.jobs import FlightRecord, ScoreRecord
-from gcs.batch.parquet import import_pyarrow, writer_settings
 from gcs.errors import BatchError
+from gcs.export.tables.arrow import import_pyarrow, writer_settings
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -56,7 +56,7 @@ class ExportFormat:
             if not self.extra:
                 raise
             raise GcsError(
-                f"{self.name} needs {error.name}; install it with: pip install 'rollcall[{self.extra}]'"
+                f"{self.name} needs {error.name}; install it with: pip install 'rollcall-gcs[{self.extra}]'"
             ) from error
         return cast(Export, made(job))
 
@@ -75,6 +75,14 @@ _ALL: Final = (
         contents="one JSON object for each box of each frame, with the evidence",
         opened_by="jq, pandas, DuckDB",
         writer="jsonl:JsonlExport",
+    ),
+    ExportFormat(
+        name="parquet",
+        suffix=".parquet",
+        contents="one row for each box of each frame, with the evidence",
+        opened_by="DuckDB, pandas, Polars",
+        writer="tables.parquet:ParquetExport",
+        extra="tables",
     ),
     ExportFormat(
         name="mp4",

@@ -1,10 +1,10 @@
-"""Parquet as every table of a batch is written: settings that are fixed, so that the same rows give the same bytes."""
+"""Parquet as every table is written: settings that are fixed, so that the same rows give the same bytes."""
 
 from __future__ import annotations
 
 from types import ModuleType
 
-from gcs.errors import BatchError
+from gcs.errors import GcsError
 
 __all__ = ["import_pyarrow", "writer_settings"]
 
@@ -13,12 +13,12 @@ def import_pyarrow() -> ModuleType:
     """pyarrow, where it is installed.
 
     Raises:
-        BatchError: it is not.
+        GcsError: it is not.
     """
     try:
         import pyarrow
     except ImportError:
-        raise BatchError("a batch writes Parquet, which needs pyarrow: pip install 'rollcall-gcs[batch]'") from None
+        raise GcsError("Parquet needs pyarrow: pip install 'rollcall-gcs[tables]'") from None
     found: ModuleType = pyarrow
     return found
 

@@ -1,0 +1,32 @@
+"""One row for each box of each frame with the evidence, in columns: the table that a batch writes of each flight."""
+
+from __future__ import annotations
+
+import pyarrow  # noqa: F401 - a format without its library is told when it is asked for
+
+from gcs.export.job import ExportJob
+from gcs.export.tables.identity_table import IdentityTable
+from gcs.session.identity_log import json_row
+from gcs.session.line_file import open_new
+from gcs.snapshot import Snapshot
+
+__all__ = ["ParquetExport"]
+
+
+class ParquetExport:
+    """null is unknown."""
+
+    def __init__(self, job: ExportJob) -> None:
+        self._file = open_new(job.path)
+        self._table = IdentityTable(self._file.buffer, {})
+
+    def write(self, snapshot: Snapshot) -> None:
+        """Append the boxes seen in a frame."""
+        for box in snapshot.new_boxes:
+            if not box.coasting:
+                self._table.add(json_row(snapshot, box))
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._table.close()
+        self._file.close()
