@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import subprocess
 import time
 from pathlib import Path
 
 import duckdb
 from pyarrow import parquet
 
-from bench.batch.command import GCS_WORDS
-from bench.batch.watching import WAIT_S, kill_batch, stopped_writer
+from bench.batch.watching import WAIT_S, WatchedBatch, stopped_writer
 from gcs.batch.identity_table import write_identity_table
 from infra.session_format import IDENTITY_EVIDENCE
 
@@ -27,18 +25,18 @@ def kill_and_go_on(folder: Path, names: set[str], broken: set[str], singles: Pat
         singles: the results of ``gcs identify`` for each flight, made alone.
     """
     out, good = folder / "killed", names - broken
-    words = [*GCS_WORDS, "batch", str(folder / "flights"), "-o", str(out), "-j", "2"]
-    batch = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    _wait(out, len(names) // 4, batch)
-    stopped_writer(batch.pid, out).kill()
-    print(f"- killed a worker while it wrote; {_records(out)} flights had their record")
-    _wait(out, len(names) // 2, batch)
-    stopped_writer(batch.pid, out)
-    kill_batch(batch.pid)
-    batch.wait()
+    words = (folder / "flights", "-o", out, "-j", 2)
+    with WatchedBatch(*words) as batch:
+        _wait(out, len(names) // 4, batch)
+        stopped_writer(batch.pid, out).kill()
+        print(f"- killed a worker while it wrote; {_records(out)} flights had their record")
+        _wait(out, len(names) // 2, batch)
+        stopped_writer(batch.pid, out)
+        batch.kill()
     print(f"- killed the batch while a worker wrote; {_records(out)} flights had their record")
-    again = subprocess.run(words, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
-    print(f"- run again: exit {again.returncode}; {again.stdout.strip().partition(' frames in')[0]} frames\n")
+    with WatchedBatch(*words) as again:
+        code, said = again.finish()
+    print(f"- run again: exit {code}; {said.strip().splitlines()[-1].partition(' frames in')[0]} frames\n")
     tables = duckdb.connect()
     status = dict(tables.execute(f"select flight, status from '{out}/flights.parquet'").fetchall())
     listed = tables.execute(f"select count(*), count(distinct flight) from '{out}/flights.parquet'").fetchall()
@@ -48,7 +46,7 @@ def kill_and_go_on(folder: Path, names: set[str], broken: set[str], singles: Pat
     ).fetchall()
     equal = {name for name in good if _is_as_alone(singles / name, _table(out, name), folder / "alone.parquet")}
     checks = {
-        "exit 6": again.returncode == 6 if broken else again.returncode == 0,
+        "exit 6": code == 6 if broken else code == 0,
         f"{len(names)} flights in flights.parquet, each once": listed == [(len(names), len(names))],
         f"{len(good)} done": {name for name, each in status.items() if each == "done"} == good,
         f"{len(broken)} failed": {name for name, each in status.items() if each == "failed"} == broken,
@@ -65,10 +63,10 @@ def _records(out: Path) -> int:
     return len(list(out.glob("records/*.json")))
 
 
-def _wait(out: Path, records: int, batch: subprocess.Popen[bytes]) -> None:
+def _wait(out: Path, records: int, batch: WatchedBatch) -> None:
     stop_s = time.monotonic() + WAIT_S + 5 * records
     while _records(out) < records:
-        if batch.poll() is not None or time.monotonic() > stop_s:
+        if batch.process.poll() is not None or time.monotonic() > stop_s:
             raise SystemExit(f"the batch ended, or made no {records} flights in time")
         time.sleep(0.02)
 

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+import subprocess
 import time
 from pathlib import Path
 
 import psutil
 
+from bench.batch.command import GCS_WORDS
 from gcs.batch.stores import ASIDE
 
-__all__ = ["WAIT_S", "is_over", "kill_batch", "stopped_writer", "workers_of"]
+__all__ = ["WAIT_S", "WatchedBatch", "is_over", "stopped_writer", "workers_of"]
 
 WAIT_S = 120.0
+LONGEST_S = 3600.0
 POLL_S = 0.005
 
 
@@ -63,19 +66,46 @@ def is_over(process: psutil.Process) -> bool:
         return True
 
 
-def kill_batch(pid: int) -> None:
-    """Kill what hands out the flights, and wait until its workers, stopped ones too, have ended by themselves.
+class WatchedBatch:
+    """``gcs batch`` in a process of its own, which ends with the block that it was made for."""
 
-    Raises:
-        TimeoutError: a worker outlives it.
-    """
-    workers = workers_of(pid)
-    psutil.Process(pid).kill()
-    for worker in workers:
-        with contextlib.suppress(psutil.Error):
-            worker.resume()
-    stop_s = time.monotonic() + WAIT_S
-    while not all(map(is_over, workers)):
-        if time.monotonic() > stop_s:
-            raise TimeoutError("workers outlive the batch")
-        time.sleep(POLL_S)
+    def __init__(self, *words: object) -> None:
+        self.process = subprocess.Popen(
+            [*GCS_WORDS, "batch", *map(str, words)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
+        self.pid = self.process.pid
+
+    def finish(self) -> tuple[int, str]:
+        """Its exit code and what it wrote."""
+        said, _ = self.process.communicate(timeout=LONGEST_S)
+        return self.process.returncode, said
+
+    def kill(self) -> None:
+        """End it at once, and wait until its workers, stopped ones too, have ended by themselves.
+
+        Raises:
+            TimeoutError: a worker outlives it.
+        """
+        workers = workers_of(self.pid)
+        self.process.kill()
+        for worker in workers:
+            with contextlib.suppress(psutil.Error):
+                worker.resume()
+        self.process.communicate()
+        stop_s = time.monotonic() + WAIT_S
+        while not all(map(is_over, workers)):
+            if time.monotonic() > stop_s:
+                raise TimeoutError("workers outlive the batch")
+            time.sleep(POLL_S)
+
+    def __enter__(self) -> WatchedBatch:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.process.poll() is None:
+            self.kill()

@@ -10,8 +10,8 @@ from pathlib import Path
 import fsspec
 import pytest
 
+from tests.support.batches.results import single_run
 from tests.support.batches.short_flights import short_flights
-from tests.support.batches.watched import single_run
 from tests.support.command_line import run_gcs
 from tests.support.ports import free_port
 from tests.support.waiting import until

@@ -7,15 +7,14 @@ import sys
 import duckdb
 import psutil
 
-from bench.batch.watching import is_over, stopped_writer, workers_of
+from bench.batch.watching import WatchedBatch, is_over, stopped_writer, workers_of
 from gcs.batch.stores import ASIDE
-from tests.support.batches.short_flights import broken_flights, short_flights
-from tests.support.batches.watched import (
-    WatchedBatch,
+from tests.support.batches.results import (
     records,
     single_run,
     tables,
 )
+from tests.support.batches.short_flights import broken_flights, short_flights
 from tests.support.bundled import SWARM
 from tests.support.command_line import run_gcs
 from tests.support.ports import free_port
