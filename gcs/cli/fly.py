@@ -39,8 +39,10 @@ from gcs.cli.output.console import (
     redirect_stderr,
 )
 from gcs.cli.rollcall import print_rollcall, rollcall_json
+from gcs.cli.telling import Tell, parse_sinks, telling
 from gcs.errors import GcsError
 from gcs.flight.flight import Flight, FlightPlan
+from gcs.live_out.sink import SinkSource
 from gcs.mission.mission import Mission, load_mission
 from gcs.mission.terrain_file import TerrainFile
 from gcs.mission.tile_file import TileFile
@@ -108,6 +110,7 @@ def fly(
         bool, typer.Option("--take-over", help="With --attach: from the terminal that shows them now.")
     ] = False,
     as_json: AsJson = False,
+    tell: Tell = None,
 ) -> None:
     """Name the vehicles in a live video; records everything, and listens only unless --command is given."""
     options = ScreenOptions(graphics=graphics, theme=theme, fps=fps, bell=bell)
@@ -126,6 +129,7 @@ def fly(
     _check(links, duration, loaded, screen=screen)
     source = loaded.links.video if video is None else video
     forward = tuple(out or ()) or loaded.links.forward
+    sinks = parse_sinks(tell, (*links, *forward))
     plan = FlightPlan(
         mission=loaded,
         links=links,
@@ -143,8 +147,9 @@ def fly(
     try:
         if not screen:
             print_note(_gone_on(flight, "recording" if headless else "no terminal, so no screen; recording"))
-        if not screen or not _screen(flight, options, door):
-            _wait(flight, door, duration)
+        with telling(flight, sinks, SinkSource(name=flight.title)):
+            if not screen or not _screen(flight, options, door):
+                _wait(flight, door, duration)
     finally:
         door.close()
         sealing.close()

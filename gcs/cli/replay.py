@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -20,7 +21,10 @@ from gcs.cli.output.console import (
     print_note,
     redirect_stderr,
 )
+from gcs.cli.telling import Tell, parse_sinks, telling
 from gcs.errors import GcsError
+from gcs.live_out.sink import SinkSource
+from gcs.live_out.sink_url import SinkUrl
 from gcs.playback.replay import Replay
 from gcs.session.metadata import seal
 from gcs.session.session import Session, open_session
@@ -38,8 +42,10 @@ def replay(
     graphics: Annotated[Graphics, typer.Option(help=GRAPHICS)] = "auto",
     theme: Theme = "dark",
     fps: Fps = MOST_FPS,
+    tell: Tell = None,
 ) -> None:
     """Play, seek and step through a recording."""
+    sinks = parse_sinks(tell)
     if session.is_dir() and (interrupted := seal(session.resolve())):
         print_note(interrupted.text)
     size = parse_frame_size(frame_size)
@@ -50,6 +56,7 @@ def replay(
             graphics=graphics,
             theme=theme,
             fps=fps,
+            sinks=sinks,
         )
     )
 
@@ -61,6 +68,7 @@ def show_replay(
     graphics: Graphics = "auto",
     theme: Theme = "dark",
     fps: float = MOST_FPS,
+    sinks: Sequence[SinkUrl] = (),
 ) -> int:
     """Run the screens over a session until the user quits, or the terminal is gone; returns the exit code.
 
@@ -77,7 +85,7 @@ def show_replay(
 
     station = Replay(session, redetect=detect)
     try:
-        with redirect_stderr(None):
+        with redirect_stderr(None), telling(station, sinks, SinkSource(name=session.name, replayed=True)):
             return run(station, graphics, theme=theme, fps=fps).code
     finally:
         station.stop()

@@ -1,0 +1,156 @@
+"""Snapshots as JSON, one object a line; ``docs/live-out.md`` has the schema."""
+
+from __future__ import annotations
+
+import math
+import socket
+from contextlib import suppress
+
+import msgspec
+
+from gcs.live_out.sink import Sink, SinkSource
+from gcs.live_out.sink_url import SinkUrl
+from gcs.session.identity_log import json_row
+from gcs.snapshot import Snapshot, VehicleRow
+from infra.plain_text import plain
+
+__all__ = ["JsonTcp", "JsonUdp", "json_line"]
+
+FORMAT, VERSION = "rollcall live", 1
+DATAGRAM_BYTES = 65_507
+"""The largest UDP datagram over IPv4."""
+MOST_CLIENTS = 16
+BEHIND_BYTES = 1 << 20
+"""A client that has not taken so much is dropped: some hundred lines of a large fleet."""
+
+
+def json_line(snapshot: Snapshot, source: SinkSource) -> bytes:
+    """One object and the end of its line; null is unknown, boxes are those found at this very moment."""
+    boxes = [msgspec.Raw(json_row(snapshot, box).encode()) for box in snapshot.new_boxes if not box.coasting]
+    line = {
+        "format": FORMAT,
+        "version": VERSION,
+        "source": plain(source.name),
+        "replayed": source.replayed,
+        "time_us": snapshot.t_us,
+        "frame": snapshot.frame if snapshot.frame >= 0 else None,
+        "width": snapshot.width,
+        "height": snapshot.height,
+        "held": snapshot.held,
+        "provisional": snapshot.provisional or not snapshot.analysed,
+        "boxes": boxes,
+        "vehicles": [_vehicle(snapshot, row) for row in snapshot.vehicles],
+        "alarms": [{"level": alarm.level, "kind": alarm.kind, "text": plain(alarm.text)} for alarm in snapshot.alarms],
+    }
+    return msgspec.json.encode(line) + b"\n"
+
+
+def _vehicle(snapshot: Snapshot, row: VehicleRow) -> dict[str, object]:
+    """Where a vehicle reports to be, and how it is identified."""
+    lat = lon = math.nan
+    if snapshot.origin is not None and all(math.isfinite(value) for value in row.p_enu):
+        lat, lon = (float(value) for value in snapshot.origin.to_geodetic(row.p_enu)[:2])
+    return {
+        "system_id": row.system_id,
+        "name": plain(row.name),
+        "role": row.role,
+        "standing": row.standing,
+        "confidence": _rounded(row.confidence, 4),
+        "track_id": row.track_id or None,
+        "position_state": row.position_state,
+        "position_age_s": _rounded(row.position_age_s, 3),
+        "lat": _rounded(lat, 7),
+        "lon": _rounded(lon, 7),
+        "std_m": _rounded(row.std_m, 3),
+    }
+
+
+def _rounded(value: float, digits: int) -> float | None:
+    return round(value, digits) + 0.0 if math.isfinite(value) else None
+
+
+class JsonUdp(Sink):
+    """A datagram for each snapshot; whether anybody receives it is not known."""
+
+    def __init__(self, url: SinkUrl, source: SinkSource) -> None:
+        self._source = source
+        self._address = socket.getaddrinfo(url.host, url.port, socket.AF_INET, socket.SOCK_DGRAM)[0][4]
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+
+    def write(self, snapshot: Snapshot) -> None:
+        """Sends it; one that is larger than a datagram is dropped."""
+        line = json_line(snapshot, self._source)
+        if len(line) > DATAGRAM_BYTES:
+            self.dropped += 1
+            return
+        try:
+            self._socket.sendto(line, self._address)
+            self.sent += 1
+        except BlockingIOError:
+            self.dropped += 1
+
+    def close(self) -> None:
+        """Closes the socket."""
+        self._socket.close()
+
+
+class JsonTcp(Sink):
+    """Serves lines to all who connect; one that reads too slowly is dropped and may come again."""
+
+    def __init__(self, url: SinkUrl, source: SinkSource) -> None:
+        self._source = source
+        self._server = socket.create_server((url.host, url.port), backlog=MOST_CLIENTS)
+        self._server.setblocking(False)
+        self._waiting: dict[socket.socket, bytearray] = {}
+        """What each client has not taken yet."""
+
+    def write(self, snapshot: Snapshot) -> None:
+        """Queues it for all clients."""
+        self.serve()
+        if not self._waiting:
+            return
+        line = json_line(snapshot, self._source)
+        for waiting in self._waiting.values():
+            waiting += line
+        self.sent += 1
+        self.serve()
+
+    def serve(self) -> None:
+        """Lets clients in, and sends what they take."""
+        while len(self._waiting) < MOST_CLIENTS:
+            try:
+                client, _ = self._server.accept()
+            except OSError:  # nobody is there, or is there any more
+                break
+            client.setblocking(False)
+            self._waiting[client] = bytearray()
+        for client in list(self._waiting):
+            self._send(client)
+        self.clients = len(self._waiting)
+
+    def close(self) -> None:
+        """Ends all connections."""
+        for client in (*self._waiting, self._server):
+            client.close()
+
+    def _send(self, client: socket.socket) -> None:
+        waiting = self._waiting[client]
+        try:
+            # what clients say is of no interest, only that they are there
+            with suppress(BlockingIOError):
+                if not client.recv(1024):
+                    raise ConnectionResetError
+            with suppress(BlockingIOError):
+                if waiting:
+                    del waiting[: client.send(waiting)]
+        except OSError:
+            self._drop(client)
+            return
+        if len(waiting) > BEHIND_BYTES:
+            self.dropped += 1
+            self._drop(client)
+
+    def _drop(self, client: socket.socket) -> None:
+        client.close()
+        del self._waiting[client]

@@ -1,0 +1,93 @@
+"""What every sink is, and what passes between its process and the station."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from importlib import import_module
+from typing import cast
+
+import msgspec
+
+from gcs.live_out.sink_url import SinkUrl
+from gcs.snapshot import Snapshot
+
+__all__ = ["Sink", "SinkReport", "SinkSettings", "SinkSource", "open_sink"]
+
+
+class SinkSource(msgspec.Struct, frozen=True, kw_only=True):
+    """What is told of."""
+
+    name: str
+    """The session's name."""
+    replayed: bool = False
+    """It is a recording, and may have happened at any time."""
+    folder: str = ""
+    """Where files about a sink go that a receiver needs, empty: nowhere."""
+
+
+class SinkSettings(msgspec.Struct, kw_only=True, tag=True):
+    """Station to process, once: what to tell, and where."""
+
+    url: SinkUrl
+    source: SinkSource
+    memory: int
+    """File descriptor of the newest snapshot."""
+    images: bool
+    """Whether the memory holds pictures."""
+
+
+class SinkReport(msgspec.Struct, kw_only=True, tag=True):
+    """Process to station, once a second: a sign of life."""
+
+    sent: int = 0
+    """Messages or pictures that left."""
+    dropped: int = 0
+    """That did not: too large, or a receiver was too slow."""
+    clients: int = 0
+    """Who is being served."""
+    error: str = ""
+    """Why nothing leaves at the moment, empty while it does."""
+
+
+class Sink(ABC):
+    """Something that tells of snapshots; it may take its time, since it has a process of its own.
+
+    Attributes:
+        sent, dropped, clients: as in its reports.
+    """
+
+    sent = dropped = clients = 0
+
+    @abstractmethod
+    def __init__(self, url: SinkUrl, source: SinkSource) -> None:
+        """Opens it.
+
+        Raises:
+            OSError: it cannot be had now; it is tried again.
+        """
+
+    @abstractmethod
+    def write(self, snapshot: Snapshot) -> None:
+        """Tells of a snapshot.
+
+        Raises:
+            OSError: it has to be opened anew.
+        """
+
+    def serve(self) -> None:  # noqa: B027 - most have nobody to serve
+        """Looks after those who read; called many times a second."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Ends it."""
+
+
+def open_sink(url: SinkUrl, source: SinkSource) -> Sink:
+    """Opens what an address stands for.
+
+    Raises:
+        OSError: it cannot be had now.
+    """
+    module, name = url.kind.sink.split(":")
+    kind = cast(type[Sink], getattr(import_module(f"gcs.live_out.{module}"), name))
+    return kind(url, source)

@@ -1,0 +1,131 @@
+"""Addresses to tell of a flight, taken apart and checked before anything starts.
+
+json+udp://192.168.1.20:5005       one JSON object a datagram
+json+tcp://127.0.0.1:5006          served to whoever connects: one JSON object a line
+"""
+
+from __future__ import annotations
+
+import ipaddress
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from urllib.parse import parse_qsl
+
+from gcs.errors import GcsError
+from mavlink.errors import LinkError
+from mavlink.links.kinds import parse_url
+from mavlink.links.url import network_url
+
+__all__ = ["SHOW_SCHEMES", "TELL_SCHEMES", "SinkUrl", "check_apart", "parse_show", "parse_tell"]
+
+OPEN = "open"
+"""Option without a value: serve other addresses than the loopback too."""
+
+
+@dataclass(frozen=True, slots=True)
+class SinkScheme:
+    """What may be behind one scheme."""
+
+    example: str
+    sink: str
+    """Module in this folder and class."""
+    options: tuple[str, ...] = ()
+    serves: bool = False
+    """It listens at the address: others come and read."""
+    images: bool = False
+
+
+TELL_SCHEMES = {
+    "json+udp": SinkScheme("json+udp://127.0.0.1:5005", "json_lines:JsonUdp"),
+    "json+tcp": SinkScheme("json+tcp://127.0.0.1:5006", "json_lines:JsonTcp", (OPEN,), serves=True),
+}
+SHOW_SCHEMES: dict[str, SinkScheme] = {}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SinkUrl:
+    """One address."""
+
+    text: str
+    """As it was given, without its options: what is shown and logged."""
+    scheme: str
+    host: str
+    port: int
+    options: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def kind(self) -> SinkScheme:
+        """What its scheme stands for."""
+        return (TELL_SCHEMES | SHOW_SCHEMES)[self.scheme]
+
+
+def parse_tell(url: str) -> SinkUrl:
+    """An address of ``--tell``.
+
+    Raises:
+        GcsError: it is none; the message shows how to write one.
+    """
+    return _parse("--tell", url, TELL_SCHEMES)
+
+
+def parse_show(url: str) -> SinkUrl:
+    """An address of ``--show``.
+
+    Raises:
+        GcsError: it is none; the message shows how to write one.
+    """
+    return _parse("--show", url, SHOW_SCHEMES)
+
+
+def check_apart(sinks: Iterable[SinkUrl], links: Sequence[str]) -> None:
+    """Nothing but MAVLink goes where a telemetry link or an output is: a vehicle might take it for a command's start.
+
+    Args:
+        sinks: all that others are told at.
+        links: URLs of the flight's links and outputs, as ``mavlink.links`` writes them.
+
+    Raises:
+        GcsError: a port is that of a link.
+    """
+    ports = {parsed.port: link for link in links if (parsed := parse_url(link.partition("?")[0])).port}
+    for sink in sinks:
+        if sink.port in ports:
+            raise GcsError(f"{sink.text}: port {sink.port} is that of {ports[sink.port]}; take another for this")
+
+
+def _parse(option: str, url: str, schemes: dict[str, SinkScheme]) -> SinkUrl:
+    text, _, query = url.strip().partition("?")
+    scheme, colon, rest = text.partition("://")
+    scheme = scheme.lower()
+    if not colon or scheme not in schemes:
+        raise GcsError(f"{option} {url}: no such address; write {_examples(schemes)}")
+    kind = schemes[scheme]
+    try:
+        place = network_url(scheme, rest, default_port=0)
+    except LinkError as error:
+        raise GcsError(f"{option} {url}: {error}; write {kind.example}") from error
+    if not place.port:
+        raise GcsError(f"{option} {url}: no port; write {kind.example}")
+    options = dict(parse_qsl(query, keep_blank_values=True))
+    for name in options:
+        if name not in kind.options:
+            known = f"there are {', '.join(kind.options)}" if kind.options else "there are none"
+            raise GcsError(f"{option} {url}: no option {name} of {scheme}; {known}")
+    if kind.serves and OPEN not in options and not _is_loopback(place.host):
+        raise GcsError(
+            f"{option} {url}: anybody who reaches {place.host} could read it; serve it at 127.0.0.1, or write ?{OPEN} "
+            "behind it if that is meant"
+        )
+    return SinkUrl(text=text, scheme=scheme, host=place.host, port=place.port, options=options)
+
+
+def _examples(schemes: dict[str, SinkScheme]) -> str:
+    *examples, last = (kind.example for kind in schemes.values())
+    return f"{', '.join(examples)} or {last}" if examples else last
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
