@@ -43,7 +43,8 @@ def parse_sinks(tell: Sequence[str] | None, links: Sequence[str] = ()) -> tuple[
     for sink, place in zip(sinks, places, strict=True):
         if places.count(place) > 1:
             raise GcsError(f"{sink.text}: given twice; take a port for each")
-    check_apart(sinks, links)
+    if sinks:
+        check_apart(sinks, links)
     return sinks
 
 
