@@ -157,8 +157,7 @@ def _record(results: ResultStore, job: FlightJob, outcome: FlightDone | FlightFa
         options=job.options.text(),
         attempts=outcome.attempts,
     )
-    write_failure(results, record)
-    return record
+    return write_failure(results, record)
 
 
 def _counted(counts: BatchCounts, record: FlightRecord, skipped: bool) -> BatchCounts:

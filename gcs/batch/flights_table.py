@@ -36,6 +36,7 @@ COLUMNS = {
     "vehicles": "int64",
     "named": "int64",
     **{column: "int64" if name == "switches" else "double" for name, column in _SCORES.items()},
+    "earlier_result": "bool",
     "identity_bytes": "int64",
     "attempts": "int64",
     "seconds": "double",

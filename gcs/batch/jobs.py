@@ -139,6 +139,8 @@ class FlightRecord(msgspec.Struct, frozen=True, kw_only=True):
     named: int | None = None
     roll_call: tuple[VehicleCall, ...] = ()
     score: ScoreRecord | None = None
+    earlier_result: bool = False
+    """Of a flight that failed: the table of a run before stands still, of other input, version or options."""
     identity_bytes: int | None = None
     """Size of the flight's identity table."""
     attempts: int = 1

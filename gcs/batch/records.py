@@ -46,15 +46,20 @@ def write_record(results: ResultStore, record: FlightRecord) -> None:
     results.write(msgspec.json.format(msgspec.json.encode(record)), record_name(record.flight))
 
 
-def write_failure(results: ResultStore, record: FlightRecord) -> None:
+def write_failure(results: ResultStore, record: FlightRecord) -> FlightRecord:
     """Put the record of a flight that failed into place, where no result of an earlier run stands beside it.
+
+    Returns:
+        The record; it tells of the earlier result, whose own record stays.
 
     Raises:
         StoreError: the store does not answer.
     """
     kept = read_record(results, record.flight)
-    if kept is None or kept.status != DONE:
-        write_record(results, record)
+    if kept is not None and kept.status == DONE:
+        return msgspec.structs.replace(record, earlier_result=True)
+    write_record(results, record)
+    return record
 
 
 def all_records(results: ResultStore, now: Mapping[str, FlightRecord]) -> list[FlightRecord]:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Protocol
 
 from gcs.batch.addresses import is_remote, local_path, remote_files, store_errors
+from gcs.batch.store_lock import held
 from gcs.errors import StoreError
 from infra.files.safe_open import open_to_append
 
@@ -41,7 +42,7 @@ class ResultStore(Protocol):
     address: str
 
     def claim(self, *, older_s: float) -> contextlib.AbstractContextManager[None]:
-        """Hold it while a block runs, so that no other batch of this machine writes into it.
+        """Hold it while a block runs, so that no other batch writes into it.
 
         Args:
             older_s: what others left aside and has not been touched for so long is removed.
@@ -173,8 +174,8 @@ class RemoteResults:
         self._whole = address.partition("://")[0] in _PUT_WHOLE
 
     def claim(self, *, older_s: float) -> contextlib.AbstractContextManager[None]:
-        """As the protocol has it, but that a store does not tell who writes."""
-        return contextlib.nullcontext()
+        """As the protocol has it, against batches of other machines too; a store has nothing that is left aside."""
+        return held(self._files, f"{self._folder}/{LOCK}", self.address)
 
     def scratch(self, name: str) -> Path:
         """As the protocol has it."""

@@ -97,3 +97,15 @@ def test_a_folder_of_something_else_is_left_alone(tmp_path):
     assert code == 2
     assert "holds something else" in stderr
     assert not (flight / "records").exists()
+
+
+def test_a_flight_that_fails_later_keeps_its_earlier_result_and_says_so(tmp_path):
+    flights = short_flights(tmp_path / "flights", 2)
+    words = ("batch", tmp_path / "flights", "-o", tmp_path / "out")
+    assert run_gcs(*words)[0] == 0
+    before = identities(tmp_path / "out")
+    (flights[0] / "frames.csv").unlink()
+    assert run_gcs(*words)[0] == 6
+    assert identities(tmp_path / "out") == before
+    rows = duckdb.sql(f"select flight, status, earlier_result from '{tmp_path}/out/flights.parquet' order by flight")
+    assert rows.fetchall() == [("a", "failed", True), ("b", "done", False)]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import platform
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +12,7 @@ from pathlib import Path
 import fsspec
 import pytest
 
+from gcs.batch.stores import open_results
 from tests.support.batches.results import single_run
 from tests.support.batches.short_flights import short_flights
 from tests.support.command_line import run_gcs
@@ -56,6 +59,37 @@ def test_flights_and_results_in_memory(tmp_path, memory, monkeypatch):
     memory.pipe_file("/flights/a/detections.csv", memory.cat_file("/flights/b/detections.csv"))
     *_, sums = map(json.loads, run_gcs(*words)[1].splitlines())
     assert (sums["skipped"], sums["done"]) == (1, 2)
+
+
+@pytest.fixture
+def quick_lock(monkeypatch):
+    monkeypatch.setattr("gcs.batch.store_lock.RENEW_S", 0.02)
+    monkeypatch.setattr("gcs.batch.store_lock.WATCH_S", 60.0)
+    return monkeypatch
+
+
+def test_two_batches_do_not_write_into_one_store(tmp_path, memory, quick_lock):
+    (flight,) = short_flights(tmp_path, 1)
+    with open_results("memory://out").claim(older_s=0.0):
+        code, _, stderr = run_gcs("batch", flight, "-o", "memory://out")
+        assert code == 3
+        assert f"another batch is writing into it (process {os.getpid()} of " in stderr
+    assert run_gcs("batch", flight, "-o", "memory://out")[0] == 0
+    assert not memory.exists("/out/.lock")
+
+
+@pytest.mark.parametrize("host", [platform.node(), "elsewhere"])
+def test_what_a_killed_batch_held_is_taken_over(host, tmp_path, memory, quick_lock):
+    (flight,) = short_flights(tmp_path, 1)
+    over = subprocess.Popen([sys.executable, "-c", ""])
+    over.wait()
+    left = {"host": host, "pid": over.pid, "began_s": 1.0, "key": "left"}
+    memory.pipe_file("/out/.lock", json.dumps(left).encode())
+    if host == "elsewhere":  # nobody can tell but by watching
+        quick_lock.setattr("gcs.batch.store_lock.WATCH_S", 0.2)
+    assert run_gcs("batch", flight, "-o", "memory://out")[0] == 0
+    assert memory.exists("/out/flights.parquet")
+    assert not memory.exists("/out/.lock")
 
 
 def test_a_folder_of_something_else_in_a_store_is_left_alone(tmp_path, memory):
