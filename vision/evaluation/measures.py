@@ -21,10 +21,12 @@ from vision.evaluation.reliability import ScoreBin, score_bins, score_for
 from vision.evaluation.shares import Share, by_class, by_hiding, by_place, by_size
 from vision.evaluation.truth import Truth
 
-__all__ = ["USUAL_PRECISION", "Centres", "Directions", "Evaluation", "Reliability", "evaluate"]
+__all__ = ["FLOOR", "USUAL_PRECISION", "Centres", "Directions", "Evaluation", "Reliability", "evaluate"]
 
 Floats = NDArray[np.float64]
 
+FLOOR = 0.01
+"""Smallest score that average precision sees: detectors are asked for all from it on."""
 USUAL_PRECISION = 0.85
 """What the bundled detector's operating score is set to."""
 
@@ -98,7 +100,7 @@ class Evaluation:
 
 
 def evaluate(
-    found: Sequence[Detections], truth: Sequence[Truth], *, score: float = 0.3, floor: float = 0.0
+    found: Sequence[Detections], truth: Sequence[Truth], *, score: float = 0.3, floor: float = FLOOR
 ) -> Evaluation:
     """Judge detections, image by image.
 

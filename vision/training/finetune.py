@@ -25,6 +25,7 @@ from vision.detect.detector import BUNDLED, open_detector
 from vision.errors import TrainingError
 from vision.evaluation import LabelledImage, evaluate, match
 from vision.evaluation.matching import ASIDE
+from vision.evaluation.measures import FLOOR
 from vision.evaluation.precision import balanced_score
 from vision.training.curves import draw_curves
 from vision.training.data import Mixture, Pool
@@ -57,8 +58,6 @@ LOSS_EVERY = 10
 """Steps between rows of loss.csv."""
 WARM_UP_SHARE, AVERAGE_SHARE = 0.1, 0.1
 """Of a run's steps: those in which the learning rate rises, and those over which weights are averaged."""
-FLOOR = 0.01
-"""Smallest score that average precision sees."""
 LEAST_OBJECTS = 30
 """Fewer watched vehicles do not tell which score is best: one of them would move recall by 3 %."""
 F1_SLACK = 0.02
@@ -244,7 +243,7 @@ class FineTuning:
         checkpoint, candidate = self.out / "checkpoint.pt", self.out / "candidate.onnx"
         trainer.save(checkpoint.with_name("next.pt"))
         self._export(checkpoint.with_name("next.pt"), candidate, SCORE)
-        result = evaluate(detect(candidate, self._watched), [i.truth for i in self._watched], floor=FLOOR)
+        result = evaluate(detect(candidate, self._watched), [i.truth for i in self._watched])
         candidate.unlink()
         row = {
             "step": trainer.step_count,

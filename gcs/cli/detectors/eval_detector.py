@@ -18,6 +18,7 @@ from gcs.cli.output.tables import print_table
 from gcs.errors import GcsError
 from infra.files.safe_open import create
 from infra.plain_text import plain
+from vision.evaluation.measures import FLOOR
 
 if TYPE_CHECKING:
     import numpy as np
@@ -27,12 +28,12 @@ if TYPE_CHECKING:
     from vision.detect.detector import Detector
     from vision.evaluation import Evaluation, LabelledImage
 
-__all__ = ["BUNDLED", "FLOOR", "GSD_M", "detect_in_all", "eval_detector", "open_images", "open_model", "plain_classes"]
+__all__ = ["BUNDLED", "GSD_M", "detect_in_all", "eval_detector", "open_images", "open_model", "plain_classes"]
 
+RESULTS = ("eval.json", "eval.md", "worst.png", "apart.png")
+"""What is written into the folder of the results."""
 BUNDLED = "bundled"
 """In place of a file's name, Rollcall's own model."""
-FLOOR = 0.01
-"""Smallest score that average precision sees."""
 GSD_M = (1e-4, 100.0)
 """From a close-up to a satellite's, metres on the ground per pixel."""
 
@@ -70,10 +71,14 @@ def eval_detector(
     from vision.evaluation.report import as_json as to_json
     from vision.evaluation.sheet import worst_sheet
 
-    labels, images = open_images(folder, form, names, classes, ignore, corners_tell_front)
+    # all that can be refused is refused before an image is looked at
     detector, native = open_model(model, front)
+    other = None if against is None else open_model(None if against == BUNDLED else Path(against), front)
+    if out is not None:
+        _make_folder(out)
+    labels, images = open_images(folder, form, names, classes, ignore, corners_tell_front)
     found, took = detect_in_all(images, detector, gsd, native)
-    result = evaluate(found, [p.truth for p in images], score=score, floor=FLOOR)
+    result = evaluate(found, [p.truth for p in images], score=score)
     about = {
         "pictures": folder.name,
         "labels": labels,
@@ -86,13 +91,12 @@ def eval_detector(
     result, about = plain_classes(result), {what: plain(which) for what, which in about.items()}
     sheets = {"worst.png": lambda: worst_sheet(images, found, score)}
     beside = None
-    if against is not None:
-        other, their_native = open_model(None if against == BUNDLED else Path(against), front)
-        theirs, _ = detect_in_all(images, other, gsd, their_native)
+    if against is not None and other is not None:
+        theirs, _ = detect_in_all(images, other[0], gsd, other[1])
         name, truth = plain(Path(against).name), [p.truth for p in images]
         beside = Comparison(
             against=name,
-            other=plain_classes(evaluate(theirs, truth, score=score, floor=FLOOR)),
+            other=plain_classes(evaluate(theirs, truth, score=score)),
             differences=compare(found, theirs, truth, score),
         )
         sheets["apart.png"] = lambda: _apart(images, found, theirs, score, name)
@@ -199,6 +203,17 @@ def detect_in_all(
     return found, took
 
 
+def _make_folder(out: Path) -> None:
+    """A folder for results; one that holds some is refused."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise GcsError(f"{out}: cannot be made: {error.strerror}; give another folder") from error
+    there = [path for path in map(out.joinpath, RESULTS) if path.exists()]
+    if there:
+        raise GcsError(f"{there[0]}: exists already and is never overwritten; give another folder")
+
+
 def _write(out: Path, figures: str, text: str, sheets: Mapping[str, Callable[[], NDArray[np.uint8]]]) -> None:
     import cv2
 
@@ -206,7 +221,6 @@ def _write(out: Path, figures: str, text: str, sheets: Mapping[str, Callable[[],
     files = {"eval.json": figures.encode(), "eval.md": words.encode()}
     files |= {name: cv2.imencode(".png", draw())[1].tobytes() for name, draw in sheets.items()}
     try:
-        out.mkdir(parents=True, exist_ok=True)
         for name, data in files.items():
             with os.fdopen(create(out / name), "wb") as file:
                 file.write(data)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gcs.cli.detectors.eval_detector import BUNDLED, FLOOR, GSD_M, detect_in_all, open_images, open_model, plain_classes
+from gcs.cli.detectors.eval_detector import BUNDLED, GSD_M, detect_in_all, open_images, open_model, plain_classes
 from gcs.cli.output.console import check_range, print_lines, print_note
 from gcs.cli.output.progress import progress
 from gcs.cli.output.tables import print_table
@@ -136,7 +136,7 @@ def _compare(run: FineTuning, images: tuple[LabelledImage, ...]) -> None:
     for model in (run.out / "model.onnx", None):
         detector, native = open_model(model)
         found.append(detect_in_all(images, detector, None, native)[0])
-    tuned, bundled = (plain_classes(evaluate(own, truth, score=SCORE, floor=FLOOR)) for own in found)
+    tuned, bundled = (plain_classes(evaluate(own, truth, score=SCORE)) for own in found)
     beside = Comparison(against=BUNDLED, other=bundled, differences=compare(found[0], found[1], truth, SCORE))
     for head, rows in comparison_tables(tuned, beside):
         print_table(head, rows, right=head[1:])
