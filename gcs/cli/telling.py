@@ -23,7 +23,8 @@ Tell = Annotated[
     typer.Option(
         "--tell",
         metavar="URL",
-        help="Tell others while it runs, at json+udp://HOST:PORT or json+tcp://127.0.0.1:PORT; may be repeated.",
+        help="Tell others while it runs, at json+udp://HOST:PORT, json+tcp://127.0.0.1:PORT, cot+udp://239.2.3.1:6969, "
+        "cot+tcp://HOST:PORT or cot+tls://HOST:PORT?cert=…&key=…&ca=…; may be repeated.",
     ),
 ]
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ipaddress
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from urllib.parse import parse_qsl
 
 from gcs.errors import GcsError
@@ -20,6 +21,8 @@ __all__ = ["SHOW_SCHEMES", "TELL_SCHEMES", "SinkUrl", "check_apart", "parse_show
 
 OPEN = "open"
 """Option without a value: serve other addresses than the loopback too."""
+FILES = ("cert", "key", "ca")
+"""Options that name files: PEM."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +41,11 @@ class SinkScheme:
 TELL_SCHEMES = {
     "json+udp": SinkScheme("json+udp://127.0.0.1:5005", "json_lines:JsonUdp"),
     "json+tcp": SinkScheme("json+tcp://127.0.0.1:5006", "json_lines:JsonTcp", (OPEN,), serves=True),
+    "cot+udp": SinkScheme("cot+udp://239.2.3.1:6969", "cot_sinks:CotUdp", ("interface",)),
+    "cot+tcp": SinkScheme("cot+tcp://192.168.1.20:8087", "cot_sinks:CotTcp"),
+    "cot+tls": SinkScheme(
+        "cot+tls://tak.example.org:8089?cert=me.pem&key=me.key&ca=ca.pem", "cot_sinks:CotTls", (*FILES, "name")
+    ),
 }
 SHOW_SCHEMES: dict[str, SinkScheme] = {}
 
@@ -111,12 +119,26 @@ def _parse(option: str, url: str, schemes: dict[str, SinkScheme]) -> SinkUrl:
         if name not in kind.options:
             known = f"there are {', '.join(kind.options)}" if kind.options else "there are none"
             raise GcsError(f"{option} {url}: no option {name} of {scheme}; {known}")
+    _check_options(f"{option} {url}", options)
     if kind.serves and OPEN not in options and not _is_loopback(place.host):
         raise GcsError(
             f"{option} {url}: anybody who reaches {place.host} could read it; serve it at 127.0.0.1, or write ?{OPEN} "
             "behind it if that is meant"
         )
     return SinkUrl(text=text, scheme=scheme, host=place.host, port=place.port, options=options)
+
+
+def _check_options(url: str, options: dict[str, str]) -> None:
+    for name in FILES:
+        if name in options and not Path(options[name]).is_file():
+            raise GcsError(f"{url}: no file {options[name] or 'is named'} for {name}; give it as PEM")
+    if "key" in options and "cert" not in options:
+        raise GcsError(f"{url}: key is that of a certificate; add cert=…")
+    if "interface" in options:
+        try:
+            ipaddress.IPv4Address(options["interface"])
+        except ValueError:
+            raise GcsError(f"{url}: interface is the IPv4 address of one of this computer's networks") from None
 
 
 def _examples(schemes: dict[str, SinkScheme]) -> str:
