@@ -60,6 +60,7 @@ def export(
                 truth=opened.truth,
                 times_us=analysis.times_us,
                 min_confidence=min_confidence,
+                note=print_note,
             )
         )
         with progress("export") as report:

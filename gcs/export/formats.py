@@ -121,6 +121,13 @@ _ALL: Final = (
         opened_by="browsers, VLC",
         writer="subtitles.text_cues:VttExport",
     ),
+    ExportFormat(
+        name="mot",
+        suffix="",
+        contents="MOTChallenge: the truth where known; ids of names and of bare tracks as two trackers",
+        opened_by="TrackEval, datumaro",
+        writer="mot:MotExport",
+    ),
 )
 
 FORMATS: Final = {form.name: form for form in _ALL}

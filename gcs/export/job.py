@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -12,6 +13,10 @@ from numpy.typing import NDArray
 from gcs.snapshot import Snapshot
 
 __all__ = ["Export", "ExportJob"]
+
+
+def _tell_nobody(text: str) -> None:
+    pass
 
 
 def _no_times() -> NDArray[np.int64]:
@@ -33,7 +38,9 @@ class ExportJob:
     times_us: NDArray[np.int64] = field(default_factory=_no_times)
     """(n,) when each of its frames was taken, Unix µs."""
     min_confidence: float = 0.0
-    """Of training labels: boxes of less certain names are left out."""
+    """Of training labels: frames with less certain boxes are left out."""
+    note: Callable[[str], None] = _tell_nobody
+    """Takes a line about what was left out."""
 
 
 class Export(Protocol):

@@ -1,0 +1,57 @@
+"""Where an export is written until it is whole: beside its place, hidden; what breaks off is not taken for it."""
+
+from __future__ import annotations
+
+import shutil
+import weakref
+from pathlib import Path
+
+from gcs.errors import SessionError
+from infra.files.aside import make_aside, put_in_place
+
+__all__ = ["Unfinished"]
+
+
+class Unfinished:
+    """A file or a folder that gets its name when it is whole; if it never is, it is removed with this object.
+
+    Args:
+        place: of the file or folder; must not exist.
+
+    Raises:
+        SessionError: it exists, or nothing can be written there.
+    """
+
+    def __init__(self, place: Path) -> None:
+        self._place = place
+        if place.exists() or place.is_symlink():
+            raise _exists(place)
+        try:
+            self._hidden = make_aside(place.parent)
+        except OSError as error:
+            raise SessionError(f"{place}: cannot be written: {error.strerror}") from error
+        self._remove = weakref.finalize(self, shutil.rmtree, self._hidden, ignore_errors=True)
+        self.path = self._hidden / "unfinished"
+        """What to make and fill."""
+
+    def finish(self) -> None:
+        """Put it into its place.
+
+        Raises:
+            SessionError: something came to be there meanwhile, or it cannot be put there.
+        """
+        try:
+            if self.path.is_dir():
+                self._place.mkdir()
+                self.path.rename(self._place)  # over the empty folder that was made just now, never over another
+            else:
+                put_in_place(self.path, self._place)
+        except FileExistsError:
+            raise _exists(self._place) from None
+        except OSError as error:
+            raise SessionError(f"{self._place}: cannot be written: {error.strerror}") from error
+        self._remove()
+
+
+def _exists(place: Path) -> SessionError:
+    return SessionError(f"{place}: exists already and is never overwritten; choose another place")
