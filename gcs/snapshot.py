@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs.camera_aim import CameraAim
 from gcs.limits import Limits
 from mavlink.geodesy import LocalFrame
 from mavlink.state import Level, VehicleCondition
@@ -41,10 +42,8 @@ HELD_SHOWN_S = 0.5
 
 Standing = Literal["confirmed", "tentative", "coasting", "unidentified", "out of view", "no position", "no new frame"]
 
-
 Reported = Literal["", "then", "now"]
-"""In a replay, whether only the flight itself reported something (``then``), or only the replay does, which works it
-out again (``now``); empty: both do, or there is nothing to compare."""
+"""In a replay: only the flight reported it (``then``), or only the replay does (``now``); empty: both, or no replay."""
 
 
 def _nowhere() -> NDArray[np.float64]:
@@ -346,6 +345,8 @@ class Snapshot:
     """(3,), NaN unknown."""
     uav_heading: float
     health: Health
+    camera: CameraAim | None = None
+    """None while neither the UAV's place nor its attitude tells where it looked."""
     pose: Literal["known", "no attitude", "unknown"] = "unknown"
     """What is known of where the camera was and how it looked."""
     events: tuple[Event, ...] = field(default=())

@@ -101,6 +101,13 @@ _ALL: Final = (
         needs_video=True,
     ),
     ExportFormat(
+        name="klv",
+        suffix=".ts",
+        contents="the film untouched, with where the UAV was and looked: MISB ST 0601",
+        opened_by="players of motion imagery, QGIS, gcs import",
+        writer="motion_imagery.klv:KlvExport",
+    ),
+    ExportFormat(
         name="ass",
         suffix=".ass",
         contents="subtitles: the names on the vehicles",

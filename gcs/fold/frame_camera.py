@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.params import IdentifierParams
+from gcs.camera_aim import CameraAim
 from gcs.fold.ground.surface import GroundSurface
-from mavlink.state import FleetState
+from mavlink.state import FleetState, UavState
 from vision.camera.camera import CameraPose, image_warp, project
 from vision.camera.intrinsics import Intrinsics
 
-__all__ = ["FrameCamera", "expected_pixels", "ground_warp", "reported_pixels"]
+__all__ = ["FrameCamera", "camera_aim", "expected_pixels", "ground_warp", "reported_pixels"]
 
 FloatArray = NDArray[np.float64]
 PRIOR = IdentifierParams()
@@ -62,6 +63,18 @@ class FrameCamera:
         level = self.position_std_m if math.isfinite(self.position_std_m) else PRIOR.position_std_m
         std_m = np.sqrt(level**2 + tilt2 + yaw2 + pixel2 + height2)
         return np.where(self.attitude_known and self.position_sure, std_m, np.nan)
+
+
+def camera_aim(view: FrameCamera, uav: UavState) -> CameraAim:
+    """What snapshots tell of the camera."""
+    lens = view.intrinsics
+    return CameraAim(
+        R_enu_cam=view.pose.R_enu_cam,
+        R_enu_body=uav.R_enu_body,
+        hfov=lens.hfov,
+        vfov=float(np.arctan(lens.cy / lens.fy) + np.arctan((lens.height - lens.cy) / lens.fy)),
+        ground_z=view.ground_z,
+    )
 
 
 def reported_pixels(state: FleetState, view: FrameCamera | None) -> dict[int, FloatArray]:

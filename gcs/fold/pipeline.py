@@ -18,7 +18,7 @@ from gcs.fold.camera_errors import with_camera_errors
 from gcs.fold.candidates import CandidateWords
 from gcs.fold.evidence import camera_of, observation_of, reports_of
 from gcs.fold.fences import Fences
-from gcs.fold.frame_camera import FrameCamera, expected_pixels, ground_warp, reported_pixels
+from gcs.fold.frame_camera import FrameCamera, camera_aim, expected_pixels, ground_warp, reported_pixels
 from gcs.fold.frame_cameras import FrameCameras
 from gcs.fold.name_changes import NameChanges
 from gcs.fold.notice_events import NoticeEvents
@@ -382,6 +382,7 @@ class Pipeline:
             health=with_camera_errors(
                 self._link_rates.with_rates(t_us, health or Health()), self._identifier, self._offset_s
             ),
+            camera=camera_aim(view, state.uav) if view else None,
             pose="unknown" if view is None else "known" if view.attitude_known else "no attitude",
             conflicts=self._names.conflicts,
             origin=self.fleet.origin,

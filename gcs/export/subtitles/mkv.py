@@ -8,17 +8,14 @@ counts thousandths of a second, and keeps subtitles as libass' lines without the
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
 from fractions import Fraction
 
 import av
-import numpy as np
 from av.packet import Packet
 from av.stream import Stream
 from av.subtitles.stream import SubtitleStream
-from av.video.stream import VideoStream
-from numpy.typing import NDArray
 
+from gcs.export.film_times import retimed, shown_times
 from gcs.export.job import ExportJob
 from gcs.export.subtitles.ass import EMPTY_SIZE, AssNames, ass_header
 from gcs.export.subtitles.cues import Cue, Cues
@@ -27,7 +24,7 @@ from gcs.snapshot import Snapshot
 from infra.plain_text import plain
 from vision.video.coded_frames import CodedFilm
 
-__all__ = ["MkvExport", "decoding_times", "shown_ms"]
+__all__ = ["MkvExport"]
 
 TIME_BASE = Fraction(1, 1000)
 
@@ -40,7 +37,7 @@ class MkvExport:
             raise ValueError("a copy of a film needs one")
         self._film = CodedFilm(job.video)
         self._title = plain(job.name)
-        self._times_ms = shown_ms(job.times_us, self._film.n)
+        self._times_ms = shown_times(job.times_us[: self._film.n], TIME_BASE)
         self._cues = Cues(self._times_ms * 1000)
         coded = self._film.stream.codec_context
         self._size = (coded.width, coded.height) if coded.width and coded.height else EMPTY_SIZE
@@ -66,7 +63,7 @@ class MkvExport:
             names.metadata["title"] = "Names"
             copy.metadata["title"] = self._title
             written = 0
-            for packet in self._frames():
+            for packet in retimed(self._film, self._times_ms, TIME_BASE):
                 while written < len(self._lines) and self._lines[written][0] <= (packet.pts or 0):
                     copy.mux(_line(self._lines[written], names))
                     written += 1
@@ -82,39 +79,6 @@ class MkvExport:
         for layer, style, text in self._names.events(cue.snapshot):
             line = f"{len(self._lines)},{layer},{style},,0,0,0,,{text}"
             self._lines.append((start_ms, end_ms - start_ms, line.encode()))
-
-    def _frames(self) -> Iterator[Packet[VideoStream]]:
-        """The film's packets, at the session's times."""
-        with CodedFilm(self._film.path) as ahead:
-            order = [frame.index for frame in ahead.frames() if frame.index < len(self._times_ms)]
-        stamps_ms = decoding_times(self._times_ms[order])
-        taken = 0
-        for frame in self._film.frames():
-            if frame.index >= len(self._times_ms):
-                continue
-            packet = frame.packet
-            packet.time_base = TIME_BASE
-            packet.pts, packet.dts = int(self._times_ms[frame.index]), int(stamps_ms[taken])
-            packet.duration = 0
-            taken += 1
-            yield packet
-
-
-def shown_ms(times_us: NDArray[np.int64], n: int) -> NDArray[np.int64]:
-    """(m,) when each of at most n frames is shown, ms after the first: later ones later, whatever clocks did."""
-    elapsed: NDArray[np.int64] = np.round((times_us[:n] - times_us[:1]) / 1000).astype(np.int64)
-    count = np.arange(len(elapsed))
-    return np.asarray(np.maximum.accumulate(elapsed - count) + count, dtype=np.int64)
-
-
-def decoding_times(shown: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(n,) times to decode frames at, in that order: ascending, none after its frame is shown.
-
-    Args:
-        shown: (n,) when each is shown, in the order of decoding.
-    """
-    ascending = np.sort(shown)
-    return np.asarray(ascending - max(0, int((ascending - shown).max(initial=0))), dtype=np.int64)
 
 
 def _line(line: tuple[int, int, bytes], stream: SubtitleStream) -> Packet[Stream]:

@@ -14,7 +14,7 @@ from typing import Any
 
 import av
 
-from gcs.importing.formats.klv import SETS_KEY
+from gcs.export.motion_imagery.misb import SETS_KEY
 from gcs.importing.formats.sei import unregistered_messages
 from gcs.importing.formats.subtitles import MOST_CUES, SubtitleCue
 from gcs.importing.formats.timed_bytes import TimedBytes

@@ -1,9 +1,6 @@
 """MISB ST 0601 in a video's stream of KLV: where platform and sensor were, and how they looked.
 
-A set is its 16 byte key, a length (BER), and items of tag (BER-OID), length and value; the last is a checksum, the sum
-of all before as 16 bit words. Tags: 2 time, 5–7 heading, pitch and roll of the platform, 13–15 place of the sensor,
-16 horizontal field of view, 18–20 azimuth, elevation and roll of the sensor from the platform, 90 and 91 pitch and roll
-of the platform over their full range. Whole numbers stand for ranges: ST 0601.17.
+Which tag holds what, and as which number: ``gcs.export.motion_imagery.misb``; further tags are passed over.
 
 The optical axis follows from platform and sensor together, R = R(ψ, θ, φ) R(azimuth, elevation, roll).
 """
@@ -17,6 +14,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from gcs.errors import ImportFileError
+from gcs.export.motion_imagery.misb import CHECKSUM, SETS_KEY, SIGNED, TIME, UNSIGNED, checksum
 from gcs.importing.formats.timed_bytes import TimedBytes
 from gcs.importing.vehicle_log import (
     AngleTrack,
@@ -29,30 +27,9 @@ from gcs.importing.vehicle_log import (
 )
 from mavlink.geodesy import rotation_from_euler
 
-__all__ = ["SETS_KEY", "log_of_klv"]
+__all__ = ["log_of_klv"]
 
-SETS_KEY = bytes.fromhex("060e2b34020b01010e01030101000000")
-_CHECKSUM, _TIME = 1, 2
 _MOST_SET = 1 << 20
-
-_UNSIGNED: dict[int, tuple[int, float, float]] = {
-    5: (2, 0.0, 360.0),
-    15: (2, -900.0, 19_000.0),
-    16: (2, 0.0, 180.0),
-    18: (4, 0.0, 360.0),
-    20: (4, 0.0, 360.0),
-}
-"""Tag: bytes, and the values of the least and the largest whole number."""
-_SIGNED: dict[int, tuple[int, float]] = {
-    6: (2, 20.0),
-    7: (2, 50.0),
-    13: (4, 90.0),
-    14: (4, 180.0),
-    19: (4, 180.0),
-    90: (4, 90.0),
-    91: (4, 90.0),
-}
-"""Tag: bytes, and the value of the largest whole number; the least stands for unknown."""
 
 
 def log_of_klv(source: str, packets: Sequence[TimedBytes]) -> VehicleLog:
@@ -109,7 +86,7 @@ def _times(rows: Sequence[tuple[int, dict[int, float]]]) -> tuple[np.ndarray[tup
     Sets come with the video's clock, which says when they were put in, and have the time of what they tell.
     """
     t_us = np.array([t for t, _ in rows], np.int64)
-    stamped = [int(items.get(_TIME, 0)) for _, items in rows]
+    stamped = [int(items.get(TIME, 0)) for _, items in rows]
     if not all(stamped):
         return t_us, 0
     unix_us = np.array(stamped, np.int64)
@@ -128,7 +105,7 @@ def _sets(data: bytes, skipped: Counter[str]) -> Iterator[dict[int, float]]:
         items = _items(data[start : start + size])
         if items is None:
             skipped["KLV sets that cannot be read"] += 1
-        elif not _sum_ok(data[at : start + size], items.get(_CHECKSUM)):
+        elif not _sum_ok(data[at : start + size], items.get(CHECKSUM)):
             skipped["KLV sets with a wrong checksum"] += 1
         else:
             yield items
@@ -172,13 +149,13 @@ def _items(body: bytes) -> dict[int, float] | None:
 
 def _value(tag: int, raw: bytes) -> float | None:
     """In degrees, metres or µs; None for tags that are not used, of another length, or unknown."""
-    if (tag == _CHECKSUM and len(raw) == 2) or (tag == _TIME and len(raw) == 8):
+    if (tag == CHECKSUM and len(raw) == 2) or (tag == TIME and len(raw) == 8):
         return int.from_bytes(raw, "big")
-    if tag in _UNSIGNED and len(raw) == _UNSIGNED[tag][0]:
-        size, least, largest = _UNSIGNED[tag]
+    if tag in UNSIGNED and len(raw) == UNSIGNED[tag][0]:
+        size, least, largest = UNSIGNED[tag]
         return least + int.from_bytes(raw, "big") * (largest - least) / ((1 << 8 * size) - 1)
-    if tag in _SIGNED and len(raw) == _SIGNED[tag][0]:
-        size, largest = _SIGNED[tag]
+    if tag in SIGNED and len(raw) == SIGNED[tag][0]:
+        size, largest = SIGNED[tag]
         whole = int.from_bytes(raw, "big", signed=True)
         most = (1 << 8 * size - 1) - 1
         return None if whole < -most else whole * largest / most
@@ -189,8 +166,7 @@ def _sum_ok(data: bytes, told: float | None) -> bool:
     """Whether the checksum is that of all before its value; sets without one are taken."""
     if told is None:
         return True
-    found = (sum(data[:-2:2]) << 8) + sum(data[1:-2:2])
-    return found & 0xFFFF == int(told)
+    return checksum(data[:-2]) == int(told)
 
 
 def _platform(items: dict[int, float]) -> tuple[float, float, float]:

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from gcs.errors import ImportFileError
+from gcs.export.motion_imagery.misb import SETS_KEY
 from gcs.importing.film_log import read_film_log
 from gcs.importing.formats.film_streams import read_streams
-from gcs.importing.formats.klv import SETS_KEY, log_of_klv
+from gcs.importing.formats.klv import log_of_klv
 from gcs.importing.formats.sei import TELEMETRY_UUID, log_of_messages, unregistered_messages
 from gcs.importing.formats.siyi import siyi_log
 from gcs.importing.formats.subtitles import SubtitleCue
