@@ -39,7 +39,7 @@ from gcs.cli.output.console import (
     redirect_stderr,
 )
 from gcs.cli.rollcall import print_rollcall, rollcall_json
-from gcs.cli.telling import Tell, parse_sinks, telling
+from gcs.cli.telling import Show, Tell, parse_sinks, telling
 from gcs.errors import GcsError
 from gcs.flight.flight import Flight, FlightPlan
 from gcs.live_out.sink import SinkSource
@@ -111,6 +111,7 @@ def fly(
     ] = False,
     as_json: AsJson = False,
     tell: Tell = None,
+    show: Show = None,
 ) -> None:
     """Name the vehicles in a live video; records everything, and listens only unless --command is given."""
     options = ScreenOptions(graphics=graphics, theme=theme, fps=fps, bell=bell)
@@ -129,7 +130,7 @@ def fly(
     _check(links, duration, loaded, screen=screen)
     source = loaded.links.video if video is None else video
     forward = tuple(out or ()) or loaded.links.forward
-    sinks = parse_sinks(tell, (*links, *forward))
+    sinks = parse_sinks(tell, show, (*links, *forward))
     plan = FlightPlan(
         mission=loaded,
         links=links,
@@ -147,7 +148,7 @@ def fly(
     try:
         if not screen:
             print_note(_gone_on(flight, "recording" if headless else "no terminal, so no screen; recording"))
-        with telling(flight, sinks, SinkSource(name=flight.title)):
+        with telling(flight, sinks, SinkSource(name=flight.title), sessions):
             if not screen or not _screen(flight, options, door):
                 _wait(flight, door, duration)
     finally:

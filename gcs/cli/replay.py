@@ -21,7 +21,7 @@ from gcs.cli.output.console import (
     print_note,
     redirect_stderr,
 )
-from gcs.cli.telling import Tell, parse_sinks, telling
+from gcs.cli.telling import Show, Tell, parse_sinks, telling
 from gcs.errors import GcsError
 from gcs.live_out.sink import SinkSource
 from gcs.live_out.sink_url import SinkUrl
@@ -43,9 +43,10 @@ def replay(
     theme: Theme = "dark",
     fps: Fps = MOST_FPS,
     tell: Tell = None,
+    show: Show = None,
 ) -> None:
     """Play, seek and step through a recording."""
-    sinks = parse_sinks(tell)
+    sinks = parse_sinks(tell, show)
     if session.is_dir() and (interrupted := seal(session.resolve())):
         print_note(interrupted.text)
     size = parse_frame_size(frame_size)
@@ -85,7 +86,8 @@ def show_replay(
 
     station = Replay(session, redetect=detect)
     try:
-        with redirect_stderr(None), telling(station, sinks, SinkSource(name=session.name, replayed=True)):
+        source = SinkSource(name=session.name, replayed=True)
+        with redirect_stderr(None), telling(station, sinks, source, Path()):
             return run(station, graphics, theme=theme, fps=fps).code
     finally:
         station.stop()

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Sequence
+import errno
+import os
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -11,12 +14,13 @@ import typer
 from gcs.errors import GcsError
 from gcs.live_out.live_out import LiveOut
 from gcs.live_out.sink import SinkSource
-from gcs.live_out.sink_url import SinkUrl, check_apart, parse_tell
-from gcs.snapshot import Event
+from gcs.live_out.sink_url import SinkUrl, check_apart, parse_show, parse_tell
+from gcs.snapshot import Event, Level
 from gcs.station import Station
+from infra.files.safe_open import create, read_small
 from infra.wall_clock import now_us
 
-__all__ = ["Tell", "parse_sinks", "telling"]
+__all__ = ["Show", "Tell", "parse_sinks", "telling"]
 
 Tell = Annotated[
     list[str] | None,
@@ -29,17 +33,29 @@ Tell = Annotated[
 ]
 
 
-def parse_sinks(tell: Sequence[str] | None, links: Sequence[str] = ()) -> tuple[SinkUrl, ...]:
+Show = Annotated[
+    str | None,
+    typer.Option(
+        "--show",
+        metavar="URL",
+        help="Show others the picture with boxes and names while it runs: udp://HOST:PORT (MPEG-TS) or rtp://HOST:PORT "
+        "(with a .sdp file).",
+    ),
+]
+
+
+def parse_sinks(tell: Sequence[str] | None, show: str | None = None, links: Sequence[str] = ()) -> tuple[SinkUrl, ...]:
     """The addresses of these options, each once.
 
     Args:
         tell: of ``--tell``.
+        show: of ``--show``.
         links: URLs of the flight's links and outputs, which nothing else may be told at.
 
     Raises:
         GcsError: one is no address, is given twice, or is that of a link.
     """
-    sinks = tuple(map(parse_tell, tell or ()))
+    sinks = (*map(parse_tell, tell or ()), *([] if show is None else [parse_show(show)]))
     places = [(sink.host, sink.port) for sink in sinks]
     for sink, place in zip(sinks, places, strict=True):
         if places.count(place) > 1:
@@ -50,8 +66,14 @@ def parse_sinks(tell: Sequence[str] | None, links: Sequence[str] = ()) -> tuple[
 
 
 @contextlib.contextmanager
-def telling(station: Station, sinks: Sequence[SinkUrl], source: SinkSource) -> Iterator[None]:
+def telling(station: Station, sinks: Sequence[SinkUrl], source: SinkSource, folder: Path) -> Iterator[None]:
     """While this lasts others are told of the station; trouble with that is an event, once.
+
+    Args:
+        station: a flight or a replay.
+        sinks: of :func:`parse_sinks`.
+        source: what is told of.
+        folder: where a file goes that receivers of a stream need.
 
     Raises:
         GcsError: the system starts no process for it.
@@ -60,14 +82,33 @@ def telling(station: Station, sinks: Sequence[SinkUrl], source: SinkSource) -> I
         yield
         return
 
-    def report(text: str) -> None:
+    def report(text: str, level: Level = "warning") -> None:
         snapshot = station.latest()
         at_us = snapshot.now_us if snapshot is not None and station.timeline is not None else now_us()
-        station.add_event(Event(t_us=at_us, level="warning", kind="program", text=text))
+        station.add_event(Event(t_us=at_us, level=level, kind="program", text=text))
 
     try:
         live_out = LiveOut(station.latest, sinks, source, report)
     except OSError as error:
-        raise GcsError(f"others cannot be told: {error.strerror or error}; leave --tell out") from error
+        raise GcsError(f"others cannot be told: {error.strerror or error}; leave --tell and --show out") from error
     with live_out:
+        for sink in sinks:
+            if sink.scheme == "rtp":
+                _describe(sink, folder / f"{source.name}-{sink.port}.sdp", report)
         yield
+
+
+def _describe(sink: SinkUrl, path: Path, report: Callable[[str, Level], None]) -> None:
+    """Writes what a receiver of an RTP stream has to know; what is there already stays."""
+    from gcs.live_out.picture import sdp  # the video library takes its time, and lines do without
+
+    try:
+        text = sdp(sink).encode()
+        if not path.exists():
+            with os.fdopen(create(path), "wb") as file:
+                file.write(text)
+        elif read_small(path, len(text)) != text:
+            raise FileExistsError(errno.EEXIST, "is there, and describes something else")
+        report(f"{sink.text}: receivers open {path}", "info")
+    except OSError as error:
+        report(f"{sink.text}: {path} is not written, which receivers need: {error.strerror or error}", "warning")

@@ -21,8 +21,6 @@ class SinkSource(msgspec.Struct, frozen=True, kw_only=True):
     """The session's name."""
     replayed: bool = False
     """It is a recording, and may have happened at any time."""
-    folder: str = ""
-    """Where files about a sink go that a receiver needs, empty: nowhere."""
 
 
 class SinkSettings(msgspec.Struct, kw_only=True, tag=True):

@@ -2,6 +2,8 @@
 
 json+udp://192.168.1.20:5005       one JSON object a datagram
 json+tcp://127.0.0.1:5006          served to whoever connects: one JSON object a line
+    udp://192.168.1.20:5600            the picture with names, H.264 in MPEG-TS; ?width=1280
+    rtp://192.168.1.20:5600            the same by RTP
 """
 
 from __future__ import annotations
@@ -21,6 +23,8 @@ __all__ = ["SHOW_SCHEMES", "TELL_SCHEMES", "SinkUrl", "check_apart", "parse_show
 
 OPEN = "open"
 """Option without a value: serve other addresses than the loopback too."""
+WIDTHS = (160, 7680)
+"""Of pictures, px."""
 FILES = ("cert", "key", "ca")
 """Options that name files: PEM."""
 
@@ -47,7 +51,10 @@ TELL_SCHEMES = {
         "cot+tls://tak.example.org:8089?cert=me.pem&key=me.key&ca=ca.pem", "cot_sinks:CotTls", (*FILES, "name")
     ),
 }
-SHOW_SCHEMES: dict[str, SinkScheme] = {}
+SHOW_SCHEMES = {
+    "udp": SinkScheme("udp://192.168.1.20:5600", "picture:MpegTsPicture", ("width",), images=True),
+    "rtp": SinkScheme("rtp://192.168.1.20:5600", "picture:RtpPicture", ("width",), images=True),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,6 +141,10 @@ def _check_options(url: str, options: dict[str, str]) -> None:
             raise GcsError(f"{url}: no file {options[name] or 'is named'} for {name}; give it as PEM")
     if "key" in options and "cert" not in options:
         raise GcsError(f"{url}: key is that of a certificate; add cert=…")
+    if "width" in options:
+        width = options["width"]
+        if not (width.isascii() and width.isdigit() and len(width) < 6 and WIDTHS[0] <= int(width) <= WIDTHS[1]):
+            raise GcsError(f"{url}: width is a number of pixels from {WIDTHS[0]} to {WIDTHS[1]}")
     if "interface" in options:
         try:
             ipaddress.IPv4Address(options["interface"])

@@ -1,0 +1,155 @@
+"""The picture with boxes and names drawn in, as ground stations and players take it: H.264 in MPEG-TS or RTP by UDP.
+
+For little lag there are no B-frames and no look-ahead, a slow receiver misses pictures, and time stamps are those at
+which a picture leaves. A key frame a second, with its parameter sets, lets a receiver begin at any time.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ipaddress
+import socket
+import time
+from abc import abstractmethod
+from dataclasses import replace
+from fractions import Fraction
+from typing import Final
+
+import av
+import av.container
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.live_out.sink import Sink, SinkSource
+from gcs.live_out.sink_url import SinkUrl
+from gcs.report.labels import Labelling
+from gcs.report.overlay import draw, image_labels
+from gcs.snapshot import Snapshot
+
+__all__ = ["MpegTsPicture", "RtpPicture", "sdp"]
+
+TIME_BASE: Final = Fraction(1, 90_000)
+MOST_WIDTH: Final = 1920
+"""Wider pictures are made smaller, unless another width is asked for."""
+KEY_FRAMES_S: Final = 1.0
+TTL: Final = 1
+DATAGRAM_BYTES: Final = 1316
+"""Seven packets of MPEG-TS: fits an Ethernet frame."""
+THREADS: Final = 2
+PAYLOAD_TYPE: Final = 96
+ENCODER: Final = {
+    "preset": "ultrafast",
+    "tune": "zerolatency",
+    "crf": "24",
+    # a burst would wait in the queues of radios
+    "maxrate": "8M",
+    "bufsize": "2M",
+    "forced-idr": "1",
+    "x264-params": "bframes=0:repeat-headers=1",
+}
+
+
+class _Picture(Sink):
+    """Draws, encodes and sends; a picture of another size begins the stream anew."""
+
+    def __init__(self, url: SinkUrl, source: SinkSource) -> None:
+        del source
+        address = socket.getaddrinfo(url.host, url.port, socket.AF_INET, socket.SOCK_DGRAM)[0][4]
+        self._target = f"{address[0]}:{url.port}"
+        self._width = int(url.options.get("width", MOST_WIDTH))
+        self._film: av.container.OutputContainer | None = None
+        self._labelling: Labelling | None = None
+        self._began_s = 0.0
+        self._last_pts = -1
+        self._key_due_s = 0.0
+
+    @abstractmethod
+    def _open(self) -> av.container.OutputContainer:
+        """Begins a stream."""
+
+    def write(self, snapshot: Snapshot) -> None:
+        """Sends one picture; where there is no image, boxes and names on a dark one.
+
+        Raises:
+            OSError: it was not taken.
+        """
+        if snapshot.provisional:  # names may change when the analysis gets there
+            snapshot = replace(snapshot, boxes=())
+        scale = min(1.0, self._width / snapshot.width) if snapshot.width else 1.0
+        self._labelling = image_labels(snapshot, scale=scale, former=self._labelling)
+        image = draw(snapshot, scale=scale, labelling=self._labelling)
+        height, width = (side - side % 2 for side in image.shape[:2])
+        try:
+            self._encode(np.ascontiguousarray(image[:height, :width]))
+        except av.FFmpegError as error:
+            raise OSError(error.errno, error.strerror) from error
+
+    def _encode(self, image: NDArray[np.uint8]) -> None:
+        height, width = image.shape[:2]
+        if self._film is None or (self._stream.width, self._stream.height) != (width, height):
+            self._begin(width, height)
+        assert self._film is not None
+        now_s = time.monotonic()
+        frame = av.VideoFrame.from_ndarray(image, format="bgr24")
+        frame.time_base = TIME_BASE
+        frame.pts = self._last_pts = max(round((now_s - self._began_s) / TIME_BASE), self._last_pts + 1)
+        if now_s >= self._key_due_s:
+            frame.pict_type = av.video.frame.PictureType.I
+            self._key_due_s = now_s + KEY_FRAMES_S
+        self._film.mux(self._stream.encode(frame))
+        self.sent += 1
+
+    def _begin(self, width: int, height: int) -> None:
+        self.close()
+        self._film = self._open()
+        stream = self._film.add_stream("libx264", rate=30, options=ENCODER)
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        stream.codec_context.time_base = TIME_BASE
+        stream.codec_context.thread_count = THREADS
+        stream.codec_context.gop_size = 1000  # key frames are by time, whatever the frame rate
+        self._stream = stream
+        self._began_s, self._last_pts, self._key_due_s = time.monotonic(), -1, 0.0
+
+    def close(self) -> None:
+        """Ends the stream."""
+        film, self._film = self._film, None
+        if film is not None:
+            with contextlib.suppress(av.FFmpegError):  # what is lost is the end of a picture
+                film.close()
+
+
+class MpegTsPicture(_Picture):
+    """``udp://``."""
+
+    def _open(self) -> av.container.OutputContainer:
+        # tables often, so that receivers begin soon, and nothing is held back
+        options = {"flush_packets": "1", "pat_period": "0.5"}
+        url = f"udp://{self._target}?pkt_size={DATAGRAM_BYTES}&ttl={TTL}"
+        return av.open(url, "w", format="mpegts", options=options)
+
+
+class RtpPicture(_Picture):
+    """``rtp://``; a receiver needs what :func:`sdp` says."""
+
+    def _open(self) -> av.container.OutputContainer:
+        return av.open(f"rtp://{self._target}?ttl={TTL}", "w", format="rtp")
+
+
+def sdp(url: SinkUrl) -> str:
+    """What a receiver of an RTP stream has to know (RFC 8866, RFC 6184); parameter sets come with the stream.
+
+    Raises:
+        OSError: no such host.
+    """
+    host = str(socket.getaddrinfo(url.host, url.port, socket.AF_INET, socket.SOCK_DGRAM)[0][4][0])
+    lines = (
+        "v=0",
+        "o=- 0 0 IN IP4 127.0.0.1",
+        "s=rollcall",
+        f"c=IN IP4 {host}" + (f"/{TTL}" if ipaddress.ip_address(host).is_multicast else ""),
+        "t=0 0",
+        f"m=video {url.port} RTP/AVP {PAYLOAD_TYPE}",
+        f"a=rtpmap:{PAYLOAD_TYPE} H264/90000",
+        f"a=fmtp:{PAYLOAD_TYPE} packetization-mode=1",
+    )
+    return "".join(f"{line}\r\n" for line in lines)
