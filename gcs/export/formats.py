@@ -101,6 +101,14 @@ _ALL: Final = (
         needs_video=True,
     ),
     ExportFormat(
+        name="mcap",
+        suffix=".mcap",
+        contents="film, boxes, names, vehicles in space, fixes and events, in Foxglove's schemas",
+        opened_by="Foxglove, Rerun, PlotJuggler",
+        writer="robotics.mcap:McapExport",
+        extra="foxglove",
+    ),
+    ExportFormat(
         name="klv",
         suffix=".ts",
         contents="the film untouched, with where the UAV was and looked: MISB ST 0601",

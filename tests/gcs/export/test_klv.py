@@ -13,11 +13,7 @@ from gcs.errors import GcsError
 from gcs.export.formats import FORMATS, format_for
 from gcs.export.job import ExportJob
 from gcs.importing.film_log import read_film_log
-from gcs.playback.analysis import Analysis
-from gcs.session.session import open_session
 from mavlink.geodesy import LocalFrame, rotation_from_euler
-from tests.support.bundled import CURVED_ROAD, shortened
-from tests.support.command_line import run_gcs
 from tests.support.snapshots import snapshot
 from vision.camera.camera import R_ENU_NED, R_GIMBAL_CAM
 
@@ -25,16 +21,9 @@ N = 40
 
 
 @pytest.fixture(scope="module")
-def exported(tmp_path_factory):
+def exported(flight, shots, export_to, tmp_path_factory):
     """A recording, and what the export made of it."""
-    folder = tmp_path_factory.mktemp("klv")
-    flight = shortened(CURVED_ROAD, folder / "flight", N)
-    code, _, err = run_gcs("export", flight, "-o", folder / "a.ts")
-    assert code == 0, err
-    analysis = Analysis(open_session(flight))
-    shots = list(analysis.snapshots(images=False))
-    analysis.close()
-    return flight, folder / "a.ts", shots
+    return flight, export_to(tmp_path_factory.mktemp("klv") / "a.ts"), shots
 
 
 def packets(path, kind):

@@ -11,7 +11,6 @@ from gcs.errors import GcsError
 from gcs.export.formats import FORMATS, format_for
 from gcs.export.job import ExportJob
 from gcs.session.frame_tables import read_times
-from tests.support.bundled import CURVED_ROAD, shortened
 from tests.support.command_line import run_gcs
 from tests.support.snapshots import box, snapshot
 from vision.errors import VideoError
@@ -130,8 +129,7 @@ def test_clocks_that_stand_or_go_back_make_no_file_that_cannot_be_played(tmp_pat
     assert len(times_s) == N and (np.diff(times_s) > 0).all()
 
 
-def test_a_session_becomes_a_film_with_names(tmp_path):
-    flight = shortened(CURVED_ROAD, tmp_path / "flight", 20)
+def test_a_session_becomes_a_film_with_names(flight, tmp_path):
     code, _, err = run_gcs("export", flight, "-o", tmp_path / "a.mkv")
     assert code == 0, err
     times_us = read_times(flight / "frames.csv").times_us

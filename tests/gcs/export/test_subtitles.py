@@ -2,13 +2,13 @@ from dataclasses import replace
 
 import numpy as np
 import pysubs2
+import pytest
 import webvtt
 
+from gcs.errors import SessionError
 from gcs.export.formats import format_for
 from gcs.export.job import ExportJob
 from gcs.session.frame_tables import read_times
-from tests.support.bundled import CURVED_ROAD, shortened
-from tests.support.command_line import run_gcs
 from tests.support.snapshots import box, snapshot
 
 UNEVEN_US = np.array([0, 40_000, 100_000, 133_333, 600_000, 640_000], dtype=np.int64)
@@ -80,16 +80,14 @@ def test_strangers_are_counted_and_never_named(tmp_path):
     assert sorted(each.text for each in webvtt.read(vtt) if each.start == "00:00:00.000") == ["?", "Alpha? 98%"]
 
 
-def test_a_recording_has_its_names_beside_its_vehicles(tmp_path):
-    flight = shortened(CURVED_ROAD, tmp_path / "flight", 30)
+def test_a_recording_has_its_names_beside_its_vehicles(flight, export_to, tmp_path):
     for suffix in ("ass", "srt", "vtt"):
-        code, _, err = run_gcs("export", flight, "-o", tmp_path / f"a.{suffix}")
-        assert code == 0, err
-        code, _, err = run_gcs("export", flight, "-o", tmp_path / f"a.{suffix}")
-        assert code and "exists already" in err
+        export_to(tmp_path / f"a.{suffix}")
+        with pytest.raises(SessionError, match="exists already"):
+            export_to(tmp_path / f"a.{suffix}")
     times_us = read_times(flight / "frames.csv").times_us
     begins = np.array([start for start, _ in spans(tmp_path / "a.ass")])
-    assert len(begins) == 30
+    assert len(begins) == 40
     assert np.abs(begins - (times_us - times_us[0]) / 1000).max() < 11
     first = [line for line in pysubs2.load(str(tmp_path / "a.ass")) if line.start == 0]
     assert {line.plaintext.split()[0] for line in first} == {f"UGV-{k}" for k in range(11, 17)}

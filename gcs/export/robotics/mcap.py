@@ -1,0 +1,112 @@
+"""The recording as MCAP with Foxglove's schemas: film, boxes and names on it, vehicles in space and on a map, events.
+
+    /camera/video              foxglove.CompressedVideo    H.264, frame "camera"
+    /camera/annotations        foxglove.ImageAnnotations   oriented boxes and names, pixels
+    /scene                     foxglove.SceneUpdate        vehicles seen, as cubes where they stand, frame "enu"
+    /vehicles/SYSTEM_ID/fix    foxglove.LocationFix        where each vehicle and the UAV reports to be
+    /log                       foxglove.Log                events
+    /identity                  JSON                        rows as in identity.jsonl, a list for each frame
+
+Schemas: https://docs.foxglove.dev/docs/visualization/message-schemas. Strangers are drawn without a name. Topics have
+the vehicles' ids and not their names, which may hold anything.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from collections.abc import Iterator
+from typing import Final
+
+import foxglove
+from foxglove import channels
+from foxglove.mcap import MCAPWriteOptions
+from foxglove.messages import CompressedVideo, Log, LogLevel
+
+from gcs.export.job import ExportJob
+from gcs.export.robotics.annex_b import pictures_of
+from gcs.export.robotics.foxglove_views import annotations_of, fix_of, scene_of, stamp_of
+from gcs.export.unfinished import Unfinished
+from gcs.session.identity_log import json_row
+from gcs.snapshot import Snapshot
+from infra.plain_text import plain
+
+__all__ = ["McapExport"]
+
+LEVELS: Final = {"info": LogLevel.Info, "warning": LogLevel.Warning, "alarm": LogLevel.Error}
+IDENTITY_SCHEMA: Final = {
+    "type": "object",
+    "title": "rollcall.Identity",
+    "properties": {
+        "time_us": {"type": "integer"},
+        "frame": {"type": "integer"},
+        "boxes": {"type": "array", "items": {"type": "object"}},
+    },
+}
+
+
+class McapExport:
+    """One file; the film's pictures are written as their frames come, all of them also where frames are left out."""
+
+    def __init__(self, job: ExportJob) -> None:
+        self._unfinished = Unfinished(job.path)
+        self._context = foxglove.Context()
+        options = MCAPWriteOptions(compression_threads=0)
+        self._file = foxglove.open_mcap(self._unfinished.path, context=self._context, writer_options=options)
+        self._file.write_metadata("rollcall", {"recording": plain(job.name)})
+        self._video = channels.CompressedVideoChannel("/camera/video", context=self._context)
+        self._annotations = channels.ImageAnnotationsChannel("/camera/annotations", context=self._context)
+        self._scene = channels.SceneUpdateChannel("/scene", context=self._context)
+        self._log = channels.LogChannel("/log", context=self._context)
+        self._identity = foxglove.Channel("/identity", schema=IDENTITY_SCHEMA, context=self._context)
+        self._fixes: dict[int, channels.LocationFixChannel] = {}
+        self._times_us = job.times_us
+        self._pictures: Iterator[tuple[int, bytes]] = pictures_of(job.video, job.note) if job.video else iter(())
+        self._next: deque[tuple[int, bytes]] = deque()
+        self._in_scene: frozenset[str] = frozenset()
+
+    def write(self, snapshot: Snapshot) -> None:
+        """Append one frame."""
+        self._show(snapshot.frame)
+        t_ns = 1000 * snapshot.t_us
+        boxes = [box for box in snapshot.new_boxes if not box.coasting]
+        if not snapshot.held:
+            self._annotations.log(annotations_of(snapshot, boxes), log_time=t_ns)
+            update, self._in_scene = scene_of(snapshot, boxes, self._in_scene)
+            self._scene.log(update, log_time=t_ns)
+            rows = [json.loads(json_row(snapshot, box)) for box in boxes]
+            self._identity.log({"time_us": snapshot.t_us, "frame": snapshot.frame, "boxes": rows}, log_time=t_ns)
+        for row in snapshot.vehicles:
+            fix = fix_of(snapshot, row)
+            if fix is not None:
+                topic = f"/vehicles/{row.system_id}/fix"
+                if row.system_id not in self._fixes:
+                    self._fixes[row.system_id] = channels.LocationFixChannel(topic, context=self._context)
+                self._fixes[row.system_id].log(fix, log_time=t_ns)
+        for event in snapshot.events:
+            told = Log(
+                timestamp=stamp_of(event.t_us), level=LEVELS[event.level], name=event.kind, message=plain(event.text)
+            )
+            self._log.log(told, log_time=t_ns)
+
+    def close(self) -> None:
+        """Append what is left of the film, and put the file into its place."""
+        self._show(len(self._times_us))
+        self._file.close()
+        self._unfinished.finish()
+
+    def _show(self, frame: int) -> None:
+        """The film's pictures up to a frame."""
+        while self._next or self._take():
+            index, data = self._next[0]
+            if index > frame:
+                return
+            self._next.popleft()
+            if index < len(self._times_us):
+                t_us = int(self._times_us[index])
+                picture = CompressedVideo(timestamp=stamp_of(t_us), frame_id="camera", data=data, format="h264")
+                self._video.log(picture, log_time=1000 * t_us)
+
+    def _take(self) -> bool:
+        self._next.extend(picture for picture in [next(self._pictures, None)] if picture)
+        return bool(self._next)
