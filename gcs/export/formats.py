@@ -109,6 +109,14 @@ _ALL: Final = (
         extra="foxglove",
     ),
     ExportFormat(
+        name="rosbag",
+        suffix="",
+        contents="ROS 2 bag: detections with names, fixes, events, pictures",
+        opened_by="ros2 bag, rosbags, Foxglove",
+        writer="robotics.rosbag:RosbagExport",
+        extra="ros",
+    ),
+    ExportFormat(
         name="klv",
         suffix=".ts",
         contents="the film untouched, with where the UAV was and looked: MISB ST 0601",

@@ -17,12 +17,13 @@ class Unfinished:
 
     Args:
         place: of the file or folder; must not exist.
+        name: that it has meanwhile, for those who name what they write within after it.
 
     Raises:
         SessionError: it exists, or nothing can be written there.
     """
 
-    def __init__(self, place: Path) -> None:
+    def __init__(self, place: Path, name: str = "unfinished") -> None:
         self._place = place
         if place.exists() or place.is_symlink():
             raise _exists(place)
@@ -31,7 +32,7 @@ class Unfinished:
         except OSError as error:
             raise SessionError(f"{place}: cannot be written: {error.strerror}") from error
         self._remove = weakref.finalize(self, shutil.rmtree, self._hidden, ignore_errors=True)
-        self.path = self._hidden / "unfinished"
+        self.path = self._hidden / name
         """What to make and fill."""
 
     def finish(self) -> None:
