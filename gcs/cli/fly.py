@@ -112,9 +112,14 @@ def fly(
     as_json: AsJson = False,
     tell: Tell = None,
     show: Show = None,
+    serve: Annotated[bool, typer.Option("--serve", hidden=True)] = False,
 ) -> None:
     """Name the vehicles in a live video; records everything, and listens only unless --command is given."""
     options = ScreenOptions(graphics=graphics, theme=theme, fps=fps, bell=bell)
+    if serve:
+        raise GcsError(
+            "a flight is never served; gcs fly --attach shows it on a terminal, gcs replay --serve a recording"
+        )
     if attach:
         print_note(show_flight(mission, options, take_over=take_over))
         return

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +19,9 @@ from gcs.cli.output.console import (
     Graphics,
     Theme,
     VideoStart,
+    check_range,
     parse_frame_size,
+    print_lines,
     print_note,
     redirect_stderr,
 )
@@ -26,7 +30,7 @@ from gcs.errors import GcsError
 from gcs.live_out.sink import SinkSource
 from gcs.live_out.sink_url import SinkUrl
 from gcs.playback.replay import Replay
-from gcs.session.metadata import seal
+from gcs.session.metadata import in_flight, seal
 from gcs.session.session import Session, open_session
 
 __all__ = ["replay", "show_replay"]
@@ -44,22 +48,60 @@ def replay(
     fps: Fps = MOST_FPS,
     tell: Tell = None,
     show: Show = None,
+    serve: Annotated[
+        bool,
+        typer.Option("--serve", help="Show the screens in browsers on this computer, at a secret address."),
+    ] = False,
+    port: Annotated[
+        int, typer.Option(callback=check_range(0, 65535), help="With --serve: of the loopback; 0 is any free one.")
+    ] = 0,
 ) -> None:
     """Play, seek and step through a recording."""
     sinks = parse_sinks(tell, show)
+    if serve and sinks:
+        raise GcsError("--serve starts a replay for each browser; give --tell and --show to one on a terminal")
+    if serve and in_flight(session):
+        raise GcsError(f"{session}: it is being flown, and a flight is never served; gcs fly --attach shows it")
     if session.is_dir() and (interrupted := seal(session.resolve())):
         print_note(interrupted.text)
     size = parse_frame_size(frame_size)
-    raise SystemExit(
-        show_replay(
-            open_session(session, video=video, video_start_s=video_start, mission=mission, frame_size=size),
-            detect=detect,
-            graphics=graphics,
-            theme=theme,
-            fps=fps,
-            sinks=sinks,
-        )
-    )
+    opened = open_session(session, video=video, video_start_s=video_start, mission=mission, frame_size=size)
+    if serve:
+        given = {"--video": video, "--mission": mission, "--frame-size": frame_size}
+        words = [word for option, value in given.items() if value is not None for word in (option, str(value))]
+        words += ["--video-start", str(video_start), "--theme", theme, "--fps", str(fps)]
+        words += ["--graphics", "blocks" if graphics in ("auto", "pixels") else graphics]
+        _serve(session, [*words, *(["--detect"] if detect else [])], port)
+        return
+    raise SystemExit(show_replay(opened, detect=detect, graphics=graphics, theme=theme, fps=fps, sinks=sinks))
+
+
+def _serve(session: Path, words: Sequence[str], port: int) -> None:
+    """Serve a replay until it is stopped.
+
+    Raises:
+        GcsError: it cannot be served.
+    """
+    try:
+        from gcs.cli.serving import serve_screens  # an extra, which takes its time
+    except ImportError as error:
+        raise GcsError(f"--serve needs {error.name}; install it with: pip install 'rollcall-gcs[serve]'") from error
+    gcs = (sys.executable, "-P", "-c", "from gcs.cli.start import main; main()")
+    command = shlex.join([*gcs, "replay", str(session.absolute()), *words])
+
+    def show(address: str) -> None:
+        print_lines(address)
+        print_note("whoever has this address sees the recording, and may mark it; Ctrl-C ends it")
+
+    try:
+        serve_screens(command, f"gcs replay {session.name}", port, show)
+    except OSError as error:
+        raise GcsError(f"--port {port}: {error.strerror}; take another, or leave it out") from error
+
+
+def _in_browser() -> bool:
+    """Whether this is the process that ``--serve`` started for a browser."""
+    return "web_driver" in os.environ.get("TEXTUAL_DRIVER", "")
 
 
 def show_replay(
@@ -76,7 +118,7 @@ def show_replay(
     Raises:
         GcsError: there is no terminal.
     """
-    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+    if not (sys.stdin.isatty() and sys.stdout.isatty()) and not _in_browser():
         raise GcsError(
             "gcs replay needs a terminal for its screens; "
             f"gcs identify {session.path} -o FOLDER names the vehicles without one"

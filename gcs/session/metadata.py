@@ -34,6 +34,7 @@ __all__ = [
     "FlightNotes",
     "Interrupted",
     "SessionFile",
+    "in_flight",
     "key_notes",
     "mission_table",
     "recorded_folders",
@@ -250,6 +251,21 @@ class Interrupted:
 def recorded_folders(parent: Path) -> list[Path]:
     """The session folders in a folder, the newest first."""
     return sorted((file.parent for file in parent.glob(f"*/{METADATA}")), reverse=True)
+
+
+def in_flight(folder: Path) -> bool:
+    """Whether a process flies that records into this folder."""
+    try:
+        fd = open_to_read(folder / METADATA)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(fd)
+    return False
 
 
 def seal(folder: Path) -> Interrupted | None:

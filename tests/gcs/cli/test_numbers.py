@@ -19,6 +19,7 @@ OPTIONS = [
     ("fly", FLIGHT, "--fps"),
     ("replay", (SWARM,), "--video-start"),
     ("replay", (SWARM,), "--fps"),
+    ("replay", (SWARM, "--serve"), "--port"),
     ("identify", (SWARM, "-o", "out"), "--video-start"),
     *(("batch", (SWARM, "-o", "out"), option) for option in ("--jobs", "--retries", "--timeout", "--memory")),
     ("import", IMPORTED, "--clock-within"),

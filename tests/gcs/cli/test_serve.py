@@ -1,0 +1,113 @@
+"""``gcs replay --serve``: the screens in a browser of this computer, and in no other page."""
+
+import os
+import re
+import signal
+import subprocess
+
+import aiohttp
+import psutil
+import pytest
+
+from gcs.session.recorder import Recorder
+from tests.support.bundled import CURVED_ROAD, SWARM
+from tests.support.command_line import GCS, run_gcs
+from tests.support.snapshots import ONE_UGV
+from tests.support.waiting import until
+
+
+@pytest.fixture(scope="module")
+def served():
+    """A replay's address, and the process that serves it."""
+    with subprocess.Popen(
+        [*GCS, "replay", str(CURVED_ROAD), "--serve"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+    ) as process:
+        try:
+            yield process.stdout.readline().strip(), process
+        finally:
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(60) == 0
+
+
+def origin_of(address):
+    return re.match(r"http://127\.0\.0\.1:\d+", address)[0]
+
+
+async def status(address, **headers):
+    async with aiohttp.ClientSession() as browser, browser.get(address, headers=headers) as response:
+        return response.status
+
+
+async def test_its_own_page_shows_the_screens(served):
+    address, process = served
+    assert re.fullmatch(r"http://127\.0\.0\.1:\d+/[\w-]{32}/", address)
+    async with aiohttp.ClientSession() as browser:
+        async with browser.get(address) as page:
+            text = await page.text()
+            assert page.status == 200
+            assert "default-src 'self'" in page.headers["Content-Security-Policy"]
+            assert page.headers["Referrer-Policy"] == "no-referrer"
+        socket = re.search(r'data-session-websocket-url="(.*?)"', text)[1]
+        assert socket == f"ws{address[4:]}ws"
+        script = re.search(r'<script src="(.*?)"', text)[1]
+        assert await status(script) == 200
+        screens = b""
+        url = f"{socket}?width=120&height=40"
+        async with browser.ws_connect(url, headers={"Origin": origin_of(address)}) as connection:
+            while b"UGV-1" not in screens:
+                message = await connection.receive(timeout=60)
+                assert message.type in (aiohttp.WSMsgType.BINARY, aiohttp.WSMsgType.TEXT), message
+                screens += message.data if message.type == aiohttp.WSMsgType.BINARY else b""
+            children = psutil.Process(process.pid).children(recursive=True)
+            assert children
+    assert until(lambda: not any(child.is_running() and child.status() != "zombie" for child in children))
+
+
+async def test_without_the_secret_there_is_nothing(served):
+    address, _ = served
+    own = origin_of(address)
+    for path in ("/", "/ws", "/static/", f"/{'A' * 32}/", f"/{'A' * 32}/ws", "/download/x", "/%2e%2e/", "//"):
+        assert await status(own + path, Origin=own) == 404, path
+
+
+@pytest.mark.parametrize("page", ["", "ws?width=80&height=24"])
+async def test_other_sites_are_refused(served, page):
+    address, _ = served
+    own = origin_of(address)
+    for headers in ({"Origin": "http://evil.example"}, {"Origin": "null"}, {"Host": "evil.example", "Origin": own}):
+        assert await status(address + page, **headers) == 403, headers
+    if page:
+        assert await status(address + page) == 403
+
+
+def test_it_listens_on_the_loopback_alone(served):
+    _, process = served
+    listening = [each.laddr for each in psutil.Process(process.pid).net_connections() if each.status == "LISTEN"]
+    assert [each.ip for each in listening] == ["127.0.0.1"]
+
+
+def test_a_flight_is_never_served(tmp_path):
+    code, _, told = run_gcs("fly", SWARM / "session.toml", "--serve")
+    assert code == 2
+    assert "a flight is never served" in told
+    recorder = Recorder(tmp_path, ONE_UGV, video=False)
+    try:
+        code, _, told = run_gcs("replay", recorder.folder, "--serve")
+    finally:
+        recorder.close()
+    assert code == 2
+    assert "it is being flown, and a flight is never served" in told
+
+
+def test_what_cannot_be_served_is_one_line(tmp_path):
+    for words, why in (
+        ((tmp_path / "none", "--serve"), "none"),
+        ((SWARM, "--serve", "--tell", "json+udp://127.0.0.1:5005"), "--serve starts a replay for each browser"),
+    ):
+        code, out, told = run_gcs("replay", *words)
+        assert (code, out) == (2, "")
+        assert why in told
