@@ -39,7 +39,7 @@ from gcs.cli.output.console import (
     redirect_stderr,
 )
 from gcs.cli.rollcall import print_rollcall, rollcall_json
-from gcs.cli.telling import Show, Tell, parse_sinks, telling
+from gcs.cli.sharing.telling import Show, Tell, parse_sinks, telling
 from gcs.errors import GcsError
 from gcs.flight.flight import Flight, FlightPlan
 from gcs.live_out.sink import SinkSource

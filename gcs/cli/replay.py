@@ -25,7 +25,7 @@ from gcs.cli.output.console import (
     print_note,
     redirect_stderr,
 )
-from gcs.cli.telling import Show, Tell, parse_sinks, telling
+from gcs.cli.sharing.telling import Show, Tell, parse_sinks, telling
 from gcs.errors import GcsError
 from gcs.live_out.sink import SinkSource
 from gcs.live_out.sink_url import SinkUrl
@@ -83,7 +83,7 @@ def _serve(session: Path, words: Sequence[str], port: int) -> None:
         GcsError: it cannot be served.
     """
     try:
-        from gcs.cli.serving import serve_screens  # an extra, which takes its time
+        from gcs.cli.sharing.serving import serve_screens  # an extra, which takes its time
     except ImportError as error:
         raise GcsError(f"--serve needs {error.name}; install it with: pip install 'rollcall-gcs[serve]'") from error
     gcs = (sys.executable, "-P", "-c", "from gcs.cli.start import main; main()")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from av.video.frame import PictureType
 
-from gcs.cli.telling import telling
+from gcs.cli.sharing.telling import telling
 from gcs.errors import GcsError
 from gcs.live_out.live_out import LiveOut
 from gcs.live_out.picture import MpegTsPicture, sdp
