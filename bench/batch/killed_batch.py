@@ -27,11 +27,12 @@ def kill_and_go_on(folder: Path, names: set[str], broken: set[str], singles: Pat
     out, good = folder / "killed", names - broken
     words = (folder / "flights", "-o", out, "-j", 2)
     with WatchedBatch(*words) as batch:
-        _wait(out, len(names) // 4, batch)
-        stopped_writer(batch.pid, out).kill()
+        stopped = stopped_writer(batch.pid, out)
+        _wait(out, len(names) // 4, batch)  # by the other worker
+        stopped.kill()
         print(f"- killed a worker while it wrote; {_records(out)} flights had their record")
-        _wait(out, len(names) // 2, batch)
         stopped_writer(batch.pid, out)
+        _wait(out, len(names) // 2, batch)
         batch.kill()
     print(f"- killed the batch while a worker wrote; {_records(out)} flights had their record")
     with WatchedBatch(*words) as again:
