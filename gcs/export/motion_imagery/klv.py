@@ -21,7 +21,7 @@ from gcs.errors import GcsError
 from gcs.export.film_times import retimed, shown_times
 from gcs.export.job import ExportJob
 from gcs.export.motion_imagery.misb import klv_set
-from gcs.session.line_file import open_new
+from gcs.export.unfinished import Unfinished
 from gcs.snapshot import Snapshot
 from infra.plain_text import plain
 from mavlink.geodesy import LocalFrame
@@ -48,7 +48,9 @@ class KlvExport:
         self._mission = plain(job.name)
         self._times_us = job.times_us
         self._sets: list[tuple[int, bytes]] = []
-        self._file = open_new(job.path)
+        self._placed = False
+        self._note = job.note
+        self._unfinished = Unfinished(job.path)
 
     def write(self, snapshot: Snapshot) -> None:
         """Take what a frame tells of the UAV."""
@@ -56,12 +58,14 @@ class KlvExport:
             return
         uav = next((row for row in snapshot.vehicles if row.role == "uav"), None)
         texts = {MISSION: self._mission, PLATFORM: plain(uav.name) if uav else ""}
-        self._sets.append((snapshot.frame, klv_set(snapshot.t_us, sight_of(snapshot), texts)))
+        sight = sight_of(snapshot)
+        self._placed |= bool(sight)
+        self._sets.append((snapshot.frame, klv_set(snapshot.t_us, sight, texts)))
 
     def close(self) -> None:
         """Write the file."""
         shown = shown_times(self._times_us, TIME_BASE)
-        with self._file, av.open(f"/dev/fd/{self._file.fileno()}", "w", format="mpegts") as copy:
+        with av.open(str(self._unfinished.path), "w", format="mpegts") as copy:
             video = copy.add_stream_from_template(self._film.stream) if self._film else None
             data = copy.add_data_stream("klv")
             sets = deque((int(shown[frame]), raw) for frame, raw in self._sets)
@@ -74,6 +78,9 @@ class KlvExport:
                         copy.mux(packet)
             for each in sets:
                 copy.mux(_packet(*each, data))
+        self._unfinished.finish()
+        if not self._placed:
+            self._note("where the UAV was is not known at any frame: the sets tell the time alone")
 
 
 def sight_of(snapshot: Snapshot) -> dict[int, float]:

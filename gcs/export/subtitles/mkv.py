@@ -19,7 +19,7 @@ from gcs.export.film_times import retimed, shown_times
 from gcs.export.job import ExportJob
 from gcs.export.subtitles.ass import EMPTY_SIZE, AssNames, ass_header
 from gcs.export.subtitles.cues import Cue, Cues
-from gcs.session.line_file import open_new
+from gcs.export.unfinished import Unfinished
 from gcs.snapshot import Snapshot
 from infra.plain_text import plain
 from vision.video.coded_frames import CodedFilm
@@ -43,7 +43,7 @@ class MkvExport:
         self._size = (coded.width, coded.height) if coded.width and coded.height else EMPTY_SIZE
         self._names = AssNames(self._size)
         self._lines: list[tuple[int, int, bytes]] = []
-        self._file = open_new(job.path)
+        self._unfinished = Unfinished(job.path)
 
     def write(self, snapshot: Snapshot) -> None:
         """Take the names of the frame before."""
@@ -52,11 +52,10 @@ class MkvExport:
     def close(self) -> None:
         """Take those of the last frame, and write the file."""
         self._take(self._cues.last())
-        # FFmpeg by itself would write over what is there, and through a link
-        place = f"/dev/fd/{self._file.fileno()}"
+        place = str(self._unfinished.path)
         options = {"default_mode": "infer"}
         header = io.BytesIO(ass_header(self._size, self._title).encode())
-        with self._film, self._file, av.open(place, "w", format="matroska", options=options) as copy:
+        with self._film, av.open(place, "w", format="matroska", options=options) as copy:
             video = copy.add_stream_from_template(self._film.stream)
             with av.open(header, format="ass") as lines:
                 names = copy.add_stream_from_template(lines.streams.subtitles[0])
@@ -71,6 +70,7 @@ class MkvExport:
                 copy.mux(packet)
             for line in self._lines[written:]:
                 copy.mux(_line(line, names))
+        self._unfinished.finish()
 
     def _take(self, cue: Cue | None) -> None:
         if cue is None:

@@ -7,7 +7,7 @@ writer's settings are fixed. pyarrow is an extra (``tables``), and imported when
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -85,20 +85,20 @@ class IdentityTable:
     """A table while it is written.
 
     Args:
-        file: to write to, or its path: what is there is replaced.
+        path: of the file; what is there is replaced.
         about: what the file tells of itself, such as the version of the program.
 
     Raises:
         GcsError: pyarrow is not installed.
     """
 
-    def __init__(self, file: IO[bytes] | str, about: Mapping[str, str]) -> None:
+    def __init__(self, path: str, about: Mapping[str, str]) -> None:
         self._pyarrow = import_pyarrow()
         from pyarrow import parquet
 
         types = {name: self._pyarrow.type_for_alias(kind) for name, kind in COLUMNS.items()}
         self._schema = self._pyarrow.schema(types, metadata=dict(sorted(about.items())))
-        self._writer = parquet.ParquetWriter(file, self._schema, **writer_settings())
+        self._writer = parquet.ParquetWriter(path, self._schema, **writer_settings())
         self._decode = msgspec.json.Decoder(EvidenceRow).decode
         self._rows: list[EvidenceRow] = []
 

@@ -6,8 +6,8 @@ import pyarrow  # noqa: F401 - a format without its library is told when it is a
 
 from gcs.export.job import ExportJob
 from gcs.export.tables.identity_table import IdentityTable
+from gcs.export.unfinished import Unfinished
 from gcs.session.identity_log import json_row
-from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
 
 __all__ = ["ParquetExport"]
@@ -17,8 +17,8 @@ class ParquetExport:
     """null is unknown."""
 
     def __init__(self, job: ExportJob) -> None:
-        self._file = open_new(job.path)
-        self._table = IdentityTable(self._file.buffer, {})
+        self._unfinished = Unfinished(job.path)
+        self._table = IdentityTable(str(self._unfinished.path), {})
 
     def write(self, snapshot: Snapshot) -> None:
         """Append the boxes seen in a frame."""
@@ -29,4 +29,4 @@ class ParquetExport:
     def close(self) -> None:
         """Finish the file."""
         self._table.close()
-        self._file.close()
+        self._unfinished.finish()

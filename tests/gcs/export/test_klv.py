@@ -107,14 +107,19 @@ def test_what_is_unknown_is_left_out(tmp_path):
         replace(snapshot(2), origin=frame, camera=view, pose="known"),
     ]
     times_us = np.array([shot.t_us for shot in shots])
-    path = tmp_path / "a.ts"
-    sink = FORMATS["klv"].open(ExportJob(path=path, name="Пик " * 40, times_us=times_us))
+    path, notes = tmp_path / "a.ts", []
+    sink = FORMATS["klv"].open(ExportJob(path=path, name="Пик " * 40, times_us=times_us, note=notes.append))
     for shot in shots:
         sink.write(shot)
     sink.close()
     tags = [set(fields) for fields in sets_of(b"".join(data for _, data in packets(path, "data")))]
     texts = {1, 2, 3, 10, 65}
     assert tags == [texts, texts | {13, 14, 15}, texts | {5, 13, 14, 15, 16, 17}]
+    assert not notes
+    sink = FORMATS["klv"].open(ExportJob(path=tmp_path / "b.ts", times_us=times_us, note=notes.append))
+    sink.write(shots[0])
+    sink.close()
+    assert len(notes) == 1 and "time alone" in notes[0]
 
 
 def test_a_film_that_a_transport_stream_cannot_hold_is_refused(tmp_path):
