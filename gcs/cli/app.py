@@ -27,6 +27,7 @@ _COMMANDS: dict[str, str] = {
     "batch": "Name the boxes of many recordings, on this machine or a cluster.",
     "import": "Make a session of a flight that others recorded: film, logs, tables.",
     "export": "Write identities for other programs, or a film with names.",
+    "report": "Write a page about a flight: who was named when and how surely.",
     "score": "Compare an identity log with the truth.",
     "tlog": "Look into telemetry logs; check, repair and cut them.",
     "keys": "Make, list and check the keys that vehicles sign with.",
@@ -44,7 +45,10 @@ _GROUPS = ("tlog", "keys")
 _MODULES = {
     "batch": "batch.batch",
     "eval-detector": "detectors.eval_detector",
+    "export": "results.export",
     "import": "import_flight",
+    "report": "results.report",
+    "score": "results.score",
     "train-detector": "detectors.train_detector",
 }
 """In ``gcs.cli``, of commands whose module has another name; the function has the module's last one."""

@@ -10,8 +10,8 @@ from pathlib import Path
 from gcs.cli.identify import identify_into
 from gcs.cli.output.console import NO_NAMES, AsJson, print_json, print_lines
 from gcs.cli.replay import show_replay
+from gcs.cli.results.score import print_score
 from gcs.cli.rollcall import print_rollcall, rollcall_json
-from gcs.cli.score import print_score
 from gcs.errors import SessionError
 from gcs.report.score import score_files
 from gcs.session.session import open_session

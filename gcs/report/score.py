@@ -26,7 +26,7 @@ from gcs.session.frame_tables import read_truth
 from gcs.session.identity_log import read_identity
 from gcs.session.tables import Table
 
-__all__ = ["Matched", "Score", "match", "score", "score_files"]
+__all__ = ["Matched", "Score", "match", "match_files", "score", "score_files"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -80,6 +80,19 @@ def score_files(truth: Path, identity: Path) -> Score:
     """Score an identity log against ``truth.csv``.
 
     Raises:
+        ScoreError, SessionError: as of ``match_files``.
+    """
+    matched, skipped = match_files(truth, identity)
+    return replace(score(matched), skipped=skipped)
+
+
+def match_files(truth: Path, identity: Path) -> tuple[Matched, int]:
+    """Pair the boxes of an identity log with those of ``truth.csv``.
+
+    Returns:
+        the pairs, and how many rows of either file could not be used.
+
+    Raises:
         ScoreError: the two have no frame in common.
         SessionError: a file is missing or lacks a column.
     """
@@ -89,7 +102,7 @@ def score_files(truth: Path, identity: Path) -> Score:
         raise ScoreError(f"{truth}: no true box in it, nothing to compare with")
     if len(logged) and not np.intersect1d(true["frame"], logged["frame"]).size:
         raise ScoreError(f"{identity} and {truth} have no frame in common; are they of the same recording?")
-    return replace(score(match(true, logged)), skipped=true.skipped + logged.skipped)
+    return match(true, logged), true.skipped + logged.skipped
 
 
 def match(true: Table, logged: Table) -> Matched:

@@ -26,6 +26,7 @@ OPTIONS = [
     ("import", IMPORTED, "--fov"),
     ("import", IMPORTED, "--pitch"),
     *(("export", (SWARM, "-o", "out.csv"), option) for option in ("--video-start", "--every", "--min-confidence")),
+    ("report", (SWARM, "-o", "out.html"), "--video-start"),
     ("tlog check", (LOG,), "--most"),
     ("tlog cut", (LOG, "cut.tlog"), "--from"),
     ("tlog cut", (LOG, "cut.tlog"), "--to"),

@@ -7,7 +7,7 @@ import av
 import numpy as np
 import pytest
 
-from gcs.cli.score import print_score
+from gcs.cli.results.score import print_score
 from gcs.errors import ConfigError, SessionError
 from gcs.mission.mission import load_mission
 from gcs.playback.analysis import Analysis

@@ -1,0 +1,100 @@
+"""The report of one flight, put together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+
+from gcs.report.page.flight_summary import FlightSummary
+from gcs.report.page.html import empty, page, section, table, words
+from gcs.report.page.map_drawing import draw_map
+from gcs.report.page.score_parts import score_parts
+from gcs.report.page.stills import Stills
+from gcs.report.page.timeline import clock, draw_timeline
+from gcs.report.page.vehicle_parts import rollcall_table, vehicle_parts
+from gcs.report.score import Matched
+
+__all__ = ["Provenance", "flight_report"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Provenance:
+    """What a report was made of."""
+
+    name: str
+    """Of the recording."""
+    lacks: Sequence[str] = ()
+    """What the recording does not have, and what that costs, a line each."""
+    settings: Mapping[str, str] = field(default_factory=dict)
+    """Programs, options and networks, by what they are."""
+    files: Mapping[str, str] = field(default_factory=dict)
+    """SHA-256 of each file that was read, by name."""
+
+
+def flight_report(record: FlightSummary, stills: Stills, matched: Matched | None, about: Provenance) -> str:
+    """The page.
+
+    Args:
+        record: what snapshots added up to.
+        stills: pictures of the moments that matter.
+        matched: names beside the truth, None unknown.
+        about: what it was made of.
+    """
+    calls = record.rollcall
+    began = datetime.fromtimestamp(record.start_us * 1e-6, UTC)
+    lead = (
+        f"{began:%Y-%m-%d %H:%M:%S} UTC, {clock(record.span_s)} min. {calls.named} of {len(record.vehicles)} vehicles "
+        f"were named; {calls.boxes - calls.unnamed} of {calls.boxes} boxes in {calls.frames} frames have a name."
+    )
+    truth = "Nobody recorded which box is which vehicle: how right the names were is not known."
+    sections = [
+        section("Roll call", rollcall_table(record)),
+        section("Time line", draw_timeline(record)),
+        section("Map", draw_map(record)),
+        section("Moments", stills.drawn(record)),
+        section("Alarms and warnings", _alarms(record), _events(record)),
+        section("Vehicles", vehicle_parts(record)),
+        section("Names beside the truth", empty(truth) if matched is None else score_parts(matched)),
+        section("What the recording lacks", _lines(about.lacks)),
+        section("What this page was made of", _made_of(about)),
+    ]
+    return page(f"Flight {about.name}", lead, sections)
+
+
+def _alarms(record: FlightSummary) -> str:
+    if not record.alarms:
+        return empty("No alarm was raised.")
+    rows = [
+        (
+            clock((span.alarm.since_us - record.start_us) * 1e-6),
+            clock((span.last_us - record.start_us) * 1e-6),
+            span.alarm.level,
+            span.alarm.text,
+            span.alarm.advice,
+        )
+        for span in record.alarms
+    ]
+    more = empty(f"{record.alarms_left_out} more alarms are not listed.") if record.alarms_left_out else ""
+    return table(("from", "until", "level", "what", "what to do"), rows, caption="Alarms") + more
+
+
+def _events(record: FlightSummary) -> str:
+    if not record.events:
+        return empty("No warning was given.")
+    rows = [
+        (clock((event.t_us - record.start_us) * 1e-6), event.level, event.kind, event.text) for event in record.events
+    ]
+    more = empty(f"{record.events_left_out} more are not listed.") if record.events_left_out else ""
+    return table(("at", "level", "about", "what"), rows, caption="Warnings and what the operator did") + more
+
+
+def _lines(lines: Sequence[str]) -> str:
+    if not lines:
+        return empty("Nothing that is known of.")
+    return f"<ul>{''.join(f'<li>{words(line)}</li>' for line in lines)}</ul>"
+
+
+def _made_of(about: Provenance) -> str:
+    settings = table(("what", "which"), list(about.settings.items()), caption="Programs and options")
+    return settings + table(("file", "SHA-256"), list(about.files.items()), caption="Files that were read")

@@ -1,0 +1,207 @@
+"""What a report needs to know of a flight, added up from its snapshots in memory that does not grow with it."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.certainty import CONFIRMED
+from gcs.mission.mission import Mission
+from gcs.report.rollcall import RollCall
+from gcs.snapshot import Alarm, Box, Event, Snapshot, VehicleRow
+from mavlink.geodesy import LocalFrame
+
+__all__ = ["AlarmSpan", "FlightSummary", "VehicleRecord"]
+
+FloatArray = NDArray[np.float64]
+
+MOST_PARTS: Final = 400
+"""Of a flight's time: more than a page shows side by side."""
+FRAMES_A_PART: Final = 3
+"""At least, on average: a part without a frame looks like one without a name."""
+MOST_EVENTS, MOST_ALARMS = 200, 200
+"""That are listed; the rest is counted."""
+MOST_CHANGES = 20
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class VehicleRecord:
+    """One vehicle, in n parts of the flight's time; NaN where there is nothing."""
+
+    system_id: int
+    name: str
+    confidence: FloatArray
+    """(n,) least confidence of its name."""
+    in_view: NDArray[np.bool_]
+    """(n,) whether it reported to be in the picture."""
+    residual_m: FloatArray
+    """(n,) greatest distance from its box to its report."""
+    std_m: FloatArray
+    """(n,) greatest 1σ of its position."""
+    loss: FloatArray
+    """(n,) greatest share of its packets that were lost."""
+    silent_s: FloatArray
+    """(n,) longest age of its position."""
+    reported: FloatArray
+    """(n, 2) east, north, m, where it reported to be, about the first origin of the flight."""
+    seen: FloatArray
+    """(n, 2) where its box was on the ground."""
+    fixes: Counter[str] = field(default_factory=Counter)
+    """Frames by the receiver's fix."""
+    runners_up: Counter[str] = field(default_factory=Counter)
+    """Frames by who else it might have been."""
+    first_us: int = 0
+    """When it was named first, 0 never."""
+    sure_us: int = 0
+    """When its name was confirmed first, 0 never."""
+    changes: list[tuple[int, int, int]] = field(default_factory=list)
+    """Time, Unix µs, and the tracks that had its name before and after."""
+    changed: int = 0
+    """How often another track got its name."""
+    track_id: int = 0
+
+    @classmethod
+    def empty(cls, system_id: int, name: str, parts: int) -> VehicleRecord:
+        """Of which nothing is known yet."""
+        confidence, residual_m, std_m, loss, silent_s = np.full((5, parts), np.nan)
+        reported, seen = np.full((2, parts, 2), np.nan)
+        return cls(
+            system_id=system_id,
+            name=name,
+            confidence=confidence,
+            in_view=np.zeros(parts, dtype=np.bool_),
+            residual_m=residual_m,
+            std_m=std_m,
+            loss=loss,
+            silent_s=silent_s,
+            reported=reported,
+            seen=seen,
+        )
+
+
+@dataclass(slots=True, kw_only=True)
+class AlarmSpan:
+    """An alarm from when it came until it went."""
+
+    alarm: Alarm
+    last_us: int
+
+
+class FlightSummary:
+    """Adds up snapshots, which come in order of time.
+
+    Args:
+        mission: who flies.
+        times_us: (k,) of its frames, Unix µs.
+
+    Attributes:
+        parts: into how many its time is divided.
+    """
+
+    def __init__(self, mission: Mission, times_us: NDArray[np.int64]) -> None:
+        self.start_us = int(times_us.min())
+        self.stop_us = max(int(times_us.max()), self.start_us + 1)
+        self.parts = min(max(len(times_us) // FRAMES_A_PART, 1), MOST_PARTS)
+        self.rollcall = RollCall(mission)
+        self.vehicles = {i: VehicleRecord.empty(i, mission.name_of(i), self.parts) for i in mission.ugv_ids}
+        self.uav: VehicleRecord | None = None
+        self.alarms: list[AlarmSpan] = []
+        self.alarms_left_out = 0
+        self.events: list[Event] = []
+        """Those that are no information only, and those about names."""
+        self.events_left_out = 0
+        self.poses: Counter[str] = Counter()
+        self.fit = math.nan
+        """Least probability that video and telemetry belong together, once there was one."""
+        self._open: dict[tuple[str, str], AlarmSpan] = {}
+        self._origin: LocalFrame | None = None
+
+    @property
+    def span_s(self) -> float:
+        """From the first frame to the last."""
+        return (self.stop_us - self.start_us) * 1e-6
+
+    def part_of(self, t_us: int) -> int:
+        """Which part of the flight's time a moment is in."""
+        share = (t_us - self.start_us) / (self.stop_us - self.start_us)
+        return min(max(int(share * self.parts), 0), self.parts - 1)
+
+    def add(self, snapshot: Snapshot) -> None:
+        """Take in one frame."""
+        self.rollcall.add(snapshot)
+        self.poses[snapshot.pose] += 1
+        self.fit = float(np.fmin(self.fit, snapshot.health.fit))
+        part = self.part_of(snapshot.t_us)
+        self._origin = self._origin or snapshot.origin
+        for row in snapshot.vehicles:
+            if row.role == "uav":
+                self.uav = self.uav or VehicleRecord.empty(row.system_id, row.name, self.parts)
+                self._add_report(self.uav, part, row, snapshot.origin)
+            elif row.system_id in self.vehicles:
+                self._add_report(self.vehicles[row.system_id], part, row, snapshot.origin)
+        for box in snapshot.new_boxes:
+            if box.system_id in self.vehicles and not box.coasting:
+                self._add_box(self.vehicles[box.system_id], part, box, snapshot)
+        self._add_alarms(snapshot)
+        for event in snapshot.events:
+            if event.level == "info" and event.kind != "operator":
+                continue
+            if len(self.events) < MOST_EVENTS:
+                self.events.append(event)
+            else:
+                self.events_left_out += 1
+
+    def _add_box(self, vehicle: VehicleRecord, part: int, box: Box, snapshot: Snapshot) -> None:
+        _keep(vehicle.confidence, part, box.confidence, np.fmin)
+        _keep(vehicle.residual_m, part, box.residual_m, np.fmax)
+        vehicle.first_us = vehicle.first_us or snapshot.t_us
+        if box.confidence >= CONFIRMED:
+            vehicle.sure_us = vehicle.sure_us or snapshot.t_us
+        if box.runner_up:
+            vehicle.runners_up[snapshot.name_of(box.runner_up)] += 1
+        if math.isnan(vehicle.seen[part, 0]):
+            vehicle.seen[part] = self._place(box.p_enu, snapshot.origin)
+        if vehicle.track_id not in (0, box.track_id):
+            vehicle.changed += 1
+            if len(vehicle.changes) < MOST_CHANGES:
+                vehicle.changes.append((snapshot.t_us, vehicle.track_id, box.track_id))
+        vehicle.track_id = box.track_id
+
+    def _add_report(self, vehicle: VehicleRecord, part: int, row: VehicleRow, origin: LocalFrame | None) -> None:
+        vehicle.in_view[part] |= bool(row.in_view)
+        _keep(vehicle.std_m, part, row.std_m, np.fmax)
+        _keep(vehicle.loss, part, row.loss, np.fmax)
+        if math.isfinite(row.position_age_s):
+            _keep(vehicle.silent_s, part, row.position_age_s, np.fmax)
+        vehicle.fixes[row.fix or "no fix told"] += 1
+        if row.position_state == "ok" and math.isnan(vehicle.reported[part, 0]):
+            vehicle.reported[part] = self._place(row.p_enu, origin)
+
+    def _place(self, p_enu: FloatArray, origin: LocalFrame | None) -> FloatArray:
+        """(2,) about the first origin: it moves when the UAV turns out to be elsewhere."""
+        if origin is None or self._origin is None or origin == self._origin or not np.isfinite(p_enu).all():
+            return p_enu[:2]
+        return np.asarray(self._origin.to_enu(*origin.to_geodetic(p_enu)), dtype=np.float64)[:2]
+
+    def _add_alarms(self, snapshot: Snapshot) -> None:
+        now = {(alarm.key, alarm.level): alarm for alarm in snapshot.alarms if not alarm.reported}
+        before, self._open = self._open, {}
+        for key, alarm in now.items():
+            span = before.get(key)
+            if span is None:
+                span = AlarmSpan(alarm=replace(alarm, since_us=min(alarm.since_us, snapshot.t_us)), last_us=0)
+                if len(self.alarms) < MOST_ALARMS:
+                    self.alarms.append(span)
+                else:
+                    self.alarms_left_out += 1
+            span.last_us = snapshot.t_us
+            self._open[key] = span
+
+
+def _keep(values: FloatArray, part: int, value: float, which: np.ufunc) -> None:
+    values[part] = which(values[part], value)

@@ -1,0 +1,131 @@
+"""The flight from above: where vehicles reported to be, and where their boxes were seen. SVG, north up."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.report.page.flight_summary import FlightSummary, VehicleRecord
+from gcs.report.page.html import COLOURS, DASHES, empty, words
+
+__all__ = ["colour_of", "draw_map"]
+
+WIDTH: Final = 1000
+MARGIN: Final = 60
+HEIGHTS: Final = (300, 800)
+LEAST_M: Final = 10.0
+"""Across: a fleet that stands still is not magnified without end."""
+FARTHEST_M: Final = 5_000.0
+"""Places farther from the middle are jumps of a receiver."""
+LINE_PX, NAME_PX = 15.0, 130.0
+"""Height of a name, and how far to either side of one no other stands on the same line."""
+JOIN_PARTS: Final = 6
+"""Places farther apart in time than so many parts are not joined."""
+
+
+def colour_of(index: int) -> str:
+    """Attributes of the lines of the vehicle of this number: colour and dash."""
+    dash = DASHES[index // COLOURS % len(DASHES)]
+    return f'class="c{index % COLOURS}" stroke="currentColor"' + (f' stroke-dasharray="{dash}"' if dash else "")
+
+
+def draw_map(record: FlightSummary) -> str:
+    """The map, with scale and north, or a sentence why there is none."""
+    everybody = [*record.vehicles.values(), *([record.uav] if record.uav else [])]
+    places = np.concatenate([np.zeros((0, 2)), *(v.reported for v in everybody), *(v.seen for v in everybody)])
+    places = places[np.isfinite(places).all(axis=1)]
+    if not len(places):
+        return empty("No vehicle told where it was: there is no map.")
+    places = places[np.linalg.norm(places - np.median(places, axis=0), axis=1) < FARTHEST_M]
+    low, high = places.min(axis=0), places.max(axis=0)
+    middle, across = (low + high) / 2, np.maximum(high - low, LEAST_M)
+    height = min(max(int(across[1] / across[0] * WIDTH), HEIGHTS[0]), HEIGHTS[1])
+    scale = float(min((WIDTH - 2 * MARGIN) / across[0], (height - 2 * MARGIN) / across[1]))
+
+    def to_px(p: NDArray[np.float64]) -> NDArray[np.float64]:
+        # x = W/2 + s (E − E_m), y = H/2 − s (N − N_m)
+        return np.asarray((p - middle) * (scale, -scale) + (WIDTH / 2, height / 2))
+
+    parts = [f"<title>Map of the flight: reported and seen tracks of {len(record.vehicles)} vehicles, north up</title>"]
+    ends: list[tuple[str, str, float, float]] = []
+    if record.uav is not None:
+        parts.append(f'<g class="ink" opacity="0.7">{_path(to_px(record.uav.reported), "2 4", 1.0)}</g>')
+        ends += _end(record.uav, to_px(record.uav.reported), "ink")
+    for index, vehicle in enumerate(record.vehicles.values()):
+        reported, seen = to_px(vehicle.reported), to_px(vehicle.seen)
+        parts.append(f"<g {colour_of(index)}>{_path(reported, '', 1.0)}{_path(seen, '', 3.5)}</g>")
+        ends += _end(vehicle, reported if np.isfinite(reported).any() else seen, f"c{index % COLOURS}")
+    parts += [_names(ends, height), _scale_bar(scale, height), _north()]
+    drawing = f'<svg viewBox="0 0 {WIDTH} {height}" role="img">{"".join(parts)}</svg>'
+    legend = "Thick: where its box was seen. Thin: where it reported to be. Dotted: the UAV. Names stand at the ends."
+    return f'{drawing}<p class="soft">{legend}</p>'
+
+
+def _path(points: NDArray[np.float64], dash: str, width: float) -> str:
+    """A line through points (n, 2) px; interrupted where many in a row are unknown."""
+    known = np.flatnonzero(np.isfinite(points).all(axis=1))
+    if not len(known):
+        return ""
+    steps = []
+    for place, before in zip(known, [-JOIN_PARTS - 1, *known[:-1]], strict=True):
+        x, y = points[place]
+        steps.append(f"{'M' if place - before > JOIN_PARTS else 'L'}{x:.1f} {y:.1f}")
+    dashed = f' stroke-dasharray="{dash}"' if dash else ""
+    return (
+        f'<path d="{"".join(steps)}" fill="none" stroke="currentColor" stroke-width="{width}"{dashed} '
+        'stroke-linecap="round" stroke-linejoin="round"/>'
+    )
+
+
+def _end(vehicle: VehicleRecord, points: NDArray[np.float64], kind: str) -> list[tuple[str, str, float, float]]:
+    """Name, class and place of the end of a track (n, 2) px; nothing of one that is nowhere."""
+    known = points[np.isfinite(points).all(axis=1)]
+    return [(vehicle.name, kind, *known[-1].tolist())] if len(known) else []
+
+
+def _names(ends: Sequence[tuple[str, str, float, float]], height: int) -> str:
+    """A dot at the end of each track, and its name beside it where it is on no other name.
+
+    Args:
+        ends: name, class and place, px.
+        height: of the map, px.
+    """
+    parts, taken = [], list[tuple[float, float]]()
+    for name, kind, x, y in sorted(ends, key=lambda end: end[3]):
+        side, anchor = (-10, "end") if x > WIDTH / 2 else (10, "start")
+        at = y
+        while any(abs(at - line) < LINE_PX and abs(x - other) < NAME_PX for other, line in taken):
+            at += LINE_PX / 2
+        at = min(at, height - LINE_PX / 2)
+        taken.append((x, at))
+        leader = "" if at == y else f'<path d="M{x:.1f} {y:.1f}L{x + side:.1f} {at:.1f}" stroke="currentColor"/>'
+        parts.append(
+            f'<g class="{kind}"><circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="currentColor"/>{leader}'
+            f'<text x="{x + side * 1.2:.1f}" y="{at + 4:.1f}" text-anchor="{anchor}">{words(name)}</text></g>'
+        )
+    return "".join(parts)
+
+
+def _scale_bar(scale: float, height: int) -> str:
+    """A round number of metres, about a sixth of the width."""
+    rough = WIDTH / 6 / scale
+    decade = 10.0 ** math.floor(math.log10(rough))
+    length = max(step * decade for step in (1, 2, 5) if step * decade <= rough)
+    y, x = height - 20, 20
+    return (
+        f'<g class="ink"><path d="M{x} {y - 5}V{y}H{x + length * scale:.1f}V{y - 5}" fill="none" '
+        'stroke="currentColor"/>'
+        f'<text x="{x + length * scale + 8:.1f}" y="{y + 2}">{length:g} m</text></g>'
+    )
+
+
+def _north() -> str:
+    x = WIDTH - 30
+    return (
+        f'<g class="ink"><path d="M{x} 50V18M{x - 6} 28L{x} 16L{x + 6} 28" fill="none" stroke="currentColor" '
+        f'stroke-width="1.5"/><text x="{x}" y="66" text-anchor="middle">N</text></g>'
+    )

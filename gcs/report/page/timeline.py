@@ -1,0 +1,114 @@
+"""Names, their confidence and alarms on one axis of time. SVG."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from gcs.certainty import CONFIRMED
+from gcs.report.page.flight_summary import FlightSummary, VehicleRecord
+from gcs.report.page.html import COLOURS, words
+
+__all__ = ["clock", "draw_timeline"]
+
+LEFT, WIDTH, RIGHT = 150, 1000, 10
+ROW, GAP = 34, 8
+ALARM_ROW: Final = 16
+MOST_ALARM_ROWS: Final = 8
+STEPS_S: Final = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400)
+MOST_TICKS: Final = 9
+
+
+def clock(seconds: float) -> str:
+    """Time since the first frame, as ``m:ss.s``.
+
+    Example:
+        >>> clock(3.04), clock(75.0)
+        ('0:03.0', '1:15.0')
+    """
+    tenths = max(round(seconds * 10), 0)
+    return f"{tenths // 600}:{tenths % 600 // 10:02d}.{tenths % 10}"
+
+
+def draw_timeline(record: FlightSummary) -> str:
+    """A row a vehicle: its name's confidence as a curve over a band while it is in view; alarms below."""
+    rows, y = [], 10.0
+    for index, vehicle in enumerate(record.vehicles.values()):
+        rows.append(_row(vehicle, y, f"c{index % COLOURS}"))
+        y += ROW + GAP
+    # alarms that last at the same time stand below one another
+    ends: list[int] = []
+    for span in record.alarms:
+        line = next((k for k, end in enumerate(ends) if end < span.alarm.since_us), len(ends))
+        if line >= MOST_ALARM_ROWS:
+            continue
+        ends[line : line + 1] = [span.last_us]
+        since, last = (_x(record, t_us) for t_us in (span.alarm.since_us, span.last_us))
+        top = y + line * ALARM_ROW
+        kind = "bad" if span.alarm.level == "alarm" else "warn"
+        rows.append(
+            f'<g class="{kind}"><rect x="{since:.1f}" y="{top:.1f}" width="{max(last - since, 3):.1f}" '
+            f'height="{ALARM_ROW - 4}" fill="currentColor"><title>{words(span.alarm.text)}</title></rect></g>'
+        )
+    if ends:
+        rows.append(f'<text class="ink" x="0" y="{y + 11:.1f}">alarms</text>')
+        y += len(ends) * ALARM_ROW + GAP
+    title = "<title>When each vehicle was named, how surely, and when alarms were raised</title>"
+    axis = _axis(record, y)
+    drawing = f'<svg class="timeline" viewBox="0 0 {WIDTH} {y + 24:.0f}" role="img">{title}{axis}{"".join(rows)}</svg>'
+    legend = (
+        "Band: the vehicle reported to be in the picture. Curve: the least confidence of its name then, from 0 at the "
+        f"bottom to 1 at the top; the line is {CONFIRMED:g}, from which on a name counts as confirmed. Where there is "
+        "no curve it had no name."
+    )
+    label = "Time line of names and alarms"
+    return (
+        f'<div class="wide" role="region" tabindex="0" aria-label="{label}">{drawing}</div><p class="soft">{legend}</p>'
+    )
+
+
+def _x(record: FlightSummary, t_us: int) -> float:
+    share = min(max((t_us - record.start_us) / (record.stop_us - record.start_us), 0.0), 1.0)
+    return LEFT + share * (WIDTH - LEFT - RIGHT)
+
+
+def _row(vehicle: VehicleRecord, top: float, kind: str) -> str:
+    step = (WIDTH - LEFT - RIGHT) / len(vehicle.confidence)
+    bands = [
+        f"M{LEFT + low * step:.1f} {top:.1f}h{(high - low) * step:.1f}v{ROW}h-{(high - low) * step:.1f}z"
+        for low, high in _runs(vehicle.in_view)
+    ]
+    curves = []
+    for low, high in _runs(np.isfinite(vehicle.confidence)):
+        heights = top + ROW * (1.0 - vehicle.confidence[low:high])
+        points = [f"{LEFT + (low + k + 0.5) * step:.1f} {y:.1f}" for k, y in enumerate(heights)]
+        curves.append(f"M{points[0]}" + (f"L{' '.join(points[1:])}" if points[1:] else "h1"))
+    sure = top + ROW * (1.0 - CONFIRMED)
+    return (
+        f'<g class="{kind}"><text x="0" y="{top + ROW / 2 + 4:.1f}">{words(vehicle.name[:20])}</text>'
+        f'<path d="{"".join(bands)}" fill="currentColor" opacity="0.15"/>'
+        f'<path d="M{LEFT} {sure:.1f}H{WIDTH - RIGHT}" stroke="currentColor" stroke-width="0.5" '
+        'stroke-dasharray="2 4"/>'
+        f'<path d="{"".join(curves)}" fill="none" stroke="currentColor" stroke-width="2"/></g>'
+    )
+
+
+def _runs(flags: np.ndarray) -> list[tuple[int, int]]:
+    """From where to where flags are set."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _axis(record: FlightSummary, y: float) -> str:
+    step_s = next((step for step in STEPS_S if record.span_s / step <= MOST_TICKS), 86_400)
+    ticks = []
+    for k in range(int(record.span_s // step_s) + 1):
+        x = _x(record, record.start_us + round(k * step_s * 1e6))
+        minutes, seconds = divmod(k * step_s, 60)
+        anchor = "end" if x > WIDTH - 30 else "middle"
+        ticks.append(f'<path class="rule" d="M{x:.1f} 4V{y:.1f}"/>')
+        ticks.append(
+            f'<text class="ink" x="{x:.1f}" y="{y + 16:.1f}" text-anchor="{anchor}">{minutes}:{seconds:02d}</text>'
+        )
+    return "".join(ticks)

@@ -1,0 +1,156 @@
+"""The report of a flight: one file that asks for nothing, whatever the flight was and whatever its vehicles say."""
+
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from gcs.report.page.flight_report import Provenance, flight_report
+from gcs.report.page.flight_summary import FlightSummary
+from gcs.report.page.stills import MOST, Stills
+from gcs.report.score import Matched
+from gcs.snapshot import Alarm, Event
+from tests.support.bundled import CURVED_ROAD, swarm_session
+from tests.support.command_line import run_gcs
+from tests.support.snapshots import STEP, TWO_UGVS, box, snapshot
+
+HOSTILE = "<script>alert(1)</script>\"'>&\u202e\n\0=1+1"
+VOID = {"meta", "img", "br"}
+
+
+class Page(HTMLParser):
+    """Checks that elements are closed in order; collects tags, links and words."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.tags, self.links, self.words = [], set(), [], []
+        self.feed(text)
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.add(tag)
+        self.links += [value for name, value in attrs if name in ("src", "href", "action", "data", "srcset")]
+        assert not [name for name, _ in attrs if name.startswith("on")]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.handle_starttag(tag, attrs)
+        self.handle_endtag(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] != "style":
+            self.words.append(data)
+
+    @property
+    def text(self):
+        return " ".join(self.words)
+
+
+def report(snapshots, matched=None, name="x"):
+    snapshots = list(snapshots)
+    times_us = np.array([each.t_us for each in snapshots] or [0])
+    record, stills = FlightSummary(TWO_UGVS, times_us), Stills()
+    for each in snapshots:
+        record.add(each)
+        stills.add(each)
+    about = Provenance(name=name, lacks=(name,), settings={name: name}, files={name: name})
+    return flight_report(record, stills, matched, about)
+
+
+def check_alone(text):
+    """It names nothing outside of itself, runs nothing, and is well formed."""
+    page = Page(text)
+    assert "content=\"default-src 'none'; style-src 'unsafe-inline'; img-src data:\"" in text
+    assert not page.tags & {"script", "iframe", "object", "embed", "link", "form", "base"}
+    assert all(link.startswith("data:image/jpeg;base64,") for link in page.links)
+    assert not re.search(r"url\(|@import|https?://", text)
+    assert "nan" not in re.findall(r"[a-z]+", page.text.lower())
+    return page
+
+
+def test_the_bundled_flight(tmp_path):
+    code, _, told = run_gcs("report", CURVED_ROAD, "-o", tmp_path / "report.html")
+    assert code == 0, told
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert len(text.encode()) < 2_000_000
+    page = check_alone(text)
+    assert "6 of 7 vehicles were named" in page.text
+    assert page.text.count("UGV-17") >= 2
+    assert {"svg", "img", "table", "h1", "h2", "h3"} <= page.tags
+    # the file that was read can be told from any other
+    assert re.search(r"telemetry\.tlog\s+[0-9a-f]{64}", page.text)
+    code, _, told = run_gcs("report", CURVED_ROAD, "-o", tmp_path / "report.html")
+    assert code == 2
+    assert "never overwritten" in told
+
+
+def test_a_recording_without_video_and_truth(tmp_path):
+    folder = swarm_session(tmp_path, without=("truth.csv",))
+    code, _, told = run_gcs("report", folder, "-o", tmp_path / "report.html")
+    assert code == 0, told
+    page = check_alone((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert "no video" in page.text
+    assert "no truth (truth.csv)" in page.text
+    assert "img" not in page.tags
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_flights_of_hardly_any_frame(count):
+    page = check_alone(report(snapshot(k, boxes=[box(1, 2)]) for k in range(count)))
+    assert f"{min(count, 1)} of 2 vehicles were named" in page.text
+    assert "No vehicle told where it was" in page.text
+
+
+def test_words_from_the_air_and_of_files_stay_words():
+    alarm = Alarm(key="a", level="alarm", kind="link", text=HOSTILE, advice=HOSTILE, since_us=0)
+    event = Event(t_us=1, level="warning", kind="identity", text=HOSTILE)
+    image = np.zeros((48, 64, 3), np.uint8)
+    flown = [snapshot(k, boxes=[box(1, 2)], image=image, events=[event]) for k in range(3)]
+    flown = [type(each)(**{f: getattr(each, f) for f in each.__slots__} | {"alarms": (alarm,)}) for each in flown]
+    text = report(flown, name=HOSTILE)
+    page = check_alone(text)
+    assert text.count("<script") == 0
+    assert page.text.count("<script>alert(1)</script>") >= 6
+    assert not set(text) & {"\u202e", "\0"}
+
+
+def test_a_box_without_a_name_gets_none_here():
+    image = np.zeros((48, 64, 3), np.uint8)
+    likely = box(1, 0, runner_up=2, runner_up_confidence=0.6)
+    page = check_alone(report(snapshot(k, boxes=[likely], image=image) for k in range(80)))
+    assert "0 of 2 vehicles were named" in page.text
+    assert "confirmed first:" not in page.text
+    assert "nobody" in page.text
+
+
+def test_pictures_are_few_whatever_happens():
+    image = np.random.default_rng(1).integers(0, 255, (1080, 1920, 3), dtype=np.uint8)
+    stills, times_us = Stills(), np.arange(60) * 20 * STEP
+    record = FlightSummary(TWO_UGVS, times_us)
+    for k in range(60):
+        event = Event(t_us=1, level="warning", kind="identity", text="a name changed")
+        stills.add(snapshot(20 * k, boxes=[box(k + 1, 2)], image=image, events=[event]))
+    drawn = stills.drawn(record)
+    assert 1 <= drawn.count("<img") <= sum(MOST.values())
+    assert len(drawn) < 2_000_000
+
+
+def test_confidences_that_come_true_lie_on_the_diagonal():
+    n = 1000
+    right = np.arange(n) % 10 > 0
+    matched = Matched(
+        frame=np.arange(n),
+        time_us=np.arange(n) * 1e5,
+        truth=np.full(n, 2),
+        named=np.where(right, 2, 3),
+        track=np.ones(n, np.int64),
+        confidence=np.full(n, 0.9),
+    )
+    page = check_alone(report([snapshot(0)], matched))
+    assert re.search(r"0\.9–0\.95\s+1000\s+90\.0%\s+90\.0%", page.text)
+    assert "90.00%" in page.text
