@@ -29,7 +29,7 @@ def export(
     formats: Annotated[bool, typer.Option("--list", help="List the formats, and what opens each.")] = False,
     every: Annotated[int, typer.Option(min=1, max=1_000_000, help="Take each n-th frame only.")] = 1,
     min_confidence: Annotated[
-        float, typer.Option(min=0.0, max=1.0, help="Training labels: leave less certain names out.")
+        float, typer.Option(min=0.0, max=1.0, help="Training labels: leave out frames with less certain names.")
     ] = 0.0,
     identity: Annotated[Path | None, typer.Option(help="Export this identity.csv as it is.")] = None,
     video: Annotated[Path | None, typer.Option(help="Video file of a bare telemetry log.")] = None,
