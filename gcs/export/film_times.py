@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from fractions import Fraction
+from pathlib import Path
 
+import av
 import numpy as np
 from av.packet import Packet
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
+from gcs.errors import GcsError
 from vision.video.coded_frames import CodedFilm
+from vision.video.frame_index import reason
 
-__all__ = ["retimed", "shown_times"]
+__all__ = ["copying", "retimed", "shown_times"]
 
 
 def shown_times(times_us: NDArray[np.int64], time_base: Fraction) -> NDArray[np.int64]:
@@ -44,6 +49,23 @@ def retimed(film: CodedFilm, shown: NDArray[np.int64], time_base: Fraction) -> I
             packet.time_base = time_base
             packet.pts, packet.dts, packet.duration = int(shown[frame.index]), next(stamps), 0
             yield packet
+
+
+@contextmanager
+def copying(film: Path | None, kind: str) -> Iterator[None]:
+    """What FFmpeg says against a copy becomes one line.
+
+    Args:
+        film: that is copied.
+        kind: of the file that is written.
+
+    Raises:
+        GcsError: in place of FFmpeg's errors.
+    """
+    try:
+        yield
+    except (av.FFmpegError, ValueError) as error:
+        raise GcsError(f"{film or 'export'}: cannot be written as {kind} ({reason(error)})") from error
 
 
 def _decoding_times(shown: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -58,7 +58,10 @@ class CodedFilm:
                 raise VideoError(f"video {part.path}: is coded otherwise than {path}; copy the files one by one")
 
     def frames(self) -> Iterator[CodedFrame]:
-        """All frames in the order in which a decoder needs them, those that no decoder can begin with left out."""
+        """All frames in the order in which a decoder needs them, those that no decoder can begin with left out.
+
+        The files are read through; they can be but once.
+        """
         for part, (container, stream) in zip(self._parts, self._streams, strict=True):
             for stamp, packet in coded_packets(container, stream):
                 index = part.index.order.get(stamp, part.n)

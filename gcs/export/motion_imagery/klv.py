@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from gcs.camera_aim import CameraAim
 from gcs.errors import GcsError
-from gcs.export.film_times import retimed, shown_times
+from gcs.export.film_times import copying, retimed, shown_times
 from gcs.export.job import ExportJob
 from gcs.export.motion_imagery.misb import klv_set
 from gcs.export.unfinished import Unfinished
@@ -64,8 +64,9 @@ class KlvExport:
 
     def close(self) -> None:
         """Write the file."""
-        shown = shown_times(self._times_us, TIME_BASE)
-        with av.open(str(self._unfinished.path), "w", format="mpegts") as copy:
+        shown, damaged = shown_times(self._times_us, TIME_BASE), 0
+        film = self._film.path if self._film else None
+        with copying(film, "MPEG-TS"), av.open(str(self._unfinished.path), "w", format="mpegts") as copy:
             video = copy.add_stream_from_template(self._film.stream) if self._film else None
             data = copy.add_data_stream("klv")
             sets = deque((int(shown[frame]), raw) for frame, raw in self._sets)
@@ -75,10 +76,15 @@ class KlvExport:
                         while sets and sets[0][0] <= (packet.pts or 0):
                             copy.mux(_packet(*sets.popleft(), data))
                         packet.stream = video
-                        copy.mux(packet)
+                        try:
+                            copy.mux(packet)
+                        except av.error.InvalidDataError:
+                            damaged += 1
             for each in sets:
                 copy.mux(_packet(*each, data))
         self._unfinished.finish()
+        if damaged:
+            self._note(f"{damaged} frames of the film are damaged and were left out")
         if not self._placed:
             self._note("where the UAV was is not known at any frame: the sets tell the time alone")
 

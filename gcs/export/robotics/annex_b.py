@@ -40,7 +40,7 @@ def pictures_of(path: Path, note: Callable[[str], None]) -> Iterator[tuple[int, 
     with CodedFilm(path) as film:
         why = _why_not(film)
         if not why:
-            yield from _copied(film)
+            yield from _copied(film, note)
             return
     note(f"the film is coded again, since {why}")
     yield from _coded(path)
@@ -53,28 +53,30 @@ def _why_not(film: CodedFilm) -> str:
     with CodedFilm(film.path) as ahead:
         if any(later.index < frame.index for frame, later in pairwise(ahead.frames())):
             return "it has B-frames"
-    first = next(_copied_once(film), (0, b""))[1]
+    with CodedFilm(film.path) as ahead:
+        first = next(_copied(ahead, lambda line: None), (0, b""))[1]
     units = _types(first)
     return "" if KEY in units and SEQUENCE in units else "its first frame is no key frame with its parameters"
 
 
-def _copied_once(film: CodedFilm) -> Iterator[tuple[int, bytes]]:
-    with CodedFilm(film.path) as ahead:
-        yield from _copied(ahead)
-
-
-def _copied(film: CodedFilm) -> Iterator[tuple[int, bytes]]:
+def _copied(film: CodedFilm, note: Callable[[str], None]) -> Iterator[tuple[int, bytes]]:
     """With the parameters of the first key frame at those that have none."""
     annex_b = BitStreamFilterContext("h264_mp4toannexb", film.stream)
-    parameters = b""
+    parameters, damaged = b"", 0
     for frame in film.frames():
-        data = b"".join(bytes(packet) for packet in annex_b.filter(frame.packet))
+        try:
+            data = b"".join(bytes(packet) for packet in annex_b.filter(frame.packet))
+        except av.error.InvalidDataError:
+            damaged += 1
+            continue
         types = _types(data)
         if SEQUENCE in types and not parameters:
             parameters = _before_picture(data)
         if KEY in types and SEQUENCE not in types:
             data = parameters + data
         yield frame.index, data
+    if damaged:
+        note(f"{damaged} frames of the film are damaged and were left out")
 
 
 def _coded(path: Path) -> Iterator[tuple[int, bytes]]:

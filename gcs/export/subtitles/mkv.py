@@ -15,7 +15,7 @@ from av.packet import Packet
 from av.stream import Stream
 from av.subtitles.stream import SubtitleStream
 
-from gcs.export.film_times import retimed, shown_times
+from gcs.export.film_times import copying, retimed, shown_times
 from gcs.export.job import ExportJob
 from gcs.export.subtitles.ass import EMPTY_SIZE, AssNames, ass_header
 from gcs.export.subtitles.cues import Cue, Cues
@@ -55,7 +55,11 @@ class MkvExport:
         place = str(self._unfinished.path)
         options = {"default_mode": "infer"}
         header = io.BytesIO(ass_header(self._size, self._title).encode())
-        with self._film, av.open(place, "w", format="matroska", options=options) as copy:
+        with (
+            copying(self._film.path, "Matroska"),
+            self._film,
+            av.open(place, "w", format="matroska", options=options) as copy,
+        ):
             video = copy.add_stream_from_template(self._film.stream)
             with av.open(header, format="ass") as lines:
                 names = copy.add_stream_from_template(lines.streams.subtitles[0])

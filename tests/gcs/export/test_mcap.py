@@ -115,6 +115,35 @@ def test_films_that_cannot_be_shown_as_they_come_are_coded_again(tmp_path, codec
     assert len(notes) == 1 and "coded again" in notes[0]
 
 
+def test_a_damaged_film_costs_its_damaged_frames(flight, shots, tmp_path):
+    data = bytearray((flight / "video.mp4").read_bytes())
+    begin = data.find(b"mdat") + 150_000
+    data[begin : begin + 40_000] = np.random.default_rng(2).bytes(40_000)
+    (tmp_path / "video.mp4").write_bytes(data)
+    notes = []
+    messages = written(tmp_path / "a.mcap", shots, video=tmp_path / "video.mp4", note=notes.append)
+    assert len(notes) == 1 and (
+        told := re.fullmatch(r"(\d+) frames of the film are damaged and were left out", notes[0])
+    )
+    assert len(messages["/camera/video"]) == len(shots) - int(told[1]) > 20
+    assert len(messages["/identity"]) == len(shots)
+    path = tmp_path / "a.ts"
+    sink = format_for(path).open(
+        ExportJob(
+            path=path,
+            video=tmp_path / "video.mp4",
+            note=notes.append,
+            times_us=np.array([shot.t_us for shot in shots]),
+        )
+    )
+    for shot in shots:
+        sink.write(shot)
+    sink.close()
+    assert notes[1:] == notes[:1]
+    with av.open(str(path)) as film:
+        assert sum(1 for packet in film.demux(data=0) if packet.size) == len(shots)
+
+
 def test_strangers_are_nobody_and_what_is_gone_is_taken_away(tmp_path):
     frame, place = LocalFrame(48.0, 11.0, 500.0), np.array([1.0, 2.0, 0.0])
     seen = [box(1, 2, p_enu=place), box(2, 0, p_enu=place, runner_up=3), box(3, 3, p_enu=place, coasting=True)]

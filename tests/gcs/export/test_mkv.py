@@ -139,3 +139,10 @@ def test_a_session_becomes_a_film_with_names(flight, tmp_path):
     assert code and "exists already" in err
     with pytest.raises(GcsError, match="no video in it"):
         FORMATS["mkv"].open(ExportJob(path=tmp_path / "b.mkv", name="bare"))
+
+
+def test_what_matroska_cannot_hold_is_one_line_and_leaves_no_file(tmp_path):
+    video = film(tmp_path / "video.avi", bframes=0, codec="msmpeg4v2")
+    with pytest.raises(GcsError, match=r"video\.avi: cannot be written as Matroska"):
+        copied(video, tmp_path / "a.mkv", uneven_us(), [named(frame) for frame in range(N)])
+    assert [path.name for path in tmp_path.iterdir()] == ["video.avi"]
