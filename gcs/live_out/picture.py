@@ -1,7 +1,6 @@
 """The picture with boxes and names drawn in, as ground stations and players take it: H.264 in MPEG-TS or RTP by UDP.
 
-For little lag there are no B-frames and no look-ahead, a slow receiver misses pictures, and time stamps are those at
-which a picture leaves. A key frame a second, with its parameter sets, lets a receiver begin at any time.
+For little lag a slow receiver misses pictures, and time stamps are those at which a picture leaves.
 """
 
 from __future__ import annotations
@@ -9,10 +8,8 @@ from __future__ import annotations
 import contextlib
 import ipaddress
 import socket
-import time
 from abc import abstractmethod
 from dataclasses import replace
-from fractions import Fraction
 from typing import Final
 
 import av
@@ -20,6 +17,7 @@ import av.container
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs.live_out.encoder import CODEC, OPTIONS, LiveEncoder
 from gcs.live_out.sink import Sink, SinkSource
 from gcs.live_out.sink_url import SinkUrl
 from gcs.report.labels import Labelling
@@ -28,25 +26,12 @@ from gcs.snapshot import Snapshot
 
 __all__ = ["MpegTsPicture", "RtpPicture", "sdp"]
 
-TIME_BASE: Final = Fraction(1, 90_000)
 MOST_WIDTH: Final = 1920
 """Wider pictures are made smaller, unless another width is asked for."""
-KEY_FRAMES_S: Final = 1.0
 TTL: Final = 1
 DATAGRAM_BYTES: Final = 1316
 """Seven packets of MPEG-TS: fits an Ethernet frame."""
-THREADS: Final = 2
 PAYLOAD_TYPE: Final = 96
-ENCODER: Final = {
-    "preset": "ultrafast",
-    "tune": "zerolatency",
-    "crf": "24",
-    # a burst would wait in the queues of radios
-    "maxrate": "8M",
-    "bufsize": "2M",
-    "forced-idr": "1",
-    "x264-params": "bframes=0:repeat-headers=1",
-}
 
 
 class _Picture(Sink):
@@ -58,10 +43,8 @@ class _Picture(Sink):
         self._target = f"{address[0]}:{url.port}"
         self._width = int(url.options.get("width", MOST_WIDTH))
         self._film: av.container.OutputContainer | None = None
+        self._encoder: LiveEncoder | None = None
         self._labelling: Labelling | None = None
-        self._began_s = 0.0
-        self._last_pts = -1
-        self._key_due_s = 0.0
 
     @abstractmethod
     def _open(self) -> av.container.OutputContainer:
@@ -86,29 +69,13 @@ class _Picture(Sink):
 
     def _encode(self, image: NDArray[np.uint8]) -> None:
         height, width = image.shape[:2]
-        if self._film is None or (self._stream.width, self._stream.height) != (width, height):
-            self._begin(width, height)
-        assert self._film is not None
-        now_s = time.monotonic()
-        frame = av.VideoFrame.from_ndarray(image, format="bgr24")
-        frame.time_base = TIME_BASE
-        frame.pts = self._last_pts = max(round((now_s - self._began_s) / TIME_BASE), self._last_pts + 1)
-        if now_s >= self._key_due_s:
-            frame.pict_type = av.video.frame.PictureType.I
-            self._key_due_s = now_s + KEY_FRAMES_S
-        self._film.mux(self._stream.encode(frame))
+        if self._film is None or self._encoder is None or self._encoder.size != (width, height):
+            self.close()
+            self._film = self._open()
+            stream = self._film.add_stream(CODEC, rate=30, options=OPTIONS)
+            self._encoder = LiveEncoder(stream.codec_context, stream.encode, width, height)
+        self._film.mux(self._encoder.encode(image))
         self.sent += 1
-
-    def _begin(self, width: int, height: int) -> None:
-        self.close()
-        self._film = self._open()
-        stream = self._film.add_stream("libx264", rate=30, options=ENCODER)
-        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
-        stream.codec_context.time_base = TIME_BASE
-        stream.codec_context.thread_count = THREADS
-        stream.codec_context.gop_size = 1000  # key frames are by time, whatever the frame rate
-        self._stream = stream
-        self._began_s, self._last_pts, self._key_due_s = time.monotonic(), -1, 0.0
 
     def close(self) -> None:
         """Ends the stream."""

@@ -2,6 +2,7 @@
 
 json+udp://192.168.1.20:5005       one JSON object a datagram
 json+tcp://127.0.0.1:5006          served to whoever connects: one JSON object a line
+    foxglove://127.0.0.1:8765          served to Foxglove's viewers
     udp://192.168.1.20:5600            the picture with names, H.264 in MPEG-TS; ?width=1280
     rtp://192.168.1.20:5600            the same by RTP
 """
@@ -11,6 +12,7 @@ from __future__ import annotations
 import ipaddress
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from urllib.parse import parse_qsl
 
@@ -40,6 +42,8 @@ class SinkScheme:
     serves: bool = False
     """It listens at the address: others come and read."""
     images: bool = False
+    library: str = ""
+    """What it is made with that is not always installed; the extra has the same name."""
 
 
 TELL_SCHEMES = {
@@ -49,6 +53,14 @@ TELL_SCHEMES = {
     "cot+tcp": SinkScheme("cot+tcp://192.168.1.20:8087", "cot_sinks:CotTcp"),
     "cot+tls": SinkScheme(
         "cot+tls://tak.example.org:8089?cert=me.pem&key=me.key&ca=ca.pem", "cot_sinks:CotTls", (*FILES, "name")
+    ),
+    "foxglove": SinkScheme(
+        "foxglove://127.0.0.1:8765",
+        "foxglove_live:FoxgloveLive",
+        (OPEN,),
+        serves=True,
+        images=True,
+        library="foxglove",
     ),
 }
 SHOW_SCHEMES = {
@@ -127,6 +139,8 @@ def _parse(option: str, url: str, schemes: dict[str, SinkScheme]) -> SinkUrl:
             known = f"there are {', '.join(kind.options)}" if kind.options else "there are none"
             raise GcsError(f"{option} {url}: no option {name} of {scheme}; {known}")
     _check_options(f"{option} {url}", options)
+    if kind.library and find_spec(kind.library) is None:
+        raise GcsError(f"{option} {url}: install it with: pip install 'rollcall-gcs[{kind.library}]'")
     if kind.serves and OPEN not in options and not _is_loopback(place.host):
         raise GcsError(
             f"{option} {url}: anybody who reaches {place.host} could read it; serve it at 127.0.0.1, or write ?{OPEN} "

@@ -28,7 +28,7 @@ Tell = Annotated[
         "--tell",
         metavar="URL",
         help="Tell others while it runs, at json+udp://HOST:PORT, json+tcp://127.0.0.1:PORT, cot+udp://239.2.3.1:6969, "
-        "cot+tcp://HOST:PORT or cot+tls://HOST:PORT?cert=…&key=…&ca=…; may be repeated.",
+        "cot+tcp://HOST:PORT, cot+tls://HOST:PORT?cert=…&key=…&ca=… or foxglove://127.0.0.1:8765; may be repeated.",
     ),
 ]
 

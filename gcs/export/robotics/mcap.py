@@ -13,36 +13,23 @@ the vehicles' ids and not their names, which may hold anything.
 
 from __future__ import annotations
 
-import json
 from collections import deque
 from collections.abc import Iterator
-from typing import Final
 
 import foxglove
 from foxglove import channels
 from foxglove.mcap import MCAPWriteOptions
-from foxglove.messages import CompressedVideo, Log, LogLevel
+from foxglove.messages import CompressedVideo
 
 from gcs.export.job import ExportJob
 from gcs.export.robotics.annex_b import pictures_of
-from gcs.export.robotics.foxglove_views import annotations_of, fix_of, scene_of, stamp_of
+from gcs.export.robotics.foxglove_channels import FoxgloveChannels
+from gcs.export.robotics.foxglove_views import stamp_of
 from gcs.export.unfinished import Unfinished
-from gcs.session.identity_log import json_row
 from gcs.snapshot import Snapshot
 from infra.plain_text import plain
 
 __all__ = ["McapExport"]
-
-LEVELS: Final = {"info": LogLevel.Info, "warning": LogLevel.Warning, "alarm": LogLevel.Error}
-IDENTITY_SCHEMA: Final = {
-    "type": "object",
-    "title": "rollcall.Identity",
-    "properties": {
-        "time_us": {"type": "integer"},
-        "frame": {"type": "integer"},
-        "boxes": {"type": "array", "items": {"type": "object"}},
-    },
-}
 
 
 class McapExport:
@@ -55,39 +42,17 @@ class McapExport:
         self._file = foxglove.open_mcap(self._unfinished.path, context=self._context, writer_options=options)
         self._file.write_metadata("rollcall", {"recording": plain(job.name)})
         self._video = channels.CompressedVideoChannel("/camera/video", context=self._context)
-        self._annotations = channels.ImageAnnotationsChannel("/camera/annotations", context=self._context)
-        self._scene = channels.SceneUpdateChannel("/scene", context=self._context)
-        self._log = channels.LogChannel("/log", context=self._context)
-        self._identity = foxglove.Channel("/identity", schema=IDENTITY_SCHEMA, context=self._context)
-        self._fixes: dict[int, channels.LocationFixChannel] = {}
+        self._channels = FoxgloveChannels(self._context)
         self._times_us = job.times_us
         self._pictures: Iterator[tuple[int, bytes]] = pictures_of(job.video, job.note) if job.video else iter(())
         self._next: deque[tuple[int, bytes]] = deque()
-        self._in_scene: frozenset[str] = frozenset()
 
     def write(self, snapshot: Snapshot) -> None:
         """Append one frame."""
         self._show(snapshot.frame)
-        t_ns = 1000 * snapshot.t_us
-        boxes = [box for box in snapshot.new_boxes if not box.coasting]
-        if not snapshot.held:
-            self._annotations.log(annotations_of(snapshot, boxes), log_time=t_ns)
-            update, self._in_scene = scene_of(snapshot, boxes, self._in_scene)
-            self._scene.log(update, log_time=t_ns)
-            rows = [json.loads(json_row(snapshot, box)) for box in boxes]
-            self._identity.log({"time_us": snapshot.t_us, "frame": snapshot.frame, "boxes": rows}, log_time=t_ns)
-        for row in snapshot.vehicles:
-            fix = fix_of(snapshot, row)
-            if fix is not None:
-                topic = f"/vehicles/{row.system_id}/fix"
-                if row.system_id not in self._fixes:
-                    self._fixes[row.system_id] = channels.LocationFixChannel(topic, context=self._context)
-                self._fixes[row.system_id].log(fix, log_time=t_ns)
+        self._channels.write(snapshot)
         for event in snapshot.events:
-            told = Log(
-                timestamp=stamp_of(event.t_us), level=LEVELS[event.level], name=event.kind, message=plain(event.text)
-            )
-            self._log.log(told, log_time=t_ns)
+            self._channels.write_words(event.t_us, snapshot.t_us, event.level, event.kind, event.text)
 
     def close(self) -> None:
         """Append what is left of the film, and put the file into its place."""
