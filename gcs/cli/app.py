@@ -25,6 +25,7 @@ _COMMANDS: dict[str, str] = {
     "replay": "Play, seek and step through a recording.",
     "identify": "Name the boxes of a recording, faster than real time.",
     "batch": "Name the boxes of many recordings, on this machine or a cluster.",
+    "batch report": "Make one page over all flights of a batch, the worst first.",
     "import": "Make a session of a flight that others recorded: film, logs, tables.",
     "export": "Write identities for other programs, or a film with names.",
     "report": "Write a page about a flight: who was named when and how surely.",
@@ -44,6 +45,7 @@ _COMMANDS: dict[str, str] = {
 _GROUPS = ("tlog", "keys")
 _MODULES = {
     "batch": "batch.batch",
+    "batch report": "batch.report",
     "eval-detector": "detectors.eval_detector",
     "export": "results.export",
     "import": "import_flight",

@@ -1,0 +1,1 @@
+"""All flights of a batch on one page: its table of flights in, one HTML file out."""

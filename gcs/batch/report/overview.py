@@ -1,0 +1,171 @@
+"""The page over all flights: sums, failed flights with their errors, flights from the worst to the best, vehicles."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+from gcs.batch.flights_table import read_flights
+from gcs.batch.jobs import FAILED, FLIGHTS_TABLE, FlightRecord, VehicleCall
+from gcs.batch.report.judgement import judge, mean_confidence
+from gcs.batch.stores import ResultStore
+from gcs.errors import BatchError
+from gcs.report.page.html import Section, empty, fixed, page, section, table
+
+__all__ = ["batch_page", "read_results"]
+
+MOST_FLIGHTS: Final = 2000
+"""That one page lists of each kind; a browser shows as many at once."""
+MOST_VEHICLES: Final = 1000
+
+
+def read_results(results: ResultStore) -> list[FlightRecord]:
+    """The flights of a batch.
+
+    Raises:
+        BatchError: there is no table of flights, or it is none.
+        StoreError: the store does not answer.
+    """
+    data = results.read(FLIGHTS_TABLE)
+    if data is None:
+        raise BatchError(f"{results.address}: no {FLIGHTS_TABLE} in it; give the folder that gcs batch -o wrote")
+    return read_flights(data, f"{results.address}/{FLIGHTS_TABLE}")
+
+
+def batch_page(records: Sequence[FlightRecord], where: str) -> str:
+    """The whole page, one HTML file that needs nothing else.
+
+    Args:
+        records: of all flights.
+        where: address of the batch's results.
+    """
+    failed = [record for record in records if record.status == FAILED]
+    done = [record for record in records if record.status != FAILED]
+    lead = f"{len(done)} of {len(records)} flights were named, {len(failed)} failed. {_named(done)}"
+    sections = [_sums(done, failed), _failed(failed), _flights(done), _vehicles(done)]
+    return page(f"Batch {where}", lead, [part for part in sections if part])
+
+
+def _named(done: Sequence[FlightRecord]) -> str:
+    named, vehicles = _sum(done, "named"), _sum(done, "vehicles")
+    return f"Of {vehicles} vehicles in them {named} were named ({_share(named, vehicles)})." if vehicles else ""
+
+
+def _sum(records: Iterable[FlightRecord], name: str) -> int:
+    return sum(getattr(record, name) or 0 for record in records)
+
+
+def _share(part: float, whole: float) -> str:
+    return fixed(100 * part / whole if whole else math.nan, 1, "%")
+
+
+def _sums(done: Sequence[FlightRecord], failed: Sequence[FlightRecord]) -> Section:
+    boxes, unnamed = _sum(done, "boxes"), _sum(done, "unnamed")
+    scores = [record.score for record in done if record.score is not None]
+    right = [score.right for score in scores if score.right is not None]
+    span_s, cpu_s = (math.fsum(getattr(each, name) or 0.0 for each in done) for name in ("span_s", "cpu_seconds"))
+    rows = [
+        ("flights named", str(len(done))),
+        ("flights failed", str(len(failed))),
+        ("hours of flight", fixed(span_s / 3600, 2)),
+        ("frames looked at", str(_sum(done, "frames"))),
+        ("boxes", str(boxes)),
+        ("boxes with a name", _share(boxes - unnamed, boxes)),
+        ("mean confidence of names", fixed(mean_confidence(done), 3)),
+        ("flights with known truth", str(len(scores))),
+        ("right names in them, mean", fixed(100 * statistics.fmean(right), 1, "%") if right else "–"),
+        ("right names in the worst", fixed(100 * min(right), 1, "%") if right else "–"),
+        ("wrong and sure", fixed(math.fsum(score.wrong_sure_s for score in scores), 1, "s") if scores else "–"),
+        ("core hours", fixed(cpu_s / 3600, 2)),
+        ("most memory of a worker", fixed(max((each.peak_bytes or 0 for each in done), default=0) / 1e6, 0, "MB")),
+        ("Rollcall", _counted(record.version for record in (*done, *failed))),
+        ("options", _counted("none" if each.options == "{}" else each.options for each in (*done, *failed))),
+    ]
+    return section("Sums", table(("", "all flights"), rows, right=("all flights",), caption="Sums over all flights"))
+
+
+def _counted(values: Iterable[str]) -> str:
+    """The values there are; with how many flights each, where they differ."""
+    counts = Counter(values)
+    if len(counts) == 1:
+        return next(iter(counts))
+    return ", ".join(f"{value} ({count} flights)" for value, count in counts.most_common())
+
+
+def _failed(failed: Sequence[FlightRecord]) -> Section:
+    if not failed:
+        return ""
+    rows = [
+        (record.flight, record.error or "", str(record.attempts), "kept" if record.earlier_result else "none")
+        for record in sorted(failed, key=lambda record: record.flight)[:MOST_FLIGHTS]
+    ]
+    names = ("flight", "what is wrong", "attempts", "earlier result")
+    listed = table(names, rows, right=("attempts",), caption="Flights that failed")
+    return section("Failed flights", listed, _left_out(len(failed), MOST_FLIGHTS, "failed flights"))
+
+
+def _left_out(count: int, most: int, what: str) -> str:
+    return empty(f"{count - most} more {what} are in {FLIGHTS_TABLE}.") if count > most else ""
+
+
+def _flights(done: Sequence[FlightRecord]) -> Section:
+    if not done:
+        return section("Flights, the worst first", empty("Not one flight was named."))
+    scored = any(record.score is not None for record in done)
+    rows = []
+    for judged in sorted(map(judge, done), key=lambda judged: judged.order)[:MOST_FLIGHTS]:
+        record, score = judged.record, judged.record.score
+        boxes, unnamed = record.boxes or 0, record.unnamed or 0
+        right = "–" if score is None or score.right is None else fixed(100 * score.right, 1, "%")
+        rows.append(
+            (
+                record.flight,
+                f"{record.named} of {record.vehicles}",
+                fixed(record.span_s if record.span_s is not None else math.nan, 0, "s"),
+                str(boxes),
+                _share(boxes - unnamed, boxes),
+                fixed(mean_confidence([record]), 3),
+                *([right] if scored else []),
+                "; ".join(judged.reasons) or "–",
+            )
+        )
+    right_columns = ("named", "lasted", "boxes", "with a name", "confidence", "right")
+    names = ("flight", *right_columns[: None if scored else -1], "reason")
+    listed = table(names, rows, right=right_columns, caption="Flights that were named, the worst first")
+    return section("Flights, the worst first", listed, _left_out(len(done), MOST_FLIGHTS, "better flights"))
+
+
+def _vehicles(done: Sequence[FlightRecord]) -> Section:
+    calls: dict[tuple[str, int], list[VehicleCall]] = {}
+    for record in done:
+        for call in record.roll_call:
+            calls.setdefault((call.name, call.system_id), []).append(call)
+    rows = []
+    for (name, system_id), each in sorted(calls.items(), key=lambda item: (_share_named(item[1]), item[0]))[
+        :MOST_VEHICLES
+    ]:
+        first_s = [call.first_named_s for call in each if call.first_named_s is not None]
+        boxes = sum(call.boxes for call in each)
+        confidence = sum(call.boxes * (call.confidence or 0.0) for call in each) / boxes if boxes else math.nan
+        rows.append(
+            (
+                name,
+                str(system_id),
+                f"{sum(call.boxes > 0 for call in each)} of {len(each)}",
+                str(boxes),
+                fixed(confidence, 3),
+                fixed(statistics.median(first_s) if first_s else math.nan, 1, "s"),
+            )
+        )
+    if not rows:
+        return ""
+    right = ("system id", "flights", "boxes", "confidence", "named after, median")
+    listed = table(("vehicle", *right), rows, right=right, caption="Vehicles over all flights, the worst first")
+    return section("Vehicles, the worst first", listed, _left_out(len(calls), MOST_VEHICLES, "vehicles"))
+
+
+def _share_named(calls: Sequence[VehicleCall]) -> float:
+    return sum(call.boxes > 0 for call in calls) / len(calls)
