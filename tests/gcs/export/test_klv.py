@@ -1,6 +1,7 @@
 """MPEG-TS with KLV, as FFmpeg, klvdata and our own reader of others' films see it."""
 
 import io
+import shutil
 from dataclasses import replace
 
 import av
@@ -12,8 +13,13 @@ from gcs.camera_aim import CameraAim
 from gcs.errors import GcsError
 from gcs.export.formats import FORMATS, format_for
 from gcs.export.job import ExportJob
+from gcs.export.motion_imagery.klv import sight_of
 from gcs.importing.film_log import read_film_log
+from gcs.playback.analysis import Analysis
+from gcs.session.frame_tables import read_times
+from gcs.session.session import open_session
 from mavlink.geodesy import LocalFrame, rotation_from_euler
+from tests.support.command_line import run_gcs
 from tests.support.snapshots import snapshot
 from vision.camera.camera import R_ENU_NED, R_GIMBAL_CAM
 
@@ -133,3 +139,24 @@ def test_a_film_that_a_transport_stream_cannot_hold_is_refused(tmp_path):
     with pytest.raises(GcsError, match="carries no mjpeg"):
         format_for(path).open(ExportJob(path=path, video=tmp_path / "video.mkv"))
     assert not path.exists()
+
+
+def test_a_session_is_made_of_it_again(exported, tmp_path):
+    flight, path, shots = exported
+    fleet = ("--tlog", flight / "telemetry.tlog", "--clock", "0")
+    code, _, err = run_gcs("import", "-o", tmp_path / "again", "--video", path, *fleet)
+    assert code == 0, err
+    times_us = read_times(tmp_path / "again" / "frames.csv").times_us
+    assert np.abs(times_us - [shot.t_us for shot in shots]).max() < 1000
+    shutil.copy(flight / "detections.csv", tmp_path / "again" / "detections.csv")
+    analysis = Analysis(open_session(tmp_path / "again"))
+    found = list(analysis.snapshots(images=False))
+    analysis.close()
+    for shot, again in zip(shots[10:], found[10:], strict=True):
+        places = [each.origin.to_geodetic(each.uav_enu) for each in (shot, again)]
+        metres = shot.origin.to_enu(*places[1]) - shot.origin.to_enu(*places[0])
+        assert np.linalg.norm(metres[:2]) < 0.5
+        centres = [sight_of(each) for each in (shot, again)]
+        assert [centres[1][tag] for tag in (23, 24)] == pytest.approx([centres[0][tag] for tag in (23, 24)], abs=1e-5)
+        who = [{box.track_id: each.name_of(box.system_id) for box in each.new_boxes} for each in (shot, again)]
+        assert sorted(who[0].values()) == sorted(who[1].values())
