@@ -173,6 +173,13 @@ _ALL: Final = (
         writer="maps.gpx:GpxExport",
     ),
     ExportFormat(
+        name="cot",
+        suffix=".cot",
+        contents="Cursor on Target: an event a second for each vehicle",
+        opened_by="TAK servers, pytak",
+        writer="cot_file:CotExport",
+    ),
+    ExportFormat(
         name="yolo",
         suffix="",
         contents="training labels: images with oriented boxes (YOLO-OBB)",
