@@ -25,6 +25,7 @@ from bench.ports import free_port
 from bench.process_tree import cost_of
 from bench.receiving.log_watch import LogWatch
 from bench.soak.report import COLUMNS, Run, draw, report
+from bench.soak.sinks import TroubledSinks
 from bench.video.video_loop import VideoLoop
 from sim.fleet_process import system_ids
 
@@ -44,7 +45,15 @@ def mission(vehicles: int) -> str:
     return f"[uav]\nsystem_id = {uav}\n" + "".join(f"[[ugv]]\nsystem_id = {i}\n" for i in ugvs) + CAMERA
 
 
-def soak(seconds: float, rate: float, vehicles: int, video: Path | None, fleet_words: Sequence[str], out: Path) -> Run:
+def soak(
+    seconds: float,
+    rate: float,
+    vehicles: int,
+    video: Path | None,
+    fleet_words: Sequence[str],
+    out: Path,
+    sinks: TroubledSinks | None = None,
+) -> Run:
     """Fly, measure, and end everything.
 
     Args:
@@ -54,6 +63,7 @@ def soak(seconds: float, rate: float, vehicles: int, video: Path | None, fleet_w
         video: sent round and round, None for no camera.
         fleet_words: further arguments of ``sim.fleet_process``.
         out: the table, which is written as it grows.
+        sinks: who is told of the flight meanwhile.
     """
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="soak-")))
@@ -69,11 +79,15 @@ def soak(seconds: float, rate: float, vehicles: int, video: Path | None, fleet_w
             f"udpin:127.0.0.1:{telemetry}",
         ]
         words += ["-v", f"udp://127.0.0.1:{camera}"] if video else []
+        words += sinks.words if sinks else []
         output = stack.enter_context((folder / "output.txt").open("w+"))
         flight = subprocess.Popen([*map(str, words)], stdout=output, stderr=subprocess.STDOUT)
         stack.callback(_end, flight)
         watch = LogWatch(_session(folder / "sessions", flight, folder / "output.txt"))
         stack.callback(watch.close)
+        if sinks:
+            sinks.trouble(flight.pid)
+            stack.callback(sinks.close)
         if video:
             stack.callback(VideoLoop(video, f"udp://127.0.0.1:{camera}?pkt_size=1316").close)
         fleet = subprocess.Popen(
@@ -98,6 +112,8 @@ def soak(seconds: float, rate: float, vehicles: int, video: Path | None, fleet_w
         samples = _sample(flight, fleet, watch, seconds, out)
         sent = json.loads(fleet.communicate(timeout=END_S)[0])
         time.sleep(1.0)
+        if sinks:
+            sinks.close()
         sealed = _end(flight)
         watch.read()
         output.seek(0)
@@ -176,12 +192,16 @@ def main() -> None:
     parser.add_argument("--video", type=Path)
     parser.add_argument("--out", type=Path, default=RESULTS, help="folder")
     parser.add_argument("--name", default="soak", help="of the files")
+    parser.add_argument("--sinks", action="store_true", help="tell of it in every way; some hang, die or never read")
     parser.add_argument("fleet", nargs="*", help="after --: for sim.fleet_process")
     chosen = parser.parse_args()
     table, page = chosen.out / f"{chosen.name}.csv", chosen.out / f"{chosen.name}.md"
-    run = soak(chosen.seconds, chosen.rate, chosen.vehicles, chosen.video, chosen.fleet, table)
+    sinks = TroubledSinks() if chosen.sinks else None
+    run = soak(chosen.seconds, chosen.rate, chosen.vehicles, chosen.video, chosen.fleet, table, sinks)
     drawn = draw(table, table.with_suffix(".png"))
     text = report(run, chosen, plot=f"{chosen.name}.png" if drawn else "")
+    if sinks:
+        text += f"\nTold in six ways: {sinks.stopped} processes stopped, {sinks.killed} killed, a client never read.\n"
     page.write_text(text, encoding="utf-8")
     print(text)
 

@@ -78,6 +78,7 @@ def report(run: Run, chosen: argparse.Namespace, *, plot: str) -> str:
 def _words(chosen: argparse.Namespace) -> str:
     words = [f"--seconds {chosen.seconds:g} --rate {chosen.rate:g} --vehicles {chosen.vehicles}"]
     words += [f"--video {chosen.video}"] if chosen.video else []
+    words += ["--sinks"] if chosen.sinks else []
     return " ".join(words + (["--", *chosen.fleet] if chosen.fleet else []))
 
 

@@ -80,8 +80,15 @@ def test_the_page_says_what_is_missing():
         samples=samples, sent=sent, recorded={1: 50, 11: 63, 200: 4}, stalls=0, longest_s=0.1, exit_code=0, last_line=""
     )
     chosen = argparse.Namespace(
-        seconds=1000.0, rate=100.0, vehicles=2, video=Path("a.mp4"), fleet=["--flood", "5"], out=Path(), name="soak"
+        seconds=1000.0,
+        rate=100.0,
+        vehicles=2,
+        sinks=True,
+        video=Path("a.mp4"),
+        fleet=["--flood", "5"],
+        out=Path(),
+        name="soak",
     )
     page = report(run, chosen, plot="")
     assert "| packets sent by vehicles | 115 |" in page and "| not in the recording | 2 |" in page
-    assert "+360.0 MB an hour" in page and "+0.0%; " in page and "-- --flood 5" in page
+    assert "+360.0 MB an hour" in page and "+0.0%; " in page and "--sinks -- --flood 5" in page

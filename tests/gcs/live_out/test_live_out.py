@@ -17,7 +17,7 @@ from gcs.live_out import live_out
 from gcs.live_out.live_out import LiveOut
 from gcs.live_out.sink import SinkSource
 from gcs.live_out.sink_url import parse_tell
-from tests.support.command_line import heartbeat
+from tests.support.command_line import OnTerminal, Terminal, heartbeat
 from tests.support.ports import free_port, udp_socket
 from tests.support.snapshots import TWO_UGVS, box, snapshot
 from tests.support.waiting import until
@@ -161,3 +161,32 @@ def test_processes_end_with_it(tell):
         telling.close()
         assert until(lambda: not psutil.pid_exists(pid))
         assert said == []
+
+
+def test_the_commands_tell_of_a_flight_and_of_a_replay(tmp_path):
+    with udp_socket() as reader:
+        terminal = Terminal(tmp_path, "--headless", "--tell", url_of(reader))
+        try:
+            terminal.read_until(b"stop with Ctrl-C")
+            terminal.send(10)
+            told = []
+            assert until(lambda: told.append(newest(reader)) or told[-1])
+            code, session = terminal.ended(signal.SIGTERM)
+            os.close(terminal.keeper)
+            assert code == 0
+            assert (told[-1]["source"], told[-1]["replayed"]) == (session.name, False)
+            assert [row["system_id"] for row in told[-1]["vehicles"]] == [1, 11]
+            replay = OnTerminal("replay", session, "--tell", url_of(reader))
+            try:
+                reading = threading.Thread(target=replay.drain, daemon=True)  # who writes to a full terminal waits
+                reading.start()
+                told.clear()
+                assert until(lambda: told.append(newest(reader)) or (told[-1] or {}).get("replayed"))
+                assert told[-1]["source"] == session.name
+            finally:
+                replay.process.kill()
+                replay.process.wait()
+        finally:
+            if terminal.process.poll() is None:
+                terminal.process.kill()
+                terminal.process.wait()
