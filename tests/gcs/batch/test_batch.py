@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import duckdb
 import pytest
@@ -20,6 +21,11 @@ def identities(out):
     return {path.parent.name: path.read_bytes() for path in out.glob("identity/*/part-0.parquet")}
 
 
+def said(stderr):
+    """Lines on stderr that are not about how far it is, which come where it takes its time."""
+    return [line for line in stderr.splitlines() if not re.match(r"gcs: batch: +\d+ %", line)]
+
+
 def told(stdout):
     return [json.loads(line) for line in stdout.splitlines()]
 
@@ -27,7 +33,7 @@ def told(stdout):
 def test_a_flight_comes_out_alone_as_in_a_batch_and_as_identify_has_it(tmp_path):
     flights = short_flights(tmp_path / "flights", 3)
     code, stdout, stderr = run_gcs("batch", tmp_path / "flights", "-o", tmp_path / "out", "-j", 2)
-    assert (code, stderr) == (0, "")
+    assert (code, said(stderr)) == (0, [])
     assert stdout.startswith("3 of 3 flights done, 0 of them before; 0 failed; 39 frames in ")
     assert run_gcs("batch", flights[1], "-o", tmp_path / "alone")[0] == 0
     assert identities(tmp_path / "out")["flight=b"] == identities(tmp_path / "alone")["flight=b"]
@@ -43,7 +49,7 @@ def test_broken_flights_are_told_and_the_others_finish(tmp_path):
     flights, broken = short_flights(tmp_path / "flights", 2), broken_flights(tmp_path)
     code, stdout, stderr = run_gcs("batch", *flights, *broken.values(), "-o", tmp_path / "out", "-j", 2, "--json")
     assert code == 6
-    assert stderr == ""
+    assert not said(stderr)
     *lines, sums = told(stdout)
     assert (sums["flights"], sums["done"], sums["failed"]) == (8, 2, 6)
     errors = {line["flight"]: line["error"] for line in lines if line["status"] == "failed"}
