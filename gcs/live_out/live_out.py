@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from gcs.live_out.hand_over import SnapshotWriter
 from gcs.live_out.sink import SinkReport, SinkSettings, SinkSource
 from gcs.live_out.sink_url import SinkUrl
-from gcs.snapshot import Snapshot
+from gcs.snapshot import Level, Snapshot
 from infra.plain_text import plain
 from infra.processes.child_process import ChildProcess
 from infra.processes.supervisor import Supervisor
@@ -55,7 +55,7 @@ class LiveOut:
         latest: Callable[[], Snapshot | None],
         sinks: Sequence[SinkUrl],
         source: SinkSource,
-        report: Callable[[str], None],
+        report: Callable[[str, Level], None],
     ) -> None:
         self._latest = latest
         images = any(sink.kind.images for sink in sinks)
@@ -111,7 +111,7 @@ class Outlet:
         supervisor: keeps its process running.
     """
 
-    def __init__(self, settings: SinkSettings, report: Callable[[str], None]) -> None:
+    def __init__(self, settings: SinkSettings, report: Callable[[str, Level], None]) -> None:
         self.url = settings.url
         self.latest = SinkReport()
         self._settings, self._report = settings, report
@@ -159,7 +159,7 @@ class Outlet:
             self._trouble(plain(report.error))
         elif report.sent and self._troubled:
             self._troubled = False
-            self._report(f"{self.url.text}: is told again")
+            self._report(f"{self.url.text}: is told again", "info")
         return PATIENCE_S
 
     def _note_restart(self, failure: str, alive_s: float) -> None:
@@ -170,4 +170,4 @@ class Outlet:
         """Reports it once, and again at the earliest a minute after it was over."""
         if not self._troubled and self._throttle.due("", time.monotonic()):
             self._troubled = True
-            self._report(f"{self.url.text}: {plain(what)}; nobody is told there meanwhile, all else goes on")
+            self._report(f"{self.url.text}: {plain(what)}; nobody is told there meanwhile, all else goes on", "warning")

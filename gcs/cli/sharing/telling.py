@@ -82,7 +82,7 @@ def telling(station: Station, sinks: Sequence[SinkUrl], source: SinkSource, fold
         yield
         return
 
-    def report(text: str, level: Level = "warning") -> None:
+    def report(text: str, level: Level) -> None:
         snapshot = station.latest()
         at_us = snapshot.now_us if snapshot is not None and station.timeline is not None else now_us()
         station.add_event(Event(t_us=at_us, level=level, kind="program", text=text))

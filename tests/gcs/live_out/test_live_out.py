@@ -42,7 +42,9 @@ def tell():
     with ExitStack() as stack:
 
         def begin(latest, *urls):
-            return stack.enter_context(LiveOut(latest, tuple(map(parse_tell, urls)), SOURCE, said.append)), said
+            return stack.enter_context(
+                LiveOut(latest, tuple(map(parse_tell, urls)), SOURCE, lambda text, level: said.append(text))
+            ), said
 
         yield begin
 

@@ -76,7 +76,7 @@ def test_a_receiver_sees_boxes_and_names_without_b_frames(scheme, tmp_path):
         (tmp_path / "flight.sdp").write_text(sdp(url), newline="")
         options = {"protocol_whitelist": "file,udp,rtp"}
     said = []
-    with LiveOut(Station().latest, [url], SOURCE, said.append):
+    with LiveOut(Station().latest, [url], SOURCE, lambda *trouble: said.append(trouble)):
         got = list(receive(address, 40, **options))
     assert {int(frame.pict_type) for frame in got} <= {PictureType.I, PictureType.P}
     assert (got[-1].width, got[-1].height) == (320, 240)
