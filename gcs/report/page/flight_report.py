@@ -67,16 +67,18 @@ def _alarms(record: FlightSummary) -> str:
         return empty("No alarm was raised.")
     rows = [
         (
+            str(number),
             clock((span.alarm.since_us - record.start_us) * 1e-6),
             clock((span.last_us - record.start_us) * 1e-6),
             span.alarm.level,
             span.alarm.text,
             span.alarm.advice,
         )
-        for span in record.alarms
+        for number, span in enumerate(record.alarms, 1)
     ]
     more = empty(f"{record.alarms_left_out} more alarms are not listed.") if record.alarms_left_out else ""
-    return table(("from", "until", "level", "what", "what to do"), rows, caption="Alarms") + more
+    columns = ("number", "from", "until", "level", "what", "what to do")
+    return table(columns, rows, right=columns[:1], caption="Alarms") + more
 
 
 def _events(record: FlightSummary) -> str:

@@ -9,13 +9,26 @@ from typing import Final
 
 from infra.plain_text import plain
 
-__all__ = ["COLOURS", "DASHES", "Section", "empty", "fixed", "page", "section", "table", "words"]
+__all__ = [
+    "CHART_WIDTH",
+    "COLOURS",
+    "DASHES",
+    "Section",
+    "chart",
+    "empty",
+    "fixed",
+    "page",
+    "section",
+    "table",
+    "words",
+]
 
 POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 """What a browser may do with the page: show it."""
 COLOURS: Final = 8
 """Colours of vehicles, ``c0`` to ``c7``; the ninth begins anew, with another dash."""
-DASHES: Final = ("", "7 3", "2 3", "9 3 2 3")
+CHART_WIDTH: Final = 1000
+DASHES: Final = ("", "12 5", "3 4", "12 4 3 4")
 """Of lines: pages are printed in grey, too."""
 # Told apart without red, green or blue cones, 4.5 : 1 on the page in light and in dark.
 _LIGHT = ("#005f99", "#a34400", "#006b50", "#99306f", "#6e5200", "#5244a8", "#3a6200", "#6b4636")
@@ -28,16 +41,18 @@ _STYLE: Final = (
     + """
 *{box-sizing:border-box}
 body{margin:0 auto;max-width:1100px;padding:1.2rem;background:var(--page);color:var(--ink);
-font:16px/1.5 system-ui,"Segoe UI",Roboto,"Liberation Sans",sans-serif;overflow-wrap:anywhere}
+font:16px/1.5 system-ui,"Segoe UI",Roboto,"Liberation Sans",sans-serif;overflow-wrap:break-word}
 h1{font-size:1.7rem;line-height:1.2;margin:.2rem 0}h2{font-size:1.25rem;margin:2rem 0 .5rem;
 border-bottom:1px solid var(--line)}h3{font-size:1.05rem;margin:1.2rem 0 .3rem}
 p{margin:.4rem 0;max-width:75ch}.soft{color:var(--soft)}.bad{color:var(--bad)}.warn{color:var(--warn)}
 .wide{overflow-x:auto;margin:.5rem 0}
 table{border-collapse:collapse;font-size:.9rem}th,td{padding:.2rem .7rem .2rem 0;text-align:left;vertical-align:top;
 border-bottom:1px solid var(--line)}th{font-weight:600}thead th{white-space:nowrap}
+tbody th{min-width:5.5rem}
 td.n,th.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
-svg{display:block;width:100%;height:auto;background:var(--fill)}svg text{font-size:12px;fill:currentColor}
-svg.timeline{min-width:720px}.ink{color:var(--ink)}.rule{stroke:var(--line)}
+svg{display:block;width:100%;height:auto;background:var(--fill)}svg text{font-size:16px;fill:currentColor}
+svg text.on{fill:var(--page)}svg text.halo{paint-order:stroke;stroke:var(--fill);stroke-width:4px;stroke-linejoin:round}
+.chart{min-width:720px}.small{max-width:340px}.ink{color:var(--ink)}.rule{stroke:var(--line)}
 .stills,.parts{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,24rem),1fr));gap:1rem;margin:.5rem 0}
 figure{margin:0}figure,article{break-inside:avoid}figure img{width:100%;height:auto;display:block}
 figcaption{font-size:.9rem;color:var(--soft)}
@@ -50,8 +65,8 @@ code{font-size:.85em}
 --warn:#5a3c00}"""
     + "".join(f".c{k}{{color:{colour}}}" for k, colour in enumerate(_LIGHT))
     + """body{max-width:none;padding:0;font-size:10pt}h2,h3{break-after:avoid}tr{break-inside:avoid}
-.wide{overflow:visible}
-svg.timeline{min-width:0}@page{margin:15mm}}
+.wide{overflow:visible}svg,img{max-height:230mm}.parts{grid-template-columns:1fr 1fr}.parts table{font-size:8pt;
+width:100%}.parts th{width:40%}.chart{min-width:0}.small{max-width:80mm}@page{margin:15mm}}
 """
 )
 
@@ -69,6 +84,19 @@ def fixed(value: float, digits: int = 1, unit: str = "") -> str:
     if not math.isfinite(value):
         return "–"
     return f"{value:z.{digits}f}{' ' if unit and unit != '%' else ''}{unit}"
+
+
+def chart(height: float, label: str, parts: str) -> str:
+    """A drawing ``CHART_WIDTH`` wide that is as wide as the page, and is moved sideways where that is narrow.
+
+    Args:
+        height: of the drawing.
+        label: plain words, what it shows.
+        parts: SVG.
+    """
+    label = words(label)
+    svg = f'<svg class="chart" viewBox="0 0 {CHART_WIDTH} {height:.0f}" role="img"><title>{label}</title>{parts}</svg>'
+    return f'<div class="wide" role="region" tabindex="0" aria-label="{label}">{svg}</div>'
 
 
 def empty(text: str) -> str:

@@ -10,26 +10,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.report.page.flight_summary import FlightSummary, VehicleRecord
-from gcs.report.page.html import COLOURS, DASHES, empty, words
+from gcs.report.page.html import CHART_WIDTH, COLOURS, DASHES, chart, empty, words
 
 __all__ = ["colour_of", "draw_map"]
 
-WIDTH: Final = 1000
+WIDTH: Final = CHART_WIDTH
 MARGIN: Final = 60
 HEIGHTS: Final = (300, 800)
 LEAST_M: Final = 10.0
 """Across: a fleet that stands still is not magnified without end."""
 FARTHEST_M: Final = 5_000.0
 """Places farther from the middle are jumps of a receiver."""
-LINE_PX, NAME_PX = 15.0, 130.0
+LINE_PX, NAME_PX = 20.0, 180.0
+MOST_LETTERS: Final = 20
+"""Of a name; the roll call has all of it."""
 """Height of a name, and how far to either side of one no other stands on the same line."""
 JOIN_PARTS: Final = 6
 """Places farther apart in time than so many parts are not joined."""
 
 
 def colour_of(index: int) -> str:
-    """Attributes of the lines of the vehicle of this number: colour and dash."""
-    dash = DASHES[index // COLOURS % len(DASHES)]
+    """Attributes of the lines of the vehicle of this number: colour and dash; no other of 32 has both."""
+    dash = DASHES[(index + index // COLOURS) % len(DASHES)]
     return f'class="c{index % COLOURS}" stroke="currentColor"' + (f' stroke-dasharray="{dash}"' if dash else "")
 
 
@@ -50,7 +52,7 @@ def draw_map(record: FlightSummary) -> str:
         # x = W/2 + s (E − E_m), y = H/2 − s (N − N_m)
         return np.asarray((p - middle) * (scale, -scale) + (WIDTH / 2, height / 2))
 
-    parts = [f"<title>Map of the flight: reported and seen tracks of {len(record.vehicles)} vehicles, north up</title>"]
+    parts: list[str] = []
     ends: list[tuple[str, str, float, float]] = []
     if record.uav is not None:
         parts.append(f'<g class="ink" opacity="0.7">{_path(to_px(record.uav.reported), "2 4", 1.0)}</g>')
@@ -60,8 +62,12 @@ def draw_map(record: FlightSummary) -> str:
         parts.append(f"<g {colour_of(index)}>{_path(reported, '', 1.0)}{_path(seen, '', 3.5)}</g>")
         ends += _end(vehicle, reported if np.isfinite(reported).any() else seen, f"c{index % COLOURS}")
     parts += [_names(ends, height), _scale_bar(scale, height), _north()]
-    drawing = f'<svg viewBox="0 0 {WIDTH} {height}" role="img">{"".join(parts)}</svg>'
-    legend = "Thick: where its box was seen. Thin: where it reported to be. Dotted: the UAV. Names stand at the ends."
+    label = f"Map of the flight: reported and seen tracks of {len(record.vehicles)} vehicles, north up"
+    drawing = chart(height, label, "".join(parts))
+    legend = (
+        "Thick: where its box was seen. Thin: where it reported to be. Each vehicle has its colour and dash, the UAV "
+        "is dotted. Names stand at the ends."
+    )
     return f'{drawing}<p class="soft">{legend}</p>'
 
 
@@ -77,7 +83,7 @@ def _path(points: NDArray[np.float64], dash: str, width: float) -> str:
     dashed = f' stroke-dasharray="{dash}"' if dash else ""
     return (
         f'<path d="{"".join(steps)}" fill="none" stroke="currentColor" stroke-width="{width}"{dashed} '
-        'stroke-linecap="round" stroke-linejoin="round"/>'
+        'stroke-linejoin="round"/>'
     )
 
 
@@ -105,7 +111,8 @@ def _names(ends: Sequence[tuple[str, str, float, float]], height: int) -> str:
         leader = "" if at == y else f'<path d="M{x:.1f} {y:.1f}L{x + side:.1f} {at:.1f}" stroke="currentColor"/>'
         parts.append(
             f'<g class="{kind}"><circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="currentColor"/>{leader}'
-            f'<text x="{x + side * 1.2:.1f}" y="{at + 4:.1f}" text-anchor="{anchor}">{words(name)}</text></g>'
+            f'<text class="halo" x="{x + side * 1.2:.1f}" y="{at + 6:.1f}" text-anchor="{anchor}">'
+            f"{words(name[:MOST_LETTERS])}</text></g>"
         )
     return "".join(parts)
 

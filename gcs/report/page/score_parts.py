@@ -53,19 +53,19 @@ def _reliability(matched: Matched) -> str:
         for mean, share, count in points
     )
     ticks = "".join(
-        f'<text class="ink" x="{_x(v):.1f}" y="{SIDE - MARGIN + 16}" text-anchor="middle">{v:g}</text>'
+        f'<text class="ink" x="{_x(v):.1f}" y="{SIDE - MARGIN + 19}" text-anchor="middle">{v:g}</text>'
         f'<text class="ink" x="{MARGIN - 8}" y="{_y(v) + 4:.1f}" text-anchor="end">{v:g}</text>'
         for v in (0.0, 0.5, 1.0)
     )
     frame = f"M{_x(0):.1f} {_y(0):.1f}H{_x(1):.1f}V{_y(1):.1f}H{_x(0):.1f}z"
     drawing = (
-        f'<svg viewBox="0 0 {SIDE} {SIDE}" role="img" style="max-width:{SIDE}px">'
+        f'<svg viewBox="0 0 {SIDE} {SIDE}" role="img" class="small">'
         "<title>Share of right names over their confidence</title>"
         f'<path class="rule" d="{frame}" fill="none"/>'
         f'<path class="ink" d="M{_x(0):.1f} {_y(0):.1f}L{_x(1):.1f} {_y(1):.1f}" stroke="currentColor" '
         f'stroke-dasharray="4 4"/>{ticks}{marks}'
-        f'<text class="ink" x="{SIDE / 2}" y="{SIDE - 8}" text-anchor="middle">confidence</text>'
-        f'<text class="ink" x="14" y="{SIDE / 2}" transform="rotate(-90 14 {SIDE / 2})" '
+        f'<text class="ink" x="{SIDE / 2}" y="{SIDE - 5}" text-anchor="middle">confidence</text>'
+        f'<text class="ink" x="20" y="{SIDE * 0.35:.0f}" transform="rotate(-90 20 {SIDE * 0.35:.0f})" '
         'text-anchor="middle">right</text>'
         "</svg>"
     )

@@ -7,17 +7,24 @@ from typing import Final
 import numpy as np
 
 from gcs.certainty import CONFIRMED
-from gcs.report.page.flight_summary import FlightSummary, VehicleRecord
-from gcs.report.page.html import COLOURS, words
+from gcs.report.page.flight_summary import AlarmSpan, FlightSummary, VehicleRecord
+from gcs.report.page.html import CHART_WIDTH, COLOURS, chart, words
 
 __all__ = ["clock", "draw_timeline"]
 
-LEFT, WIDTH, RIGHT = 150, 1000, 10
+LEFT, WIDTH, RIGHT = 160, CHART_WIDTH, 10
 ROW, GAP = 34, 8
-ALARM_ROW: Final = 16
+LOW_ROW, LOW_GAP = 18, 3
+"""Of a fleet larger than ``MOST_ROWS``: on paper a drawing must not be longer than a sheet."""
+MOST_ROWS: Final = 16
+ALARM_ROW: Final = 22
+NUMBER: Final = 30
+"""Wide, of an alarm."""
 MOST_ALARM_ROWS: Final = 8
 STEPS_S: Final = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400)
 MOST_TICKS: Final = 9
+MOST_LETTERS: Final = 15
+"""Of a name, as many as fit before the axis."""
 
 
 def clock(seconds: float) -> str:
@@ -34,38 +41,31 @@ def clock(seconds: float) -> str:
 def draw_timeline(record: FlightSummary) -> str:
     """A row a vehicle: its name's confidence as a curve over a band while it is in view; alarms below."""
     rows, y = [], 10.0
+    height, gap = (ROW, GAP) if len(record.vehicles) <= MOST_ROWS else (LOW_ROW, LOW_GAP)
     for index, vehicle in enumerate(record.vehicles.values()):
-        rows.append(_row(vehicle, y, f"c{index % COLOURS}"))
-        y += ROW + GAP
+        rows.append(_row(vehicle, y, height, f"c{index % COLOURS}"))
+        y += height + gap
     # alarms that last at the same time stand below one another
-    ends: list[int] = []
-    for span in record.alarms:
-        line = next((k for k, end in enumerate(ends) if end < span.alarm.since_us), len(ends))
+    ends: list[float] = []
+    for number, span in enumerate(record.alarms, 1):
+        since, last = (_x(record, t_us) for t_us in (span.alarm.since_us, span.last_us))
+        width = max(last - since, 3.0)
+        line = next((k for k, end in enumerate(ends) if end < since), len(ends))
         if line >= MOST_ALARM_ROWS:
             continue
-        ends[line : line + 1] = [span.last_us]
-        since, last = (_x(record, t_us) for t_us in (span.alarm.since_us, span.last_us))
-        top = y + line * ALARM_ROW
-        kind = "bad" if span.alarm.level == "alarm" else "warn"
-        rows.append(
-            f'<g class="{kind}"><rect x="{since:.1f}" y="{top:.1f}" width="{max(last - since, 3):.1f}" '
-            f'height="{ALARM_ROW - 4}" fill="currentColor"><title>{words(span.alarm.text)}</title></rect></g>'
-        )
+        ends[line : line + 1] = [since + width + (0 if width > NUMBER else NUMBER)]
+        rows.append(_alarm(span, number, since, y + line * ALARM_ROW, width))
     if ends:
-        rows.append(f'<text class="ink" x="0" y="{y + 11:.1f}">alarms</text>')
+        rows.append(f'<text class="ink" x="0" y="{y + 15:.1f}">alarms</text>')
         y += len(ends) * ALARM_ROW + GAP
-    title = "<title>When each vehicle was named, how surely, and when alarms were raised</title>"
-    axis = _axis(record, y)
-    drawing = f'<svg class="timeline" viewBox="0 0 {WIDTH} {y + 24:.0f}" role="img">{title}{axis}{"".join(rows)}</svg>'
+    label = "When each vehicle was named, how surely, and when alarms were raised"
+    drawing = chart(y + 26, label, _axis(record, y) + "".join(rows))
     legend = (
         "Band: the vehicle reported to be in the picture. Curve: the least confidence of its name then, from 0 at the "
         f"bottom to 1 at the top; the line is {CONFIRMED:g}, from which on a name counts as confirmed. Where there is "
-        "no curve it had no name."
+        "no curve it had no name. Alarms have their numbers in the list of alarms."
     )
-    label = "Time line of names and alarms"
-    return (
-        f'<div class="wide" role="region" tabindex="0" aria-label="{label}">{drawing}</div><p class="soft">{legend}</p>'
-    )
+    return f'{drawing}<p class="soft">{legend}</p>'
 
 
 def _x(record: FlightSummary, t_us: int) -> float:
@@ -73,24 +73,36 @@ def _x(record: FlightSummary, t_us: int) -> float:
     return LEFT + share * (WIDTH - LEFT - RIGHT)
 
 
-def _row(vehicle: VehicleRecord, top: float, kind: str) -> str:
+def _row(vehicle: VehicleRecord, top: float, height: float, kind: str) -> str:
     step = (WIDTH - LEFT - RIGHT) / len(vehicle.confidence)
     bands = [
-        f"M{LEFT + low * step:.1f} {top:.1f}h{(high - low) * step:.1f}v{ROW}h-{(high - low) * step:.1f}z"
+        f"M{LEFT + low * step:.1f} {top:.1f}h{(high - low) * step:.1f}v{height:g}h-{(high - low) * step:.1f}z"
         for low, high in _runs(vehicle.in_view)
     ]
     curves = []
     for low, high in _runs(np.isfinite(vehicle.confidence)):
-        heights = top + ROW * (1.0 - vehicle.confidence[low:high])
+        heights = top + height * (1.0 - vehicle.confidence[low:high])
         points = [f"{LEFT + (low + k + 0.5) * step:.1f} {y:.1f}" for k, y in enumerate(heights)]
         curves.append(f"M{points[0]}" + (f"L{' '.join(points[1:])}" if points[1:] else "h1"))
-    sure = top + ROW * (1.0 - CONFIRMED)
+    sure = top + height * (1.0 - CONFIRMED)
     return (
-        f'<g class="{kind}"><text x="0" y="{top + ROW / 2 + 4:.1f}">{words(vehicle.name[:20])}</text>'
+        f'<g class="{kind}"><text x="0" y="{top + height / 2 + 6:.1f}">{words(vehicle.name[:MOST_LETTERS])}</text>'
         f'<path d="{"".join(bands)}" fill="currentColor" opacity="0.15"/>'
         f'<path d="M{LEFT} {sure:.1f}H{WIDTH - RIGHT}" stroke="currentColor" stroke-width="0.5" '
         'stroke-dasharray="2 4"/>'
         f'<path d="{"".join(curves)}" fill="none" stroke="currentColor" stroke-width="2"/></g>'
+    )
+
+
+def _alarm(span: AlarmSpan, number: int, x: float, top: float, width: float) -> str:
+    """A bar with its number, which stands behind a bar that is too short for it."""
+    inside = width > NUMBER
+    kind = "bad" if span.alarm.level == "alarm" else "warn"
+    return (
+        f'<g class="{kind}"><rect x="{x:.1f}" y="{top:.1f}" width="{width:.1f}" height="{ALARM_ROW - 3}" '
+        f'fill="currentColor"><title>{words(span.alarm.text)}</title></rect>'
+        f'<text class="{"on" if inside else "ink"}" x="{x + (3 if inside else width + 3):.1f}" y="{top + 15:.1f}">'
+        f"{number}</text></g>"
     )
 
 
@@ -109,6 +121,6 @@ def _axis(record: FlightSummary, y: float) -> str:
         anchor = "end" if x > WIDTH - 30 else "middle"
         ticks.append(f'<path class="rule" d="M{x:.1f} 4V{y:.1f}"/>')
         ticks.append(
-            f'<text class="ink" x="{x:.1f}" y="{y + 16:.1f}" text-anchor="{anchor}">{minutes}:{seconds:02d}</text>'
+            f'<text class="ink" x="{x:.1f}" y="{y + 19:.1f}" text-anchor="{anchor}">{minutes}:{seconds:02d}</text>'
         )
     return "".join(ticks)
