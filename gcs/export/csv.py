@@ -7,6 +7,7 @@ import math
 from datetime import UTC, datetime
 
 from gcs.export.job import ExportJob
+from gcs.export.unfinished import Unfinished
 from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
 from infra.plain_text import to_cell
@@ -25,7 +26,8 @@ class CsvExport:
     """Degrees and metres, empty cells for what is unknown."""
 
     def __init__(self, job: ExportJob) -> None:
-        self._file = open_new(job.path)
+        self._unfinished = Unfinished(job.path)
+        self._file = open_new(self._unfinished.path)
         self._rows = csv.writer(self._file, lineterminator="\n")
         self._rows.writerow(COLUMNS)
 
@@ -47,8 +49,9 @@ class CsvExport:
             self._rows.writerow((time, snapshot.frame, *who, *second, *shape, *turn, *place, *trust, stated))
 
     def close(self) -> None:
-        """Close the file."""
+        """Finish the file."""
         self._file.close()
+        self._unfinished.finish()
 
 
 def _cell(value: float, digits: int) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 from gcs.export.job import ExportJob
+from gcs.export.unfinished import Unfinished
 from gcs.session.identity_log import json_row
 from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
@@ -26,7 +27,8 @@ class JsonlExport:
     """null is unknown."""
 
     def __init__(self, job: ExportJob) -> None:
-        self._file = open_new(job.path)
+        self._unfinished = Unfinished(job.path)
+        self._file = open_new(self._unfinished.path)
         self._file.write(json.dumps(HEADER) + "\n")
 
     def write(self, snapshot: Snapshot) -> None:
@@ -34,5 +36,6 @@ class JsonlExport:
         self._file.write("".join(json_row(snapshot, box) + "\n" for box in snapshot.new_boxes if not box.coasting))
 
     def close(self) -> None:
-        """Close the file."""
+        """Finish the file."""
         self._file.close()
+        self._unfinished.finish()

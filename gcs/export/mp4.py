@@ -7,6 +7,7 @@ from fractions import Fraction
 import av
 
 from gcs.export.job import ExportJob
+from gcs.export.unfinished import Unfinished
 from gcs.report.labels import Labelling
 from gcs.report.overlay import draw, image_labels
 from gcs.session.line_file import open_new
@@ -21,7 +22,8 @@ class Mp4Export:
     """Frames keep their time stamps, so the film runs in step with the log."""
 
     def __init__(self, job: ExportJob) -> None:
-        self._file = open_new(job.path)
+        self._unfinished = Unfinished(job.path)
+        self._file = open_new(self._unfinished.path)
         # FFmpeg by itself would write over what is there, and through a link
         self._film = av.open(f"/dev/fd/{self._file.fileno()}", "w", format="mp4", options={"movflags": "+faststart"})
         self._stream: av.VideoStream | None = None
@@ -53,3 +55,4 @@ class Mp4Export:
             self._film.mux(self._stream.encode(None))
         self._film.close()
         self._file.close()
+        self._unfinished.finish()

@@ -15,6 +15,7 @@ from typing import Final
 
 from gcs.export.job import ExportJob
 from gcs.export.subtitles.cues import Cue, Cues, film_times_us
+from gcs.export.unfinished import Unfinished
 from gcs.report.box_shapes import box_bounds
 from gcs.report.label_grid import Cells, Grid
 from gcs.report.labels import Labelling, leader_of, place_labels
@@ -115,7 +116,8 @@ class AssExport:
         self._cues = Cues(film_times_us(job))
         self._title = job.name
         self._names: AssNames | None = None
-        self._file = open_new(job.path)
+        self._unfinished = Unfinished(job.path)
+        self._file = open_new(self._unfinished.path)
 
     def write(self, snapshot: Snapshot) -> None:
         """Append the names of the frame before."""
@@ -127,6 +129,7 @@ class AssExport:
         if self._names is None:
             self._begin(EMPTY_SIZE)
         self._file.close()
+        self._unfinished.finish()
 
     def _write(self, cue: Cue | None) -> None:
         if cue is None or not cue.snapshot.boxes:

@@ -10,6 +10,7 @@ from abc import ABC, abstractmethod
 
 from gcs.export.job import ExportJob
 from gcs.export.subtitles.cues import Cue, Cues, film_times_us
+from gcs.export.unfinished import Unfinished
 from gcs.report.box_shapes import box_bounds, drawable
 from gcs.report.overlay import label_of
 from gcs.session.line_file import open_new
@@ -30,7 +31,8 @@ class TextCues(ABC):
 
     def __init__(self, job: ExportJob) -> None:
         self._cues = Cues(film_times_us(job))
-        self._file = open_new(job.path, self.header)
+        self._unfinished = Unfinished(job.path)
+        self._file = open_new(self._unfinished.path, self.header)
 
     def write(self, snapshot: Snapshot) -> None:
         """Append the names of the frame before."""
@@ -40,6 +42,7 @@ class TextCues(ABC):
         """Append those of the last frame and close the file."""
         self._write(self._cues.last())
         self._file.close()
+        self._unfinished.finish()
 
     def _write(self, cue: Cue | None) -> None:
         if cue is not None:

@@ -1,9 +1,16 @@
 """The list of formats, and its table in the documents."""
 
+import gc
 import re
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+import pytest
+
+from gcs.errors import SessionError
 from gcs.export.formats import FORMATS
+from gcs.export.job import ExportJob
 from tests.support.command_line import run_gcs
 
 
@@ -25,3 +32,21 @@ def test_the_list_names_each_format():
 def test_no_two_formats_have_one_ending():
     endings = [form.suffix for form in FORMATS.values() if form.suffix]
     assert len(endings) == len(set(endings))
+
+
+@pytest.mark.filterwarnings("ignore")  # what breaks off closes nothing
+@pytest.mark.parametrize("form", FORMATS.values(), ids=FORMATS)
+def test_an_export_that_breaks_off_leaves_nothing(form, shots, flight, tmp_path):
+    times_us = np.array([one.t_us for one in shots])
+    job = ExportJob(path=tmp_path / f"out{form.suffix}", name="a", video=flight / "video.mp4", times_us=times_us)
+    sink = form.open(job)
+    for one in shots[:2]:
+        sink.write(replace(one, image=np.zeros((1080, 1920, 3), np.uint8)))
+    assert not job.path.exists()
+    del sink
+    gc.collect()
+    assert list(tmp_path.iterdir()) == []
+    job.path.write_text("there before")
+    with pytest.raises(SessionError, match="exists already"):
+        form.open(job)
+    assert job.path.read_text() == "there before"
