@@ -8,13 +8,12 @@ import duckdb
 import psutil
 
 from bench.batch.watching import WatchedBatch, is_over, stopped_writer, workers_of
-from gcs.batch.stores import ASIDE
 from tests.support.batches.results import (
     records,
     single_run,
     tables,
 )
-from tests.support.batches.short_flights import broken_flights, short_flights
+from tests.support.batches.short_flights import short_flights
 from tests.support.bundled import SWARM
 from tests.support.command_line import run_gcs
 from tests.support.ports import free_port
@@ -28,26 +27,6 @@ def each_once(out):
     rows = duckdb.sql(f"select flight, count(*) from '{out}/identity/*/*.parquet' group by flight").fetchall()
     listed = duckdb.sql(f"select flight, count(*) from '{out}/flights.parquet' group by flight").fetchall()
     return dict(rows), dict(listed)
-
-
-def test_a_worker_then_the_batch_are_killed_while_they_write(tmp_path):
-    flights, out = short_flights(tmp_path / "flights", 4, frames=40), tmp_path / "out"
-    broken = broken_flights(tmp_path)["boxes"]
-    with WatchedBatch(*flights, broken, "-o", out, "-j", 2) as batch:
-        stopped_writer(batch.pid, out).kill()
-        stopped_writer(batch.pid, out)
-        assert until(lambda: records(out) >= 1)
-        batch.kill()
-    assert records(out) < 5
-    with WatchedBatch(*flights, broken, "-o", out, "-j", 2) as again:
-        code, said = again.finish()
-    assert code == 6, said
-    assert "4 of 5 flights done" in said
-    assert tables(out) == {flight.name: single_run(flight) for flight in flights}
-    rows, listed = each_once(out)
-    assert rows.keys() == {"a", "b", "c", "d"}
-    assert listed == dict.fromkeys((*rows, "broken boxes"), 1)
-    assert not list((out / ASIDE).iterdir())
 
 
 def test_one_killed_worker_costs_an_attempt_and_no_flight(tmp_path):

@@ -67,7 +67,7 @@ def test_broken_flights_are_told_and_the_others_finish(tmp_path):
 
 def test_what_is_done_is_skipped_until_input_or_options_change(tmp_path):
     flights = short_flights(tmp_path / "flights", 2)
-    words = ("batch", tmp_path / "flights", "-o", tmp_path / "out", "--json")
+    words = ("batch", tmp_path / "flights", "-o", tmp_path / "out", "-j", 1, "--json")
     assert run_gcs(*words)[0] == 0
     before = identities(tmp_path / "out")
     *lines, sums = told(run_gcs(*words)[1])
@@ -88,7 +88,7 @@ def test_what_is_done_is_skipped_until_input_or_options_change(tmp_path):
 
 def test_a_result_that_lacks_or_was_cut_is_made_again(tmp_path):
     short_flights(tmp_path / "flights", 2)
-    words = ("batch", tmp_path / "flights", "-o", tmp_path / "out", "--json")
+    words = ("batch", tmp_path / "flights", "-o", tmp_path / "out", "-j", 1, "--json")
     assert run_gcs(*words)[0] == 0
     before = identities(tmp_path / "out")
     (tmp_path / "out" / "identity" / "flight=a" / "part-0.parquet").write_bytes(before["flight=a"][:-9])
@@ -107,7 +107,7 @@ def test_a_folder_of_something_else_is_left_alone(tmp_path):
 
 def test_a_flight_that_fails_later_keeps_its_earlier_result_and_says_so(tmp_path):
     flights = short_flights(tmp_path / "flights", 2)
-    words = ("batch", tmp_path / "flights", "-o", tmp_path / "out")
+    words = ("batch", tmp_path / "flights", "-o", tmp_path / "out", "-j", 1)
     assert run_gcs(*words)[0] == 0
     before = identities(tmp_path / "out")
     (flights[0] / "frames.csv").unlink()

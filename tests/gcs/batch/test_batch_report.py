@@ -61,7 +61,8 @@ def results(tmp_path_factory):
     toml.write_text(toml.read_text().replace('"UGV-2"', f'"{HOSTILE}"'))
     (plain / "truth.csv").unlink()
     broken = broken_flights(folder)
-    code, _, _ = run_gcs("batch", wrong, hostile, plain, broken["mission"], broken["gone"], "-o", folder / "out")
+    flights = (wrong, hostile, plain, broken["mission"], broken["gone"])
+    code, _, _ = run_gcs("batch", *flights, "-o", folder / "out", "-j", 1)
     assert code == 6
     return folder / "out"
 

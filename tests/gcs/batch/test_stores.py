@@ -133,22 +133,22 @@ def s3(tmp_path, monkeypatch):
 
 
 def test_flights_and_results_in_an_object_store(tmp_path, s3):
-    flights = short_flights(tmp_path / "flights", 3)
-    s3.put(str(tmp_path / "flights") + "/", "rollcall/flights", recursive=True)
-    words = ("batch", "s3://rollcall/flights/*", "-o", "s3://rollcall/out", "-j", "2", "--json")
+    *stored, own = flights = short_flights(tmp_path / "flights", 3)
+    for flight in stored:
+        s3.put(f"{flight}/", f"rollcall/flights/{flight.name}/", recursive=True)
+    words = ("batch", "s3://rollcall/flights/*", own, "-o", "s3://rollcall/out", "-j", 1, "--json")
     code, stdout, stderr = run_gcs(*words)
     assert code == 0, stderr
     assert json.loads(stdout.splitlines()[-1])["done"] == 3
     for flight in flights:
         assert s3.cat_file(f"rollcall/out/identity/flight={flight.name}/part-0.parquet") == single_run(flight)
     assert s3.exists("rollcall/out/flights.parquet")
+    assert not s3.exists("rollcall/out/.lock")
 
     s3.rm_file("rollcall/out/records/a.json")
     *_, sums = map(json.loads, run_gcs(*words)[1].splitlines())
     assert (sums["done"], sums["skipped"]) == (3, 2)
 
-    # results of a store's flights on a disk, and of a disk's in a store
-    assert run_gcs("batch", "s3://rollcall/flights/a", "-o", tmp_path / "here")[0] == 0
+    # results of a store's flight on a disk
+    assert run_gcs("batch", "s3://rollcall/flights/a", "-o", tmp_path / "here", "-j", 1)[0] == 0
     assert (tmp_path / "here/identity/flight=a/part-0.parquet").read_bytes() == single_run(flights[0])
-    assert run_gcs("batch", flights[1], "-o", "s3://rollcall/there")[0] == 0
-    assert s3.cat_file("rollcall/there/identity/flight=b/part-0.parquet") == single_run(flights[1])
