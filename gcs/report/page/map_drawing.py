@@ -9,8 +9,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs.report.label_grid import Cells, Grid
+from gcs.report.labels import Label, leader_of, place_labels
 from gcs.report.page.flight_summary import FlightSummary, VehicleRecord
 from gcs.report.page.html import CHART_WIDTH, COLOURS, DASHES, chart, empty, words
+from infra.plain_text import plain
 
 __all__ = ["colour_of", "draw_map"]
 
@@ -21,10 +24,10 @@ LEAST_M: Final = 10.0
 """Across: a fleet that stands still is not magnified without end."""
 FARTHEST_M: Final = 5_000.0
 """Places farther from the middle are jumps of a receiver."""
-LINE_PX, NAME_PX = 20.0, 180.0
+SQUARE, LETTER, LINE, DOT = 4, 9.6, 20, 4
+"""Side of the squares in which names are placed, width of a letter, height of a line, radius of a dot."""
 MOST_LETTERS: Final = 20
 """Of a name; the roll call has all of it."""
-"""Height of a name, and how far to either side of one no other stands on the same line."""
 JOIN_PARTS: Final = 6
 """Places farther apart in time than so many parts are not joined."""
 
@@ -94,27 +97,42 @@ def _end(vehicle: VehicleRecord, points: NDArray[np.float64], kind: str) -> list
 
 
 def _names(ends: Sequence[tuple[str, str, float, float]], height: int) -> str:
-    """A dot at the end of each track, and its name beside it where it is on no other name.
+    """A dot at the end of each track, and its name beside it where it is on no other name or dot.
 
     Args:
         ends: name, class and place, px.
         height: of the map, px.
     """
-    parts, taken = [], list[tuple[float, float]]()
-    for name, kind, x, y in sorted(ends, key=lambda end: end[3]):
-        side, anchor = (-10, "end") if x > WIDTH / 2 else (10, "start")
-        at = y
-        while any(abs(at - line) < LINE_PX and abs(x - other) < NAME_PX for other, line in taken):
-            at += LINE_PX / 2
-        at = min(at, height - LINE_PX / 2)
-        taken.append((x, at))
-        leader = "" if at == y else f'<path d="M{x:.1f} {y:.1f}L{x + side:.1f} {at:.1f}" stroke="currentColor"/>'
-        parts.append(
-            f'<g class="{kind}"><circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="currentColor"/>{leader}'
-            f'<text class="halo" x="{x + side * 1.2:.1f}" y="{at + 6:.1f}" text-anchor="{anchor}">'
-            f"{words(name[:MOST_LETTERS])}</text></g>"
-        )
-    return "".join(parts)
+    labels = [
+        Label(key=k, anchor=_squares(x - DOT, y - DOT, 2 * DOT, 2 * DOT), texts=(plain(name)[:MOST_LETTERS],))
+        for k, (name, _, x, y) in enumerate(ends)
+    ]
+    grid = Grid(
+        columns=WIDTH // SQUARE,
+        rows=height // SQUARE,
+        measure=lambda text: (math.ceil(len(text) * LETTER / SQUARE), LINE // SQUARE),
+        step=(LINE // SQUARE, LINE // SQUARE),
+        # the scale bar and the arrow
+        blocked=(_squares(0, height - 40, WIDTH / 3, 40), _squares(WIDTH - 50, 0, 50, 75)),
+    )
+    dots, names = [], []
+    for _, kind, x, y in ends:
+        dots.append(f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="{DOT}" fill="currentColor"/>')
+    for place in place_labels(labels, grid).texts:
+        # a count of names that found no place belongs to nobody
+        kind = ends[place.key][1] if place.key >= 0 else "ink"
+        if place.leader:
+            x, y, to_x, to_y = (SQUARE * value for value in leader_of(place))
+            line = f"M{x:.1f} {y:.1f}L{to_x:.1f} {to_y:.1f}"
+            dots.append(f'<path class="{kind}" d="{line}" stroke="currentColor"/>')
+        left, top, _, rows = (SQUARE * value for value in place.rect)
+        names.append(f'<text class="{kind} halo" x="{left}" y="{top + rows - 5}">{words(place.text)}</text>')
+    return "".join((*dots, *names))
+
+
+def _squares(x: float, y: float, width: float, height: float) -> Cells:
+    left, top = math.floor(x / SQUARE), math.floor(y / SQUARE)
+    return left, top, math.ceil((x + width) / SQUARE) - left, math.ceil((y + height) / SQUARE) - top
 
 
 def _scale_bar(scale: float, height: int) -> str:
