@@ -8,10 +8,13 @@ python bench/interop/labels_datumaro.py KIND=FOLDER…      KIND: yolo, dota, co
 
 from __future__ import annotations
 
+import csv
+import math
 import sys
-from collections import Counter
+from collections import Counter, defaultdict
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 READERS = {"dota": "dota", "coco": "coco_instances", "cvat": "cvat"}
 
@@ -20,8 +23,8 @@ def main(named: list[str]) -> None:
     import datumaro
 
     print(", ".join(f"{name} {version(name)}" for name in ("datumaro", "pycocotools", "supervision")) + "\n")
-    print("| labels | images | with pixels | shapes | attributes | areas differ, mean and most |")
-    print("|---|---:|---:|---|---|---:|")
+    print("| labels | images | with pixels | shapes | attributes | areas differ, mean and most | corners differ |")
+    print("|---|---:|---:|---|---|---:|---:|")
     for kind, _, folder in (one.partition("=") for one in named):
         if kind == "yolo":
             _print_yolo(Path(folder))
@@ -33,7 +36,8 @@ def main(named: list[str]) -> None:
         kinds = ", ".join(f"{n} {name}" for name, n in Counter(type(s).__name__ for s in shapes).items())
         pixels = sum(item.media is not None and item.media.data is not None for item in items)
         differ = _areas_differ(Path(folder)) if kind == "coco" else ""
-        print(f"| {kind} | {len(items)} | {pixels} | {kinds} | {', '.join(told)} | {differ} |")
+        turned = f"{_corners_differ(Path(folder), items):.3f} px" if kind in ("cvat", "dota") else ""
+        print(f"| {kind} | {len(items)} | {pixels} | {kinds} | {', '.join(told)} | {differ} | {turned} |")
 
 
 def _print_yolo(folder: Path) -> None:
@@ -44,7 +48,29 @@ def _print_yolo(folder: Path) -> None:
     found = list(supervision.DetectionDataset.from_yolo(str(images), str(labels), data, is_obb=True))
     boxes = sum(len(detections) for _, _, detections in found)
     pixels = sum(image is not None for _, image, _ in found)
-    print(f"| yolo | {len(found)} | {pixels} | {boxes} OBB |  |  |")
+    print(f"| yolo | {len(found)} | {pixels} | {boxes} OBB |  |  |  |")
+
+
+def _corners_differ(folder: Path, items: list[Any]) -> float:
+    """How far, at most, a corner that datumaro finds is from that of the same box in boxes.csv, px."""
+    rows: dict[str, list[tuple[float, ...]]] = defaultdict(list)
+    with (folder / "boxes.csv").open() as file:
+        for row in csv.DictReader(file):
+            numbers = (float(row[key]) for key in ("cx_px", "cy_px", "w_px", "h_px", "angle_deg"))
+            rows[row["image"].removesuffix(".jpg")].append(tuple(numbers))
+    apart = 0.0
+    for item in items:
+        for found, shape in zip(item.annotations, rows[item.id], strict=True):
+            ours = _corners(*shape)
+            read = _corners(found.cx, found.cy, found.w, found.h, found.r)
+            apart = max(apart, *(min(math.dist(a, b) for b in ours) for a in read))
+    return apart
+
+
+def _corners(cx: float, cy: float, w: float, h: float, degrees: float) -> list[tuple[float, float]]:
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    halves = [(x * w / 2, y * h / 2) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    return [(cx + c * x - s * y, cy + s * x + c * y) for x, y in halves]
 
 
 def _areas_differ(folder: Path) -> str:

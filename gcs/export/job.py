@@ -53,8 +53,8 @@ class Export(Protocol):
             SessionError: it exists, or cannot be written.
         """
 
-    def write(self, snapshot: Snapshot) -> None:
-        """Append one frame."""
+    def write(self, snapshot: Snapshot) -> bool | None:
+        """Append one frame; False: it is left out."""
 
     def close(self) -> None:
         """Finish it."""

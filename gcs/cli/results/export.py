@@ -66,8 +66,7 @@ def export(
         with progress("export") as report:
             for count, snapshot in enumerate(_snapshots(analysis, identity, file_format.needs_images)):
                 if count % every == 0:
-                    sink.write(snapshot)
-                    written += 1
+                    written += sink.write(snapshot) is not False
                 report(count + 1, len(analysis.times_us))
         sink.close()
     finally:

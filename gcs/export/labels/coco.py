@@ -31,13 +31,14 @@ class CocoExport:
         self._images: list[dict[str, Any]] = []
         self._annotations: list[dict[str, Any]] = []
 
-    def write(self, snapshot: Snapshot) -> None:
+    def write(self, snapshot: Snapshot) -> bool:
         """Write a frame's image and keep its labels, unless a box may be missing."""
         if (frame := self._folder.take(snapshot)) is None:
-            return
+            return False
         number = len(self._images) + 1
         self._images.append({"id": number, "file_name": frame.image, "width": frame.width, "height": frame.height})
         self._annotations += [_annotation(frame, number, one) for one in frame.boxes]
+        return True
 
     def close(self) -> None:
         """Write the labels."""

@@ -39,15 +39,16 @@ class CvatExport:
         self._file = open_new(self._folder.path / "annotations.xml", head)
         self._images = 0
 
-    def write(self, snapshot: Snapshot) -> None:
+    def write(self, snapshot: Snapshot) -> bool:
         """Write a frame's image and labels, unless a box may be missing."""
         if (frame := self._folder.take(snapshot)) is None:
-            return
+            return False
         size = f'width="{frame.width}" height="{frame.height}"'
         self._file.write(f'<image id="{self._images}" name={quoteattr(frame.image)} {size}>\n')
         self._file.writelines(map(_box, frame.boxes))
         self._file.write("</image>\n")
         self._images += 1
+        return True
 
     def close(self) -> None:
         """Finish the labels."""

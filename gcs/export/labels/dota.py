@@ -23,13 +23,14 @@ class DotaExport:
         self._labels = self._folder.path / "train" / "labelTxt"
         self._labels.mkdir()
 
-    def write(self, snapshot: Snapshot) -> None:
+    def write(self, snapshot: Snapshot) -> bool:
         """Write a frame's image and labels, unless a box may be missing."""
         if (frame := self._folder.take(snapshot)) is None:
-            return
+            return False
         with open_new(self._labels / f"{frame.stem}.txt", "imagesource:Rollcall\ngsd:null\n") as file:
             for one in frame.boxes:
                 file.write(f"{' '.join(f'{px:.2f}' for px in one.corners.ravel().tolist())} {VEHICLE} 0\n")
+        return True
 
     def close(self) -> None:
         """Finish the folder."""

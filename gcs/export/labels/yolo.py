@@ -33,14 +33,15 @@ class YoloObbExport:
         self._labels = self._folder.path / "labels" / "train"
         self._labels.mkdir(parents=True)
 
-    def write(self, snapshot: Snapshot) -> None:
+    def write(self, snapshot: Snapshot) -> bool:
         """Write a frame's image and labels, unless a box may be missing."""
         if (frame := self._folder.take(snapshot)) is None:
-            return
+            return False
         with open_new(self._labels / f"{frame.stem}.txt") as file:
             for one in frame.boxes:
                 shares = (one.corners / (frame.width, frame.height)).ravel().tolist()
                 file.write(f"0 {' '.join(f'{share:.6f}' for share in shares)}\n")
+        return True
 
     def close(self) -> None:
         """Write data.yaml."""

@@ -175,6 +175,10 @@ def test_from_the_command_line(tmp_path):
     code, _, err = run_gcs(*words, "--every", "4", "--min-confidence", "0.5")
     assert code == 0, err
     assert images(tmp_path / "d") == ["frame_000000.jpg", "frame_000004.jpg", "frame_000008.jpg"]
+    assert "gcs: 3 frames written to" in err
+    code, _, err = run_gcs(*words[:-1], tmp_path / "none", "--every", "4", "--min-confidence", "1")
+    assert code == 0, err
+    assert "gcs: 0 frames written to" in err
     code, _, err = run_gcs(*words)
     assert code
     assert "exists already" in err
