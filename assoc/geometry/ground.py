@@ -124,7 +124,8 @@ def _points(
     R, p = _camera_at(history, rows, delta_s)
     yaw, pitch, roll = _yaw(history, rows, theta), theta[PITCH], theta[ROLL]
     if sway is not None:
-        yaw, pitch, roll = yaw + sway[:, 0], pitch + sway[:, 1], roll + sway[:, 2]
+        yaw, pitch, roll = yaw + sway[:, YAW], pitch + sway[:, PITCH], roll + sway[:, ROLL]
+        p = p + sway[:, [EAST, NORTH, HEIGHT]]
     turned = np.matmul(_rotations(R, yaw, pitch, roll), R)
     p = p + theta[[EAST, NORTH, HEIGHT]]
     return _intersect_ground(np.matmul(rays, turned.transpose(0, 2, 1)), p, history.z[rows]), R, p
@@ -145,7 +146,7 @@ def ground_tracks(
         start: First row.
         theta: (8,) pose correction.
         columns: (T,) tracks wanted.
-        sway: (F, 3) yaw, pitch and roll of each frame beyond those in θ, radians; None: none.
+        sway: (F, 8) what each frame's pose has beyond θ; None: nothing.
 
     Returns:
         Points, headings and derivatives by θ.

@@ -1,4 +1,4 @@
-"""How a camera sways beyond the attitude that is reported, if any is."""
+"""How a camera wanders beyond the pose that is reported: turns beyond its attitude, or moves beyond its place."""
 
 from __future__ import annotations
 
@@ -7,24 +7,57 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Sway"]
+from assoc.geometry.ground import EAST, NORTH, PITCH, ROLL, THETA, YAW
+
+__all__ = ["FREE_TURNS", "TURNS", "Sway", "SwayPrior", "wander_of"]
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SwayPrior:
+    """What sways, by how much and how fast."""
+
+    axes: tuple[int, ...]
+    """Numbers of θ."""
+    std: float
+    """1σ of each, radians or metres."""
+    length_s: float
+    """Correlation length, seconds."""
+    counted: float = 0.25
+    """Share of the cost of its freedom that counts against the film: what each block can bring is bounded, too."""
+    free: bool = False
+    """Whether nothing is reported that bounds it."""
+
+
+TURNS = SwayPrior(axes=(YAW, PITCH, ROLL), std=float(np.deg2rad(0.4)), length_s=0.8)
+"""What attitude and boxes leave of a camera that is fixed to the body."""
+FREE_TURNS = SwayPrior(axes=(YAW, PITCH, ROLL), std=float(np.deg2rad(2.5)), length_s=0.8, free=True)
+"""What boxes alone leave of it."""
+_WANDER_SHARE, _WANDER_S = 0.25, 3.0
+
+
+def wander_of(position_std_m: float) -> SwayPrior:
+    """What a path through coarse positions leaves: it is off for good by most of their 1σ, and wanders by a share."""
+    return SwayPrior(axes=(EAST, NORTH), std=_WANDER_SHARE * position_std_m, length_s=_WANDER_S, counted=1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Sway:
-    """Yaw, pitch and roll of the camera over time, beyond those in θ and about the same axes."""
+    """Some numbers of the pose over time, beyond those in θ."""
 
     t: FloatArray
     """(K,) video time, seconds, ascending."""
-    turn: FloatArray
-    """(K, 3) yaw, pitch and roll, radians."""
-    free: bool
-    """Whether no attitude is reported that bounds it."""
+    off: FloatArray
+    """(K, A) radians or metres, of the prior's axes."""
+    prior: SwayPrior
+    """Under which it was fitted."""
     cost: float = 0.0
     """What its freedom costs the evidence for the film, nats: with it, some of what is not so fits as well."""
 
     def at(self, t: FloatArray) -> FloatArray:
-        """(N, 3) yaw, pitch and roll at times (N,), radians, straight between two knots, constant beyond the last."""
-        return np.stack([np.interp(t, self.t, of_axis) for of_axis in self.turn.T], axis=1)
+        """(N, 8) beyond θ at times (N,), straight between two knots, constant beyond the last."""
+        beyond = np.zeros((len(t), THETA))
+        for axis, off in zip(self.prior.axes, self.off.T, strict=True):
+            beyond[:, axis] = np.interp(t, self.t, off)
+        return beyond

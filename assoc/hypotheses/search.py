@@ -96,10 +96,10 @@ class UpdateContext:
     fold: int
     """Blocks that leave the window with this update."""
     sway: Sway | None = None
-    """Of a camera that is fixed to the body; None: none known."""
+    """How the camera wanders about the pose that is reported; None: not known to."""
 
     def rows_under(self, theta: FloatArray) -> tuple[int, FloatArray | None]:
-        """The history's first row in the window under θ, and (F, 3) the sway from there on, radians."""
+        """The history's first row in the window under θ, and (F, 8) the sway from there on."""
         since = self.first_block * self.block_s + theta[OFFSET] - self.gap_max_s
         start = min(self.history.first_row_since(since), self.history.n - 1)
         return start, None if self.sway is None else self.sway.at(self.history.t[start : self.history.n])

@@ -1,4 +1,4 @@
-"""The sway of a camera fixed to the body, from the reports of the vehicles that it probably sees.
+"""The sway of a camera, from the reports of the vehicles that it probably sees.
 
 Boxes show how a camera turns within a fraction of a second, but vehicles that drive on together look like a camera that
 turns slowly, and attitude that comes seldom or not at all leaves that open. Their reports tell the two apart, since a
@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.evidence.blocks import interpolated
-from assoc.geometry.ground import OFFSET, PITCH, ROLL, THETA, YAW, ground_tracks
-from assoc.geometry.sway import Sway
+from assoc.geometry.ground import OFFSET, THETA, ground_tracks
+from assoc.geometry.sway import Sway, SwayPrior
 from assoc.hypotheses.search import Hypothesis, UpdateContext, posing_pairs
 
 __all__ = ["fit_sway"]
@@ -32,16 +32,8 @@ _STEP_S = 0.25
 """Between two knots, seconds: what sways faster is seen by the boxes."""
 _AHEAD_S = 1.0
 """The sway is predicted so far beyond the newest frame, seconds, for the frames until the next update."""
-_STD, _FREE_STD = float(np.deg2rad(0.4)), float(np.deg2rad(2.5))
-"""Prior 1σ of the sway that attitude and boxes leave, radians, and that boxes alone leave."""
-_LENGTH_S = 0.8
-"""Its correlation length √3/λ, seconds."""
-_AXES = [YAW, PITCH, ROLL]
-"""What sways."""
 _JITTER = 1e-4
 """Part of σ² that is added to each knot's variance, so that the covariance can be inverted."""
-_COUNTED = 0.25
-"""Share of the cost of the sway's freedom that counts against the film: what each block can bring is bounded, too."""
 _MOST = 5.0
 """Where the sway or θ would be so many σ off, the hypothesis is wrong."""
 _LEAST_VEHICLES = 3
@@ -56,13 +48,13 @@ _FREE = OFFSET
 """Numbers of θ before δ, which are fitted along: δ moves the vehicles themselves."""
 
 
-def fit_sway(context: UpdateContext, hypothesis: Hypothesis, *, free: bool) -> tuple[FloatArray, Sway] | None:
+def fit_sway(context: UpdateContext, hypothesis: Hypothesis, prior: SwayPrior) -> tuple[FloatArray, Sway] | None:
     """Fit sway and θ to the vehicles of a hypothesis.
 
     Args:
         context: What the update worked on, with the sway that the hypothesis was found under.
         hypothesis: Which tracks are which vehicles.
-        free: Whether no attitude is reported.
+        prior: What may sway.
 
     Returns:
         θ (8,) and the sway, which continues beyond the newest frame; None: too few vehicles, or none explains them.
@@ -82,19 +74,19 @@ def fit_sway(context: UpdateContext, hypothesis: Hypothesis, *, free: bool) -> t
         return None
     row = np.clip(np.searchsorted(tracks.t, t), 0, len(tracks.t) - 1)
     J = np.nan_to_num(tracks.jacobian[row, pair])
-    by_turn, std = J[..., _AXES], _FREE_STD if free else _STD
+    by_turn, std = J[..., list(prior.axes)], prior.std
     # the residuals without any sway
     r = p - samples.p[report]
     if context.sway is not None:
-        r = r - np.einsum("nij,nj->ni", by_turn, context.sway.at(t))
+        r = r - np.einsum("nij,nj->ni", J, context.sway.at(t))
     knots = np.arange(np.floor(tracks.t[0] / _STEP_S), np.ceil((tracks.t[-1] + _AHEAD_S) / _STEP_S) + 1) * _STEP_S
     A = np.concatenate(
         [_by_knots(by_turn, (t - knots[0]) / _STEP_S, len(knots)), J[..., :_FREE], _by_biases(pair, len(rows))], axis=2
     )
     part = context.prior.part_at(theta)
-    n_sway, n = len(_AXES) * len(knots), A.shape[2]
+    n_sway, n = len(prior.axes) * len(knots), A.shape[2]
     precision = np.diag(np.full(n, 1.0 / context.noise.bias_std**2))
-    precision[:n_sway, :n_sway] = np.kron(_precision(len(knots)), np.eye(len(_AXES)) / std**2)
+    precision[:n_sway, :n_sway] = np.kron(_precision(len(knots), prior.length_s), np.eye(len(prior.axes)) / std**2)
     posed = np.arange(n_sway, n_sway + _FREE)
     precision[posed, posed] = 1.0 / part.std[:_FREE] ** 2
     pull = np.zeros(n)
@@ -102,20 +94,20 @@ def fit_sway(context: UpdateContext, hypothesis: Hypothesis, *, free: bool) -> t
     pixel_m = np.nan_to_num(tracks.pixel_m[row, pair])
     variance = context.noise.white_var + context.noise.floor_var + context.noise.pixel_var * pixel_m**2
     x, H = _least_squares(A, -r, variance, precision, pull)
-    s, prior = x[:n_sway], precision[:n_sway, :n_sway]
+    s, own = x[:n_sway], precision[:n_sway, :n_sway]
     # ½ sᵀΛs + ½ ln|Λ + JᵀJ| − ½ ln|Λ|
-    spent = 0.5 * (s @ prior @ s + np.linalg.slogdet(H[:n_sway, :n_sway])[1] - np.linalg.slogdet(prior)[1])
-    sway = Sway(t=knots, turn=s.reshape(-1, len(_AXES)), free=free, cost=_COUNTED * float(spent))
+    spent = 0.5 * (s @ own @ s + np.linalg.slogdet(H[:n_sway, :n_sway])[1] - np.linalg.slogdet(own)[1])
+    sway = Sway(t=knots, off=s.reshape(-1, len(prior.axes)), prior=prior, cost=prior.counted * float(spent))
     fitted = theta + np.concatenate([x[posed], np.zeros(THETA - _FREE)])
     off = np.abs(fitted - part.mean)[:_FREE] / part.std[:_FREE]
-    if not (np.all(np.abs(sway.turn) < _MOST * std) and np.all(off < _MOST)):
+    if not (np.all(np.abs(sway.off) < _MOST * std) and np.all(off < _MOST)):
         return None
     return fitted, sway
 
 
 def _by_knots(by_turn: FloatArray, at: FloatArray, n_knots: int) -> FloatArray:
-    """(N, 2, 3K) derivatives by the knots, from those by a turn (N, 2, 3) at times in units of a step (N,)."""
-    columns = np.zeros((len(at), 2, n_knots, len(_AXES)))
+    """(N, 2, AK) derivatives by the knots, from those by what sways (N, 2, A) at times in units of a step (N,)."""
+    columns = np.zeros((len(at), 2, n_knots, by_turn.shape[2]))
     k = np.clip(at.astype(np.int64), 0, n_knots - 2)
     w, each = (at - k)[:, None, None], np.arange(len(at))
     columns[each, :, k] = (1.0 - w) * by_turn
@@ -151,7 +143,7 @@ def _least_squares(
 
 
 @lru_cache(maxsize=128)
-def _precision(n_knots: int) -> FloatArray:
+def _precision(n_knots: int, length_s: float) -> FloatArray:
     """(K, K) inverse of the correlation of the sway's knots about one axis."""
-    lag = np.sqrt(3.0) / _LENGTH_S * _STEP_S * np.abs(np.subtract.outer(np.arange(n_knots), np.arange(n_knots)))
+    lag = np.sqrt(3.0) / length_s * _STEP_S * np.abs(np.subtract.outer(np.arange(n_knots), np.arange(n_knots)))
     return np.asarray(np.linalg.inv((1.0 + lag) * np.exp(-lag) + _JITTER * np.eye(n_knots)))

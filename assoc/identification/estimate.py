@@ -17,8 +17,8 @@ from assoc.evidence.likelihood import (
 )
 from assoc.evidence.motion import ReportLog
 from assoc.geometry.expected_view import chance_in_view
-from assoc.geometry.ground import OFFSET, PITCH, ROLL, THETA, YAW, rays_to_ground
-from assoc.geometry.sway import Sway
+from assoc.geometry.ground import OFFSET, THETA, rays_to_ground
+from assoc.geometry.sway import FREE_TURNS, TURNS, Sway, wander_of
 from assoc.history import TrackHistory
 from assoc.hypotheses.bias_memory import BiasMemory
 from assoc.hypotheses.bias_noise import learn_bias_noise
@@ -74,7 +74,7 @@ class Estimator:
         self._thetas: list[FloatArray] = []
         """The best corrections of the last update: where the next one starts."""
         self._sway: Sway | None = None
-        """What a camera fixed to the body sways beyond them and beyond its attitude."""
+        """What the camera sways beyond them and beyond the pose that is reported."""
         self.theta_std: FloatArray = np.full(THETA, np.nan)
         """(8,) 1σ of ``theta``, NaN before the first update."""
         self._lock = SearchLock(params.lock)
@@ -109,9 +109,7 @@ class Estimator:
         theta = self._thetas[0] if self._thetas else np.zeros(THETA)
         if self._sway is None:
             return theta
-        now = theta.copy()
-        now[[YAW, PITCH, ROLL]] += self._sway.at(self._history.t[self._history.n - 1 : self._history.n])[0]
-        return now
+        return np.asarray(theta + self._sway.at(self._history.t[self._history.n - 1 : self._history.n])[0])
 
     @property
     def time_offset_s(self) -> float:
@@ -206,8 +204,12 @@ class Estimator:
         return UpdateResult(live, p, review.vehicles)
 
     def _follow_sway(self, context: UpdateContext, best: Hypothesis, camera: CameraState) -> None:
-        """Fit the sway of a camera that is fixed to the body."""
-        fitted = None if camera.stabilized else fit_sway(context, best, free=not camera.attitude_known)
+        """Fit the sway of a camera that is fixed to the body, or how one wanders whose places are coarse."""
+        fitted = None
+        if not camera.stabilized:
+            fitted = fit_sway(context, best, TURNS if camera.attitude_known else FREE_TURNS)
+        elif np.isfinite(camera.position_std_m):
+            fitted = fit_sway(context, best, wander_of(camera.position_std_m))
         if fitted is None:
             self._sway = None
         else:

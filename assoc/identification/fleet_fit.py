@@ -186,7 +186,7 @@ def decoy_evidence(context: UpdateContext, number: int) -> FitEvidence:
     angle = _GOLDEN_ANGLE * (1.0 + rank + log.n_vehicles * number)
     decoy = replace(context.without_memory(), log=log.turned(centre, angle))
     found = refine(decoy, np.zeros(THETA))
-    fitted = None if context.sway is None else fit_sway(decoy, found, free=context.sway.free)
+    fitted = None if context.sway is None else fit_sway(decoy, found, context.sway.prior)
     if fitted is None:
         return evidence_of(decoy, found)
     decoy = replace(decoy, sway=fitted[1])
@@ -257,7 +257,7 @@ class FleetFit:
         if by_place > 0.0 and not rare and self.fits:
             better = max(better, by_place)
         # a free sway follows the fleet over many updates, a decoy's is fitted once: no measure of what chance reaches
-        free = context.sway is not None and context.sway.free
+        free = context.sway is not None and context.sway.prior.free
         usual = self._evidence if free else float(np.median(decoys))
         chance = None if steady else usual - lucky - toll
         # late video shows nothing yet of the newest reports

@@ -1,0 +1,1 @@
+"""What an import costs: names of simulated flights as recorded, and by what a drone's subtitles tell of them."""
