@@ -84,7 +84,7 @@ def _sums(done: Sequence[FlightRecord], failed: Sequence[FlightRecord]) -> Secti
         ("Rollcall", _counted(record.version for record in (*done, *failed))),
         ("options", _counted("none" if each.options == "{}" else each.options for each in (*done, *failed))),
     ]
-    return section("Sums", table(("", "all flights"), rows, right=("all flights",), caption="Sums over all flights"))
+    return section("Sums", table(("sum", "all flights"), rows, right=("all flights",), caption="Sums over all flights"))
 
 
 def _counted(values: Iterable[str]) -> str:

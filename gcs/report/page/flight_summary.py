@@ -16,7 +16,7 @@ from gcs.report.rollcall import RollCall
 from gcs.snapshot import Alarm, Box, Event, Snapshot, VehicleRow
 from mavlink.geodesy import LocalFrame
 
-__all__ = ["AlarmSpan", "FlightSummary", "VehicleRecord"]
+__all__ = ["AlarmSpan", "FlightSummary", "Spread", "VehicleRecord"]
 
 FloatArray = NDArray[np.float64]
 
@@ -29,6 +29,27 @@ MOST_EVENTS, MOST_ALARMS = 200, 200
 MOST_CHANGES = 20
 
 
+@dataclass(slots=True)
+class Spread:
+    """Mean, least and greatest of values that come one by one; NaN while there is none."""
+
+    count: int = 0
+    total: float = 0.0
+    least: float = math.nan
+    most: float = math.nan
+
+    def add(self, value: float) -> None:
+        """Take in a value; one that is unknown or infinite counts for nothing."""
+        if math.isfinite(value):
+            self.count, self.total = self.count + 1, self.total + value
+            self.least, self.most = float(np.fmin(self.least, value)), float(np.fmax(self.most, value))
+
+    @property
+    def mean(self) -> float:
+        """Of all of them."""
+        return self.total / self.count if self.count else math.nan
+
+
 @dataclass(slots=True, kw_only=True, eq=False)
 class VehicleRecord:
     """One vehicle, in n parts of the flight's time; NaN where there is nothing."""
@@ -39,18 +60,20 @@ class VehicleRecord:
     """(n,) least confidence of its name."""
     in_view: NDArray[np.bool_]
     """(n,) whether it reported to be in the picture."""
-    residual_m: FloatArray
-    """(n,) greatest distance from its box to its report."""
-    std_m: FloatArray
-    """(n,) greatest 1σ of its position."""
-    loss: FloatArray
-    """(n,) greatest share of its packets that were lost."""
-    silent_s: FloatArray
-    """(n,) longest age of its position."""
     reported: FloatArray
     """(n, 2) east, north, m, where it reported to be, about the first origin of the flight."""
     seen: FloatArray
     """(n, 2) where its box was on the ground."""
+    named: Spread = field(default_factory=Spread)
+    """Confidence of its name, box by box."""
+    residual_m: Spread = field(default_factory=Spread)
+    """From its box to its report, box by box."""
+    std_m: Spread = field(default_factory=Spread)
+    """1σ of its position, frame by frame."""
+    loss: Spread = field(default_factory=Spread)
+    """Share of its packets that were lost, frame by frame."""
+    silent_s: Spread = field(default_factory=Spread)
+    """Age of its position, frame by frame."""
     fixes: Counter[str] = field(default_factory=Counter)
     """Frames by the receiver's fix."""
     runners_up: Counter[str] = field(default_factory=Counter)
@@ -68,17 +91,12 @@ class VehicleRecord:
     @classmethod
     def empty(cls, system_id: int, name: str, parts: int) -> VehicleRecord:
         """Of which nothing is known yet."""
-        confidence, residual_m, std_m, loss, silent_s = np.full((5, parts), np.nan)
         reported, seen = np.full((2, parts, 2), np.nan)
         return cls(
             system_id=system_id,
             name=name,
-            confidence=confidence,
+            confidence=np.full(parts, np.nan),
             in_view=np.zeros(parts, dtype=np.bool_),
-            residual_m=residual_m,
-            std_m=std_m,
-            loss=loss,
-            silent_s=silent_s,
             reported=reported,
             seen=seen,
         )
@@ -157,8 +175,9 @@ class FlightSummary:
                 self.events_left_out += 1
 
     def _add_box(self, vehicle: VehicleRecord, part: int, box: Box, snapshot: Snapshot) -> None:
-        _keep(vehicle.confidence, part, box.confidence, np.fmin)
-        _keep(vehicle.residual_m, part, box.residual_m, np.fmax)
+        vehicle.confidence[part] = np.fmin(vehicle.confidence[part], box.confidence)
+        vehicle.named.add(box.confidence)
+        vehicle.residual_m.add(box.residual_m)
         vehicle.first_us = vehicle.first_us or snapshot.t_us
         if box.confidence >= CONFIRMED:
             vehicle.sure_us = vehicle.sure_us or snapshot.t_us
@@ -174,10 +193,9 @@ class FlightSummary:
 
     def _add_report(self, vehicle: VehicleRecord, part: int, row: VehicleRow, origin: LocalFrame | None) -> None:
         vehicle.in_view[part] |= bool(row.in_view)
-        _keep(vehicle.std_m, part, row.std_m, np.fmax)
-        _keep(vehicle.loss, part, row.loss, np.fmax)
-        if math.isfinite(row.position_age_s):
-            _keep(vehicle.silent_s, part, row.position_age_s, np.fmax)
+        vehicle.std_m.add(row.std_m)
+        vehicle.loss.add(row.loss)
+        vehicle.silent_s.add(row.position_age_s)
         vehicle.fixes[row.fix or "no fix told"] += 1
         if row.position_state == "ok" and math.isnan(vehicle.reported[part, 0]):
             vehicle.reported[part] = self._place(row.p_enu, origin)
@@ -201,7 +219,3 @@ class FlightSummary:
                     self.alarms_left_out += 1
             span.last_us = snapshot.t_us
             self._open[key] = span
-
-
-def _keep(values: FloatArray, part: int, value: float, which: np.ufunc) -> None:
-    values[part] = which(values[part], value)

@@ -48,7 +48,7 @@ p{margin:.4rem 0;max-width:75ch}.soft{color:var(--soft)}.bad{color:var(--bad)}.w
 .wide{overflow-x:auto;margin:.5rem 0}
 table{border-collapse:collapse;font-size:.9rem}th,td{padding:.2rem .7rem .2rem 0;text-align:left;vertical-align:top;
 border-bottom:1px solid var(--line)}th{font-weight:600}thead th{white-space:nowrap}
-tbody th{min-width:5.5rem}
+tbody th{min-width:5.5rem}td:last-child:not(.n){min-width:9rem}
 td.n,th.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
 svg{display:block;width:100%;height:auto;background:var(--fill)}svg text{font-size:16px;fill:currentColor}
 svg text.on{fill:var(--page)}svg text.halo{paint-order:stroke;stroke:var(--fill);stroke-width:4px;stroke-linejoin:round}

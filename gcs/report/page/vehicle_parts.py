@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs.certainty import certainty
-from gcs.report.page.flight_summary import MOST_CHANGES, FlightSummary, VehicleRecord
+from gcs.report.page.flight_summary import MOST_CHANGES, FlightSummary, Spread, VehicleRecord
 from gcs.report.page.html import fixed, table, words
 from gcs.report.page.timeline import clock
 
@@ -41,14 +38,14 @@ def _part(record: FlightSummary, vehicle: VehicleRecord) -> str:
     rows = [
         ("named first", _moment(record, vehicle.first_us)),
         ("confirmed first", _moment(record, vehicle.sure_us)),
-        ("confidence", f"median {_share(np.median, vehicle.confidence)}, least {_share(np.min, vehicle.confidence)}"),
+        ("confidence", _confidence(vehicle.named)),
         ("from its box to its report", _metres(vehicle.residual_m)),
         ("who else it might have been", _others(vehicle)),
         ("its name on another track", _changes(record, vehicle)),
         ("GNSS fix", _fixes(vehicle)),
         ("1σ of its position", _metres(vehicle.std_m)),
-        ("packets lost", f"median {_percent(np.median, vehicle.loss)}, most {_percent(np.max, vehicle.loss)}"),
-        ("longest without a position", _most(vehicle.silent_s, "s")),
+        ("packets lost", _percent(vehicle.loss)),
+        ("longest without a position", fixed(vehicle.silent_s.most, 2, "s")),
     ]
     head = f"<h3>{words(vehicle.name)} <span class='soft'>system id {vehicle.system_id}</span></h3>"
     return f"<article>{head}{table(('what', 'found'), rows, caption=f'What is known of {vehicle.name}')}</article>"
@@ -58,28 +55,16 @@ def _moment(record: FlightSummary, t_us: int) -> str:
     return clock((t_us - record.start_us) * 1e-6) if t_us else "never"
 
 
-def _known(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    return values[np.isfinite(values)]
+def _confidence(named: Spread) -> str:
+    return f"mean {certainty(named.mean)}, least {certainty(named.least)}" if named.count else "–"
 
 
-def _share(which: Callable[[NDArray[np.float64]], np.floating], values: NDArray[np.float64]) -> str:
-    known = _known(values)
-    return (certainty(float(which(known))) if len(known) else "") or "–"
+def _metres(values: Spread) -> str:
+    return f"mean {fixed(values.mean, 2, 'm')}, most {fixed(values.most, 2, 'm')}" if values.count else "–"
 
 
-def _percent(which: Callable[[NDArray[np.float64]], np.floating], values: NDArray[np.float64]) -> str:
-    known = _known(values)
-    return fixed(100 * float(which(known)), 1, "%") if len(known) else "–"
-
-
-def _metres(values: NDArray[np.float64]) -> str:
-    known = _known(values)
-    return f"median {fixed(float(np.median(known)), 2, 'm')}, most {_most(values, 'm')}" if len(known) else "–"
-
-
-def _most(values: NDArray[np.float64], unit: str) -> str:
-    known = _known(values)
-    return fixed(float(known.max()), 2, unit) if len(known) else "–"
+def _percent(values: Spread) -> str:
+    return f"mean {fixed(100 * values.mean, 1, '%')}, most {fixed(100 * values.most, 1, '%')}" if values.count else "–"
 
 
 def _others(vehicle: VehicleRecord) -> str:

@@ -1,13 +1,17 @@
 """The report of a flight: one file that asks for nothing, whatever the flight was and whatever its vehicles say."""
 
+import dataclasses
+import itertools
 import re
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 
+from gcs.mission.mission import Mission, MissionVehicle
 from gcs.report.page.flight_report import Provenance, flight_report
 from gcs.report.page.flight_summary import FlightSummary
+from gcs.report.page.map_drawing import draw_map
 from gcs.report.page.stills import MOST, Stills
 from gcs.report.score import Matched
 from gcs.snapshot import Alarm, Event
@@ -138,6 +142,32 @@ def test_pictures_are_few_whatever_happens():
     drawn = stills.drawn(record)
     assert 1 <= drawn.count("<img") <= sum(MOST.values())
     assert len(drawn) < 2_000_000
+
+
+def test_means_are_of_every_box_however_long_the_flight():
+    near_and_far = (snapshot(k, boxes=[box(1, 2, residual_m=1.0 if k % 4 else 5.0)]) for k in range(4000))
+    assert "mean 2.00 m, most 5.00 m" in check_alone(report(near_and_far)).text
+
+
+def test_names_on_the_map_stand_apart_where_tracks_end_together():
+    fleet = tuple(MissionVehicle(system_id=k, name=f"UGV-{k}") for k in range(2, 10))
+    record = FlightSummary(Mission(uav=MissionVehicle(system_id=1), ugv=fleet), np.arange(6) * STEP)
+    for k, vehicle in enumerate(record.vehicles.values()):
+        vehicle.reported[:] = [(-300.0, 60.0), (2.0 * k, -60.0)]
+    names = re.findall(r'<text class="c\d halo" x="(\d+)" y="(\d+)">(.*?)</text>', draw_map(record))
+    assert sorted(name for *_, name in names) == [f"UGV-{k}" for k in range(2, 10)]
+    places = [(int(x), int(y), 9 * len(name)) for x, y, name in names]
+    for (x, y, width), (other_x, other_y, other_width) in itertools.combinations(places, 2):
+        assert abs(y - other_y) >= 16 or x + width <= other_x or other_x + other_width <= x
+
+
+def test_alarms_of_the_time_line_have_their_numbers_in_the_list():
+    alarms = [Alarm(key=k, level="alarm", kind="link", text=f"link {k}", advice="x", since_us=0) for k in "ab"]
+    flown = [dataclasses.replace(snapshot(k), alarms=tuple(alarms[: 1 + (k > 20)])) for k in range(40)]
+    text = report(flown)
+    drawn = re.findall(r"<title>(link \w)</title></rect><text [^>]*>(\d)</text>", text)
+    listed = re.findall(r"(\d)\s+0:\d\d\.\d\s+0:\d\d\.\d\s+alarm\s+(link \w)", check_alone(text).text)
+    assert drawn == [(what, number) for number, what in listed] == [("link a", "1"), ("link b", "2")]
 
 
 def test_confidences_that_come_true_lie_on_the_diagonal():
