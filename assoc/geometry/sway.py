@@ -35,11 +35,14 @@ TURNS = SwayPrior(axes=(YAW, PITCH, ROLL), std=float(np.deg2rad(0.4)), length_s=
 FREE_TURNS = SwayPrior(axes=(YAW, PITCH, ROLL), std=float(np.deg2rad(2.5)), length_s=0.8, free=True)
 """What boxes alone leave of it."""
 _WANDER_SHARE, _WANDER_S = 0.25, 3.0
+_LEAST_WANDER_M, _MOST_WANDER_M = 0.01, 1.0
+"""A receiver that is off by tens of metres hardly wanders faster than one that is off by a few."""
 
 
 def wander_of(position_std_m: float) -> SwayPrior:
     """What a path through coarse positions leaves: it is off for good by most of their 1σ, and wanders by a share."""
-    return SwayPrior(axes=(EAST, NORTH), std=_WANDER_SHARE * position_std_m, length_s=_WANDER_S, counted=1.0)
+    std_m = min(max(_WANDER_SHARE * position_std_m, _LEAST_WANDER_M), _MOST_WANDER_M)
+    return SwayPrior(axes=(EAST, NORTH), std=std_m, length_s=_WANDER_S, counted=1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
