@@ -12,6 +12,7 @@ from gcs.batch.flights_table import read_flights
 from gcs.batch.jobs import FAILED, FLIGHTS_TABLE, FlightRecord, VehicleCall
 from gcs.batch.report.judgement import judge, mean_confidence
 from gcs.batch.stores import ResultStore
+from gcs.certainty import certainty
 from gcs.errors import BatchError
 from gcs.report.page.html import Section, empty, fixed, page, section, table
 
@@ -74,7 +75,7 @@ def _sums(done: Sequence[FlightRecord], failed: Sequence[FlightRecord]) -> Secti
         ("frames looked at", str(_sum(done, "frames"))),
         ("boxes", str(boxes)),
         ("boxes with a name", _share(boxes - unnamed, boxes)),
-        ("mean confidence of names", fixed(mean_confidence(done), 3)),
+        ("mean confidence of names", certainty(mean_confidence(done)) or "–"),
         ("flights with known truth", str(len(scores))),
         ("right names in them, mean", fixed(100 * statistics.fmean(right), 1, "%") if right else "–"),
         ("right names in the worst", fixed(100 * min(right), 1, "%") if right else "–"),
@@ -127,7 +128,7 @@ def _flights(done: Sequence[FlightRecord]) -> Section:
                 fixed(record.span_s if record.span_s is not None else math.nan, 0, "s"),
                 str(boxes),
                 _share(boxes - unnamed, boxes),
-                fixed(mean_confidence([record]), 3),
+                certainty(mean_confidence([record])) or "–",
                 *([right] if scored else []),
                 "; ".join(judged.reasons) or "–",
             )
@@ -156,7 +157,7 @@ def _vehicles(done: Sequence[FlightRecord]) -> Section:
                 str(system_id),
                 f"{sum(call.boxes > 0 for call in each)} of {len(each)}",
                 str(boxes),
-                fixed(confidence, 3),
+                certainty(confidence) or "–",
                 fixed(statistics.median(first_s) if first_s else math.nan, 1, "s"),
             )
         )
