@@ -29,6 +29,9 @@ _NOISE_M = 0.3
 """1σ of a receiver's noise from one position to the next; the rest of its error wanders slowly."""
 _LEVEL_STD_M = 1.5
 _FAR_US = 86_400_000_000
+_FINER = 0.25
+"""Share of positions that may have fewer decimals than the others: one zero at the end comes in one of five."""
+_LARGEST_STD_M = 10_000.0
 
 
 def log_of_cues(source: str, cues: Iterable[SubtitleCue]) -> VehicleLog:
@@ -62,7 +65,7 @@ def log_of_cues(source: str, cues: Iterable[SubtitleCue]) -> VehicleLog:
     t_us = np.array([t for t, _ in rows], np.int64)
     read = [cue for _, cue in rows]
     family = Counter(cue.family for cue in read).most_common(1)[0][0]
-    decimals = max(cue.decimals for cue in read)
+    decimals = _decimals(read)
     zero_us = _zero_us(t_us, read)
     found = [f"DJI subtitles, {family}", f"{len(rows)} positions of {decimals} decimals"]
     return VehicleLog(
@@ -79,6 +82,11 @@ def log_of_cues(source: str, cues: Iterable[SubtitleCue]) -> VehicleLog:
             skipped=dict(skipped),
         ),
     )
+
+
+def _decimals(read: Sequence[DjiCue]) -> int:
+    """That most positions have: some writers drop a zero at the end, and a few finer ones do not make the others so."""
+    return int(np.quantile([cue.decimals for cue in read], _FINER, method="lower"))
 
 
 def _in_order(rows: list[tuple[int, DjiCue]]) -> tuple[list[tuple[int, DjiCue]], int]:
@@ -109,7 +117,7 @@ def _places(t_us: NDArray[np.int64], read: Sequence[DjiCue], decimals: int) -> P
         height_m=columns[:, 3],
         noise_m=_NOISE_M,
         cell_deg=10.0**-decimals,
-        std_m=math.hypot(rounding_m, _LEVEL_STD_M),
+        std_m=min(math.hypot(rounding_m, _LEVEL_STD_M), _LARGEST_STD_M),
     )
 
 

@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 
@@ -60,6 +62,22 @@ def test_velocity_by_the_smoothed_path(tmp_path):
 def test_four_decimals_are_less_precise(tmp_path):
     assert read(tmp_path, srt("matrice", SPOTS)).places.std_m > 3.0
     assert read(tmp_path, srt("keyed", SPOTS)).places.std_m < 2.0
+
+
+@pytest.mark.parametrize("fine", [0, 1, 100])
+def test_finer_positions_do_not_make_the_others_so(fine, tmp_path):
+    rows = [*SPOTS[:fine], *((t, Spot(round(s.lat, 4), round(s.lon, 4), s.alt, s.height)) for t, s in SPOTS[fine:])]
+    assert read(tmp_path, srt("keyed", rows).replace("00]", "]")).places.std_m > 3.0
+
+
+def test_zeros_that_are_left_out_do_not_make_positions_coarse(tmp_path):
+    text = re.sub(r"(\.\d+?)0*\]", r"\1]", srt("keyed", SPOTS))
+    assert read(tmp_path, text).places.std_m < 2.0
+
+
+def test_whole_degrees_are_told_as_that(tmp_path):
+    text = "1\n00:00:01,000 --> 00:00:02,000\n[latitude: 36] [longitude: -6] [rel_alt: 1.0 abs_alt: 2.0]\n"
+    assert read(tmp_path, text).places.std_m == 10_000.0
 
 
 @pytest.mark.parametrize(
