@@ -195,6 +195,7 @@ def main() -> None:
     parser.add_argument("--sinks", action="store_true", help="tell of it in every way; some hang, die or never read")
     parser.add_argument("fleet", nargs="*", help="after --: for sim.fleet_process")
     chosen = parser.parse_args()
+    chosen.out.mkdir(parents=True, exist_ok=True)
     table, page = chosen.out / f"{chosen.name}.csv", chosen.out / f"{chosen.name}.md"
     sinks = TroubledSinks() if chosen.sinks else None
     run = soak(chosen.seconds, chosen.rate, chosen.vehicles, chosen.video, chosen.fleet, table, sinks)
