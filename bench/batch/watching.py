@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import subprocess
 import time
 from pathlib import Path
@@ -39,6 +40,11 @@ def _is_writing(process: psutil.Process, out: Path) -> bool:
         return False
 
 
+def _has_begun(out: Path) -> bool:
+    # Unlike a glob, a walk does not fail on a folder that goes while it is read.
+    return any("identity.jsonl" in files for _, _, files in os.walk(out / ASIDE))
+
+
 def stopped_writer(pid: int, out: Path) -> psutil.Process:
     """A worker below a process, stopped while it writes boxes, not whole yet, into the results.
 
@@ -47,7 +53,7 @@ def stopped_writer(pid: int, out: Path) -> psutil.Process:
     """
     stop_s = time.monotonic() + WAIT_S
     while time.monotonic() < stop_s:
-        for worker in workers_of(pid) if any(out.glob(f"{ASIDE}/**/identity.jsonl")) else ():
+        for worker in workers_of(pid) if _has_begun(out) else ():
             with contextlib.suppress(psutil.NoSuchProcess):
                 worker.suspend()
             if _is_writing(worker, out.resolve()):
