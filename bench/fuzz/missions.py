@@ -84,6 +84,7 @@ _KEYS = (
     "score",
     "classes",
     "imgsz",
+    "tiled",
     "providers",
     "front",
     "front_sure",

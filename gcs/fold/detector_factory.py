@@ -35,6 +35,7 @@ def open_mission_detector(choice: DetectorChoice, *, threads: int = 1) -> Detect
         score=min(choice.score, WEAK_SCORE),
         classes=choice.classes or None,
         imgsz=choice.imgsz or None,
+        tiled=choice.tiled,
         providers=providers,
         threads=threads,
     )

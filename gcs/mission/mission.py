@@ -147,6 +147,8 @@ class DetectorChoice:
     """Names of a YOLO model's classes that count; empty: those that sound like road vehicles."""
     imgsz: Annotated[int, Meta(ge=0, le=8192)] = 0
     """Longest side, px, of the input of a YOLO model of any size; 0: by the model's metadata, else 1024."""
+    tiled: bool = True
+    """Large images are looked at by a YOLO model in tiles where vehicles would become too small."""
     providers: tuple[str, ...] = ()
     """onnxruntime's execution providers, best first; empty: the CPU."""
     front: str = ""

@@ -19,13 +19,15 @@ from vision.detect.boxes import prob_iou
 from vision.detect.detections import Detections
 from vision.detect.tiles import Tile, detect_in_tiles
 
-__all__ = ["ApparentLength", "common_length", "examine", "finish"]
+__all__ = ["CAR_M", "FLOOR", "ApparentLength", "common_length", "examine", "finish"]
 
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float64]
 Look = Callable[[Image, float], Detections]
 """Looks at an image, scaled by a factor; its boxes are in pixels of that image."""
 
+CAR_M = 4.5
+"""What the length stands for: most vehicles are taken to be as long as a car."""
 FLOOR = 0.15
 """Weaker boxes are no evidence."""
 STEP = 2.0

@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Generator, Sequence
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.detect.apparent_length import ApparentLength
 from vision.detect.detections import Detections
 from vision.detect.heatmap_detector import HeatmapDetector
 from vision.detect.onnx_model import metadata, open_session
 from vision.detect.yolo_detector import YoloDetector
 from vision.errors import ModelError
 
-__all__ = ["BUNDLED", "Detector", "DetectorAround", "HeatmapDetector", "YoloDetector", "open_detector"]
+__all__ = [
+    "BUNDLED",
+    "Detector",
+    "DetectorAround",
+    "HeatmapDetector",
+    "MeasuringDetector",
+    "YoloDetector",
+    "open_detector",
+]
 
 BUNDLED = Path(__file__).parents[1] / "models" / "rollcall-obb-s.onnx"
 """Rollcall's own detector."""
@@ -43,6 +52,22 @@ class DetectorAround(Protocol):
     detector: Detector
 
 
+@runtime_checkable
+class MeasuringDetector(Detector, Protocol):
+    """A detector that finds the scale of images by the vehicles in them."""
+
+    def examine(self, image: NDArray[np.uint8]) -> Generator[None, None, ApparentLength | None]:
+        """How long vehicles are in an image (H, W, 3), by a little work each time that the generator is continued."""
+
+    def film_gsd_m(self, image: NDArray[np.uint8], length_px: float | None) -> float:
+        """The ground resolution to ask ``detect`` for in a film in which nothing but the vehicles tells it, m per px.
+
+        Args:
+            image: (H, W, 3) any frame.
+            length_px: how long vehicles are in it, None unknown.
+        """
+
+
 def open_detector(
     path: Path | None = None,
     *,
@@ -64,7 +89,8 @@ def open_detector(
         classes: names of a YOLO model's classes that count; None = those that sound like vehicles.
         imgsz: longest side of the canvas, px, of a YOLO model that takes any; None = as its metadata has it, else 1024.
         per_class: True keeps a box for each class of a YOLO model that claims a vehicle; False one for each vehicle.
-        tiled: a YOLO model is run on tiles of large images when vehicles would become too small; needs ``gsd_m``.
+        tiled: a YOLO model is run on tiles of large images when vehicles would become too small; without ``gsd_m`` the
+            vehicles themselves tell that.
 
     Raises:
         ModelError: no such file, not an ONNX model, not a shape that is known, or a provider that is not installed.

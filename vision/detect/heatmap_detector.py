@@ -16,7 +16,7 @@ import onnxruntime as ort
 from numpy.typing import NDArray
 
 from vision.detect import decode_heatmap
-from vision.detect.apparent_length import FLOOR, ApparentLength, examine, finish
+from vision.detect.apparent_length import CAR_M, FLOOR, ApparentLength, examine, finish
 from vision.detect.detections import Detections
 from vision.detect.letterbox import letterbox, undo
 from vision.detect.onnx_model import RUN_ERRORS, described, metadata
@@ -32,9 +32,9 @@ ACCEPTED = "Rollcall's own (image [1, H, W, 3] uint8 → map [1, 9, H/4, W/4], m
 DEFAULT_SCALE, DEFAULT_WIDTH = 0.5, 960
 """How the model sees images in which nothing tells the scale: scaled by so much, but not made narrower than so many
 px, nor enlarged."""
-VEHICLE_M, ENOUGH_M = 4.5, 2.4
-"""Where vehicles alone tell the scale, most are taken to be as long as a car; in films it is enough that they are seen
-as large as a vehicle of the second length, where more would take longer than the scale above."""
+ENOUGH_M = 2.4
+"""In films in which vehicles alone tell the scale it is enough that they are seen as large as a vehicle of this length,
+where more would take longer than the scale above."""
 STILL_PX, FILM_PX = 1 << 20, 400_000
 """Pixels that are looked at at one scale to find the scale of an image, and of a film meanwhile."""
 SIDE_STEP = 32
@@ -87,15 +87,10 @@ class HeatmapDetector:
         return examine(image, partial(self._detect_at_scale, score=FLOOR), finest=MOST_SCALE, most_px=most_px)
 
     def film_gsd_m(self, image: Image, length_px: float | None) -> float:
-        """The ground resolution to ask ``detect`` for in a film in which nothing but the vehicles tells it, m per px.
-
-        Args:
-            image: (H, W, 3) any frame.
-            length_px: how long vehicles are in it, None unknown.
-        """
+        """See ``vision.detect.detector.MeasuringDetector``."""
         scale = default_scale(image)
         if length_px is not None:
-            best, enough = (self._px_per_m * metres / length_px for metres in (VEHICLE_M, ENOUGH_M))
+            best, enough = (self._px_per_m * metres / length_px for metres in (CAR_M, ENOUGH_M))
             scale = min(max(enough, min(best, scale)), MOST_SCALE)
         return float(scale / self._px_per_m)
 
@@ -103,7 +98,7 @@ class HeatmapDetector:
         found = finish(self.examine(image, STILL_PX))
         if found is None:
             return default_scale(image)
-        return float(min(VEHICLE_M / found.px * self._px_per_m, MOST_SCALE))
+        return float(min(CAR_M / found.px * self._px_per_m, MOST_SCALE))
 
     def _detect_at_scale(self, image: Image, scale: float, score: float) -> Detections:
         canvas, fit = letterbox(image, _canvas(image.shape[1], image.shape[0], scale))

@@ -35,23 +35,21 @@ class Letterbox:
 
     @classmethod
     def fit(
-        cls, image: tuple[int, int], canvas: tuple[int, int], *, grow: bool = True, step: int | None = None
+        cls, image: tuple[int, int], canvas: tuple[int, int], *, most: float = np.inf, step: int | None = None
     ) -> Letterbox:
         """Centre an image on a canvas.
 
         Args:
             image: (width, height) px.
             canvas: (width, height) px.
-            grow: False never enlarges it.
+            most: largest scale: a smaller image has wider margins.
             step: leave out margins by whole steps of so many px: the smallest canvas for a model that takes any
                 multiple of its stride; None keeps the canvas.
         """
         (w, h), (width, height) = image, canvas
         if min(w, h, width, height) < 1:
             raise ValueError(f"a letterbox needs sides of 1 px or more, got {image} on {canvas}")
-        scale = min(width / w, height / h)
-        if not grow:
-            scale = min(scale, 1.0)
+        scale = min(width / w, height / h, most)
         inner_w, inner_h = max(1, round(w * scale)), max(1, round(h * scale))
         if step is not None:
             width, height = inner_w + (width - inner_w) % step, inner_h + (height - inner_h) % step

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.detect.apparent_length import ApparentLength
-from vision.detect.detector import Detector, DetectorAround
-from vision.detect.heatmap_detector import HeatmapDetector
+from vision.detect.detector import Detector, DetectorAround, MeasuringDetector
 
 __all__ = ["ScaleFinder"]
 
@@ -32,8 +31,7 @@ class ScaleFinder:
     What it gives is determined by the frames and their times alone.
 
     Args:
-        detector: looks at the frames, None: nobody. For networks other than Rollcall's own no scale is found: they see
-            every image fitted into their canvas.
+        detector: looks at the frames, None: nobody. One that cannot measure vehicles finds its own way.
 
     Attributes:
         length_px: how long vehicles are, None while unknown.
@@ -42,7 +40,7 @@ class ScaleFinder:
     def __init__(self, detector: Detector | None) -> None:
         while isinstance(detector, DetectorAround):
             detector = detector.detector
-        self._detector = detector if isinstance(detector, HeatmapDetector) else None
+        self._detector = detector if isinstance(detector, MeasuringDetector) else None
         self._examination: Generator[None, None, ApparentLength | None] | None = None
         self._size = (0, 0)
         self._next_us: int | None = None
@@ -81,7 +79,7 @@ class ScaleFinder:
         text = f"ground resolution unknown: vehicles are about {self.length_px:.0f} px long"
         return f"{text}, {before:.0f} px before" if before else f"{text}, and looked for at that scale"
 
-    def _examine(self, detector: HeatmapDetector, image: Image, t_us: int) -> None:
+    def _examine(self, detector: MeasuringDetector, image: Image, t_us: int) -> None:
         """Go on with an examination, or begin one when it is due."""
         if self._examination is None:
             # a clock that was set back must not end the watch

@@ -8,7 +8,7 @@ from gcs.mission.mission import DetectorChoice
 from gcs.playback.analysis import Analysis
 from gcs.session.session import open_session
 from tests.support.bundled import ROOT
-from tests.support.onnx_models import brightest_side, classifier, constant
+from tests.support.onnx_models import black, brightest_side, classifier, constant, raw, yolo
 from vision.detect.scale_finder import ScaleFinder
 from vision.errors import ModelError
 
@@ -80,8 +80,20 @@ def test_weak_boxes_are_found_too_and_cost_no_look_for_their_fronts(see):
 
 
 def test_the_scale_of_a_film_is_found_by_what_the_mission_opens(tmp_path):
-    """Whichever networks it names, of Rollcall's own."""
+    """Whichever networks it names."""
     image = np.zeros((96, 128, 3), np.uint8)
-    for front in ("", "bundled"):
-        finder = ScaleFinder(open_mission_detector(DetectorChoice(front=front)))
-        assert finder.gsd_m(image, 0, None) is not None
+    yolo(tmp_path, raw())
+    for model in ("", str(tmp_path / "y.onnx")):
+        for front in ("", "bundled"):
+            finder = ScaleFinder(open_mission_detector(DetectorChoice(model=model, front=front)))
+            assert finder.gsd_m(image, 0, None) is not None
+
+
+def test_the_mission_can_do_without_tiles(tmp_path):
+    yolo(tmp_path, raw((32, 32, 12, 6, 1, 0.9, 0.0)))  # sees a vehicle in the middle of any canvas
+    model = str(tmp_path / "y.onnx")
+    found = [
+        len(open_mission_detector(DetectorChoice(model=model, tiled=tiled)).detect(black(150, 150), gsd_m=0.2))
+        for tiled in (True, False)
+    ]
+    assert found == [16, 1]

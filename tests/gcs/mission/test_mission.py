@@ -98,10 +98,13 @@ def test_files_that_are_not_missions(tmp_path):
 
 def test_paths_of_models_are_where_the_mission_file_is(tmp_path):
     path = tmp_path / "m.toml"
-    path.write_text(GOOD + '[detector]\nmodel = "yolo.onnx"\nfront = "/models/front.onnx"\nfront_sure = 0.9\n')
+    path.write_text(
+        GOOD + '[detector]\nmodel = "yolo.onnx"\nfront = "/models/front.onnx"\nfront_sure = 0.9\ntiled = false\n'
+    )
     mission = load_mission(path)
     assert mission.detector.model == str(tmp_path / "yolo.onnx")
     assert (mission.detector.front, mission.detector.front_sure) == ("/models/front.onnx", 0.9)
+    assert not mission.detector.tiled
     # written into a session elsewhere it still is the same file
     copy = tmp_path / "sessions" / "session.toml"
     copy.parent.mkdir()
