@@ -1,4 +1,4 @@
-"""Annotated films with telemetry put under them: boxes, tracks and names of the product on real pixels, as a table.
+"""Annotated films with telemetry put under them: boxes, tracks, fronts and names on real pixels, as a table.
 
 python -m bench.annotated FOLDER [--errors standard|hard] [--team 6] [--out bench-results/annotated]
 python -m bench.annotated.made_films PICTURES -o FOLDER

@@ -1,4 +1,4 @@
-"""What the product makes of annotated films, one row each: boxes, tracks, names."""
+"""What the product makes of annotated films, one row each: boxes, tracks, fronts, names."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.annotated.films import AnnotatedFilm
+from bench.annotated.fronts import turned_fronts
 from bench.field.measure import tally
 from bench.field.product import identify
 from bench.field.summary import summarise
@@ -20,6 +21,7 @@ from gcs.annotated_film import session_from_film
 from gcs.errors import GcsError
 from gcs.report.score import Matched
 from infra.markdown import markdown_table
+from sim.annotated.layouts import read_tracks
 from sim.errors import SimError
 from vision.errors import VisionError
 
@@ -48,6 +50,10 @@ class FilmScore:
     """Of the tracks, share that is over no label most of the time."""
     track_frames: float
     """Median length of a track."""
+    fronts: int
+    """Boxes with a front, of tracks over vehicles that have driven two of their lengths since the track began."""
+    turned: float
+    """Of those, share that points more than 90° away from where the vehicle drives."""
     precision: float
     """Of the names."""
     right: float
@@ -93,6 +99,8 @@ def _score(film: AnnotatedFilm, boxes: Looked) -> FilmScore:
         options = replace(film.options, boxes_from_labels=boxes == "labels")
         made = session_from_film(film.labels, film.video, session, options).film
         run = identify(session, Path(folder) / "out")
+    labels = read_tracks(film.labels, options.layout, options.first_frame)
+    turned = turned_fronts(labels, made.labelled, made.world, run.logged)
     m = run.matched
     s = summarise([tally(m, made.world.scenario.fps)])
     labelled, boxed = m.truth >= 0, m.named >= 0
@@ -108,6 +116,8 @@ def _score(film: AnnotatedFilm, boxes: Looked) -> FilmScore:
         tracks=len(tracks),
         on_nothing=_percent(np.array([_over_nothing(m, track) for track in tracks.tolist()])),
         track_frames=float(np.median([np.count_nonzero(m.track == track) for track in tracks])) if len(tracks) else 0.0,
+        fronts=len(turned),
+        turned=_percent(turned),
         precision=s.precision,
         right=s.right,
         fper=s.fper,
@@ -139,6 +149,8 @@ def text_of_films(rows: Sequence[FilmScore], failed: Sequence[str], title: str) 
             "tracks",
             "on nothing",
             "frames a track",
+            "fronts",
+            "turned",
         ),
         *("names right", "of ours right", "FPER", "wrong ≥ 0.9, s", "first name, s", "alarm after, s"),
     )
@@ -147,6 +159,7 @@ def text_of_films(rows: Sequence[FilmScore], failed: Sequence[str], title: str) 
             *(r.film, r.boxes, str(r.frames), str(r.vehicles), str(r.team)),
             *(number(r.recall, 1), number(r.box_precision, 1)),
             *(str(r.tracks), number(r.on_nothing, 1), number(r.track_frames, 0)),
+            *(str(r.fronts), number(r.turned, 1)),
             *(number(r.precision, 1), number(r.right, 1), number(r.fper, 1)),
             *(number(r.wrong_sure_s, 1), number(r.first_s, 1), number(r.mismatch_s, 1)),
         ]
@@ -159,5 +172,6 @@ def text_of_films(rows: Sequence[FilmScore], failed: Sequence[str], title: str) 
 _WORDS = """\
 Shares in percent. boxes: what was named, what the detector found in the film or the labels themselves: then what is
 wrong is not the detector's fault. found: labels with a box over it; on labels: boxes over a label, where vehicles that
-nobody labelled count against it; on nothing: tracks that are over no label most of the time. Words of names as in the
-field suite."""
+nobody labelled count against it; on nothing: tracks that are over no label most of the time; fronts: boxes that show
+one, of vehicles that have driven two of their lengths since their track began; turned: of those, pointing more than 90°
+away from where the labels drive. Words of names as in the field suite."""

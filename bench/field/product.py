@@ -17,6 +17,7 @@ from gcs.session.event_log import EventLog
 from gcs.session.frame_tables import read_times, read_truth
 from gcs.session.identity_log import IdentityLog, read_identity
 from gcs.session.session import open_session
+from gcs.session.tables import Table
 
 __all__ = ["ProductRun", "identify"]
 
@@ -29,6 +30,8 @@ class ProductRun:
     """What the product made of a session."""
 
     matched: Matched
+    logged: Table
+    """The identity log."""
     wall_ms: NDArray[np.float64]
     """(frames,) from one snapshot to the next: reading packets, tracking, naming."""
     cpu_ms: NDArray[np.float64]
@@ -59,12 +62,13 @@ def identify(folder: Path, out: Path) -> ProductRun:
             events.close()
     finally:
         analysis.close()
-    true = read_truth(folder / "truth.csv")
+    true, logged = read_truth(folder / "truth.csv"), read_identity(out / "identity.csv")
     told = [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]
     alarms = [event for event in told if event["level"] == "alarm"]
     first_us = float(read_times(folder / "frames.csv").times_us[0])
     return ProductRun(
-        matched=match(true, read_identity(out / "identity.csv")),
+        matched=match(true, logged),
+        logged=logged,
         wall_ms=np.array(wall),
         cpu_ms=np.array(cpu),
         accused=frozenset(e["system_id"] for e in alarms if e["kind"] == "identity" and e["system_id"]),

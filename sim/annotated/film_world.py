@@ -34,8 +34,13 @@ class FilmWorld:
     """Of the team alone; the others are seen and report nothing."""
     team: tuple[GroundTrack, ...]
     """In the order of the world's vehicles."""
-    vehicles: int
+    labelled: tuple[GroundTrack, ...]
     """All that are labelled and stand on the ground."""
+
+    @property
+    def vehicles(self) -> int:
+        """How many are labelled and stand on the ground."""
+        return len(self.labelled)
 
 
 def film_world(
@@ -76,7 +81,7 @@ def film_world(
     scenario = _scenario(camera, size, t, errors, seed, vehicles=len(ours))
     motion = ground_motion(ours, time_grid(-LEAD_S, scenario.duration_s + TAIL_S))
     actors = Actors(roles=choose_roles(scenario, random_stream(scenario, "cast")), motion=motion, scene=Scene())
-    return FilmWorld(world=World(scenario, actors=actors, flight=flight), team=tuple(ours), vehicles=len(found))
+    return FilmWorld(world=World(scenario, actors=actors, flight=flight), team=tuple(ours), labelled=tuple(found))
 
 
 def _scenario(

@@ -3,11 +3,13 @@ import numpy as np
 import pytest
 
 from bench.annotated.films import find_films
+from bench.annotated.fronts import turned_fronts
 from bench.annotated.linking import fill_in, link
 from bench.annotated.made_films import make_films
 from bench.annotated.table import measure_films, text_of_films
-from gcs.annotated_film import FilmOptions
+from gcs.annotated_film import FilmOptions, session_from_film
 from gcs.errors import GcsError
+from gcs.session.tables import Table
 from sim.annotated.layouts import read_tracks
 from vision.evaluation import open_folder
 
@@ -69,9 +71,40 @@ def test_films_are_made_found_and_measured(pictures, tmp_path):
     (row,), failed = measure_films([film], ("labels",))
     assert not failed
     assert (row.frames, row.vehicles, row.team, row.recall, row.box_precision) == (6, 3, 2, 100.0, 100.0)
+    # in six pictures motion tells no front yet
+    assert row.fronts == 0
+    assert np.isnan(row.turned)
     text = text_of_films([row], ["other: no label"], "Films")
     assert "| MOS7" in text
+    assert "| 0 | – |" in text
     assert "- not used: other: no label" in text
+
+
+def test_fronts_of_vehicles_that_drive_are_held_against_their_way(pictures, tmp_path):
+    make_films(pictures, tmp_path, 2.0)
+    path, video = tmp_path / "MOS7-filled.csv", tmp_path / "MOS7-filled.mp4"
+    made = session_from_film(path, video, tmp_path / "session", FilmOptions(pitch_deg=-90.0)).film
+    labels = read_tracks(path)
+    way = np.zeros(len(labels))
+    for vehicle in made.labelled:
+        own = labels.track == vehicle.track
+        over_ground = labels.centre[own][-1] - labels.centre[own][0] - 5 * np.array([-3.0, 2.0])
+        # clockwise from image up
+        way[own] = np.arctan2(over_ground[0], -over_ground[1])
+    cx, cy, w, h, angle = labels.boxes().T
+    boxes = {"frame": labels.frame, "track_id": labels.track + 10, "cx": cx, "cy": cy, "w": w, "h": h, "angle": angle}
+    unknown = np.full(len(labels), np.nan)
+    logged = {**boxes, "time_us": 1e5 * labels.frame, "system_id": unknown, "confidence": unknown}
+    for heading, turned in ((way + 0.5, False), (way + 0.5 + np.pi, True)):
+        found = turned_fronts(
+            labels, made.labelled, made.world, Table(columns={**logged, "heading": heading}, skipped=0)
+        )
+        # one of the three drives two lengths, 60 px, in the last pictures
+        assert 1 <= len(found) <= 8
+        assert (found == turned).all()
+    assert not len(
+        turned_fronts(labels, made.labelled, made.world, Table(columns={**logged, "heading": unknown}, skipped=0))
+    )
 
 
 def test_a_film_over_one_picture(pictures, tmp_path):
