@@ -151,7 +151,10 @@ def random_lines(names: Sequence[str], family: str, images: Mapping[str, Image],
             continue
         path = export(model, layout, folder / "layout.onnx", SIDE)
         for agnostic in (False, True) if layout.name == "raw" else (False,):
-            detector = open_detector(path, score=SCORE, classes=names, per_class=not agnostic, imgsz=SIDE, threads=2)
+            # as their predictor does it: the whole image at once
+            detector = open_detector(
+                path, score=SCORE, classes=names, per_class=not agnostic, imgsz=SIDE, tiled=False, threads=2
+            )
             # their predictor cannot read a turned output: the plain file is used in its place
             predictor = ultralytics.YOLO(str(plain if layout.turned else path), task="obb")
             for name, image in images.items():
@@ -166,7 +169,7 @@ def _batch(layout: Layout) -> int:
 
 def trained_lines(model: Path, reference: Path, images: Path) -> Iterator[ParityLine]:
     """A trained export against boxes recorded from their predictor."""
-    detector = open_detector(model, score=SCORE)
+    detector = open_detector(model, score=SCORE, tiled=False)
     for name, recorded in json.loads(reference.read_text())["images"].items():
         image = _photograph(images / name)
         theirs = np.array([box["xywhr"] for box in recorded["dets"]]).reshape(-1, 5)

@@ -198,7 +198,7 @@ def detect_in_all(
             found.append(detector.detect(image, gsd_m=used))
             took += time.perf_counter() - began
             report(len(found), len(images))
-    if blind and native is not None:
+    if blind:
         print_note(f"{blind} images of unknown ground resolution: their scale is found by the vehicles in them")
     return found, took
 
