@@ -63,13 +63,13 @@ class Field:
         self.session = None
 
     def recording(self):
-        for _ in range(300):
+        for _ in range(1200):
             found = list((self.folder / "sessions").glob("*/telemetry.tlog"))
             if found:
                 return found[0].parent
             assert self.process.poll() is None, self.process.stderr.read()
             time.sleep(0.1)
-        raise AssertionError("no recording within 30 s")
+        raise AssertionError("no recording within two minutes")
 
     def fly(self, duration_s, stop=None):
         return play(
