@@ -178,7 +178,7 @@ def _catalogue(rng: np.random.Generator) -> tuple[ObjectKind, ...]:
 def _random_view(ground: TrainingGround, rng: np.random.Generator, side: int) -> CameraView:
     """A camera whose image shows 2.5 m at 6 to 44 px per SIDE: straight down more often than oblique or low."""
     gsd = 2.5 / float(np.clip(np.exp(rng.normal(np.log(19.0), 0.5)), 6.0, 44.0)) * SIDE / side
-    kind = int(rng.choice(5, p=[0.38, 0.18, 0.2, 0.14, 0.1]))
+    kind = int(rng.choice(5, p=[0.28, 0.18, 0.22, 0.16, 0.16]))
     ranges = ((0.0, 0.0), (0.0, 0.5), (0.5, 1.08), (1.08, 1.34), (0.9, 1.45))
     tilt = rng.uniform(*ranges[kind]) if kind else abs(rng.normal(0.0, 0.1))
     # the last kind are low flights that see vehicles from the side
