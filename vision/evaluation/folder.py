@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from vision.errors import LabelError
 from vision.evaluation.coco import find_coco, read_coco
-from vision.evaluation.labels import LabelFile, read_dota, read_visdrone, read_yolo
+from vision.evaluation.labels import LabelFile, read_dota, read_text, read_visdrone, read_yolo
 from vision.evaluation.shards import read_shard
 from vision.evaluation.truth import LabelledImage, Truth
 
@@ -179,7 +179,7 @@ def _class_names(folder: Path) -> dict[int, str]:
     path = next((p for p in places if p.is_file()), None)
     if path is None:
         return {}
-    text = path.read_text(encoding="utf-8-sig")
+    text = read_text(path)
     if path.suffix != ".yaml":
         return dict(enumerate(line.strip() for line in text.splitlines() if line.strip()))
     return _yaml_names(text, path)

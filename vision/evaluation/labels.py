@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from vision.errors import LabelError
 from vision.evaluation.truth import REGION, Truth
 
-__all__ = ["VISDRONE", "LabelFile", "read_dota", "read_visdrone", "read_yolo"]
+__all__ = ["VISDRONE", "LabelFile", "read_dota", "read_text", "read_visdrone", "read_yolo"]
 
 Floats = NDArray[np.float64]
 Row = tuple[Floats, float, str, bool, int]
@@ -146,11 +146,20 @@ def read_visdrone(path: Path) -> LabelFile:
     return LabelFile(truth=_truth(_rows(path, row, ","), True))
 
 
-def _rows(path: Path, row: Callable[[list[str], str], Row | None], separator: str | None) -> list[Row]:
+def read_text(path: Path) -> str:
+    """The text of a file of labels.
+
+    Raises:
+        LabelError: it cannot be read, or is not UTF-8.
+    """
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        return path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise LabelError(f"{path}: cannot be read as text: {error}") from error
+        raise LabelError(f"{path}: cannot be read as text: {error}; save it as UTF-8") from error
+
+
+def _rows(path: Path, row: Callable[[list[str], str], Row | None], separator: str | None) -> list[Row]:
+    lines = read_text(path).splitlines()
     rows = ((i, line.strip().rstrip(",")) for i, line in enumerate(lines, 1))
     made = (row(line.split(separator), f"{path}, line {i}") for i, line in rows if line)
     return [one for one in made if one is not None]

@@ -60,5 +60,7 @@ def balanced_score(score: NDArray[np.float64], hit: NDArray[np.bool_], objects: 
     order = np.argsort(-score, kind="stable")
     # F1 = 2 TP / (TP + FP + objects)
     f1 = 2.0 * np.cumsum(hit[order]) / (np.arange(1, len(order) + 1) + objects)
-    good = np.flatnonzero(f1 >= f1.max() - slack)
+    # as above, of each score its last
+    last = np.append(np.diff(score[order]) != 0.0, True)
+    good = np.flatnonzero(last & (f1 >= f1[last].max() - slack))
     return float(score[order][int(good[-1])])

@@ -89,6 +89,12 @@ def test_the_balanced_score_by_hand(hit, objects, wanted):
     assert balanced_score(score[shuffled], right[shuffled], objects) == pytest.approx(wanted, nan_ok=True)
 
 
+def test_the_balanced_score_takes_boxes_of_one_score_together():
+    score, hit = np.array([0.9, 0.8, 0.8, 0.8, 0.8]), np.array([1, 1, 0, 0, 0], bool)
+    # F1 from 0.9 on is 2/3, from 0.8 on 4/7; a cut after the second box, 4/4, cannot be made
+    assert balanced_score(score, hit, 2) == 0.9
+
+
 def test_the_balanced_score_may_be_lower_where_it_costs_little():
     score, hit = np.array([0.9, 0.8, 0.6, 0.5]), np.array([1, 1, 0, 1], bool)
     # F1 at each: 2/5, 4/6, 4/7, 6/8 of 4 objects; with 2 there is none to win below 0.8

@@ -111,6 +111,13 @@ def test_class_names_are_read_beside_the_labels(tmp_path, file, text):
     assert only(open_folder(tmp_path, names=["x", "lorry"])).truth.name.tolist() == ["lorry"]
 
 
+def test_class_names_that_are_no_text_are_refused(tmp_path):
+    folder_of(tmp_path, YOLO)
+    (tmp_path / "classes.txt").write_bytes("bus\nVoiture à moteur\n".encode("latin-1"))
+    with pytest.raises(LabelError, match=r"classes.txt: cannot be read as text: .*; save it as UTF-8"):
+        open_folder(tmp_path)
+
+
 @pytest.mark.parametrize(
     ("label", "form", "message"),
     [
