@@ -250,13 +250,17 @@ def open_air(make_uav, params: CommandParams) -> SimpleNamespace:
         return False
 
     def order(key, about=0, words=""):
-        """Gives an order and waits for an event with some words."""
+        """Gives an order and waits for an event with some words; the events up to it."""
         before = len(events)
         desk.submit(key, about)
-        assert until(lambda: any(words in event.text for event in events[before:] if "ordered" not in event.text)), [
-            event.text for event in events
-        ]
-        return [event for event in events[before:] if "ordered" not in event.text]
+
+        def told():
+            later = [event for event in events[before:] if "ordered" not in event.text]
+            found = next((k for k, event in enumerate(later) if words in event.text), None)
+            return later[: found + 1] if found is not None else []
+
+        assert until(told), [event.text for event in events]
+        return told()
 
     def close():
         desk.close()
