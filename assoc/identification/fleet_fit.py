@@ -127,6 +127,8 @@ class FitEvidence:
     """V, from the window alone: what was remembered of the tracks, and bonuses that fit any film, are left out."""
     place: float
     """V from place alone."""
+    strangers: float = 0.0
+    """By how much Z is larger than with as many tracks as vehicles: what V has paid for chance among the others."""
 
 
 def evidence_of(context: UpdateContext, best: Hypothesis) -> FitEvidence:
@@ -151,8 +153,11 @@ def evidence_of(context: UpdateContext, best: Hypothesis) -> FitEvidence:
     swaying = 0.0 if context.sway is None else context.sway.cost
     # a pair that is compared nowhere in the window, or contradicts itself there, may as well be apart
     pairs, places = (float(np.sum(np.maximum(score, 0.0), where=final.seen[:, 0])) for score in (course, place))
-    rest = pose - swaying - log_assignments(log_odds[reporting], context.live)
-    return FitEvidence(pairs + rest, places + rest)
+    odds = log_odds[reporting]
+    assignments = log_assignments(odds, context.live)
+    strangers = assignments - log_assignments(odds, min(context.live, len(odds)))
+    rest = pose - swaying - assignments
+    return FitEvidence(pairs + rest, places + rest, strangers)
 
 
 def _log_place(blocks: Blocks, noise: Noise, block_s: float) -> FloatArray:
@@ -248,7 +253,9 @@ class FleetFit:
         rare = -_RARE * part.log_share
         # errors of seconds or right angles do not come in flight: what fitted without must not be saved by one
         same = self.fits and (not rare or np.array_equal(part.mean, self._mean))
-        toll = 0.0 if same else _toll(best) + rare
+        # what V has paid for chance among strangers need not be paid again, as far as chance does fall short by it
+        paid = min(max(-float(np.median(decoys)), 0.0), found.strangers)
+        toll = 0.0 if same else max(_toll(best) - paid, 0.0) + rare
         better = self._evidence - lucky - toll
         if better > 0.0:
             self._mean = part.mean

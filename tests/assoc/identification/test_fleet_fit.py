@@ -154,6 +154,27 @@ def test_what_fitted_without_a_gross_error_is_not_saved_by_one_that_comes_in_fli
     assert fits((late, 60.0, 1.0), (late, 20.0, 1.0)), "a gross error pays once"
 
 
+def test_what_was_paid_for_strangers_is_not_asked_for_again(monkeypatch):
+    monkeypatch.setattr(fleet_fit, "evidence_of", lambda context, best: best.evidence)
+    # twenty seconds of a pair: 14 nats
+    best = SimpleNamespace(
+        theta=np.zeros(THETA), blocks=SimpleNamespace(count=np.ones((20, 1, 1))), vehicle=np.zeros(1, np.int64)
+    )
+    context = SimpleNamespace(prior=PosePrior(std=np.full(THETA, 0.1)), sway=None, block_s=1.0, view=np.ones(5))
+
+    def fits(course, strangers, chance):
+        monkeypatch.setattr(fleet_fit, "decoy_evidence", lambda context, number: FitEvidence(chance, 0.0))
+        best.evidence = FitEvidence(course, 0.0, strangers)
+        fit = FleetFit()
+        fit.update(0.0, context, best, steady=True)
+        return fit.fits
+
+    assert not fits(14.0, 0.0, -20.0) and fits(18.0, 0.0, -20.0)
+    assert fits(14.0, 10.0, -20.0)
+    assert not fits(14.0, 10.0, -1.0), "chance has not paid for them"
+    assert not fits(2.0, 30.0, -40.0), "nothing is lent"
+
+
 def test_video_that_is_dated_late_by_seconds_fits_once_the_vehicles_have_moved():
     fleet, identifier, rng = Fleet(seed=3), Identifier(IDS), np.random.default_rng(2)
     for k in range(20, 220):
