@@ -46,8 +46,9 @@ $(READY): requirements.lock pyproject.toml
 	touch $@
 
 # Needs uv on the path; commit the results.
+# Extras stay in the names: in hash mode pip does not see that "coverage[toml]" is pinned where the lock says "coverage".
 LOCK := uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-emit-find-links \
-	--no-header --no-annotate --upgrade
+	--no-header --no-annotate --no-strip-extras --upgrade
 
 lock:
 	$(LOCK) --extra dev pyproject.toml --output-file requirements.lock
