@@ -1,13 +1,28 @@
-"""Objects beside roads that are no vehicles: buildings with roof fittings, containers, sheds, bicycles."""
+"""Objects beside roads that are no vehicles: buildings with roof fittings, containers, street furniture, who walks."""
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
-from sim.world.bodies import AMBER, DARK, PAINT, STEEL, TYRE, WHITE, Block, Color, Model
+from sim.world.bodies import AMBER, DARK, PAINT, SKIN, STEEL, TYRE, WHITE, Block, Color, Model
 from sim.world.road_vehicles import paint, shade
 
-__all__ = ["animal", "bicycle", "building", "container", "cooler", "motorcycle", "panels", "tank", "tent"]
+__all__ = [
+    "animal",
+    "bench",
+    "bicycle",
+    "building",
+    "container",
+    "cooler",
+    "motorcycle",
+    "panels",
+    "pedestrian",
+    "stall",
+    "tank",
+    "tent",
+]
 
 
 def building(rng: np.random.Generator) -> Model:
@@ -136,6 +151,62 @@ def cooler(rng: np.random.Generator) -> Model:
         a = 0.36 / count
         blocks.append(Block(x=(middle - a, middle + a), y=(-0.36, 0.36), z=(1.0, 1.01), top=hole, sides=hole, layer=1,
                             corner=(a, 0.36) if rng.random() < 0.6 else (0.0, 0.0)))  # fmt: skip
+    return Model.of(*blocks)
+
+
+def pedestrian(rng: np.random.Generator) -> Model:
+    """Somebody who walks or stands: two legs, arms that swing, hair or a hat, now and then a bag or an umbrella."""
+    cloth = shade((DARK, (110.0, 80.0, 60.0), STEEL, WHITE, SKIN)[int(rng.integers(5))], rng)
+    hair = shade((DARK, (60.0, 80.0, 110.0), (110.0, 160.0, 190.0), STEEL, WHITE)[int(rng.integers(5))], rng)
+    step, arms, chest = rng.uniform(0.0, 0.35), rng.uniform(0.0, 0.35), rng.uniform(0.14, 0.28)
+    blocks = [
+        Block(x=(-0.14 - step, 0.14 - step), y=(-0.26, -0.02), z=(0.0, 0.5), top=cloth, sides=cloth),
+        Block(x=(-0.14 + step, 0.14 + step), y=(0.02, 0.26), z=(0.0, 0.5), top=cloth, sides=cloth),
+        Block(x=(-chest, chest), y=(-0.4, 0.4), z=(0.45, 0.82), taper=(0.04, 0.04, 0.08), layer=1, corner=(0.1, 0.1)),
+        Block(x=(-0.1, 0.1 + arms), y=(-0.5, -0.34), z=(0.5, 0.78), layer=1),
+        Block(x=(-0.1 - arms, 0.1), y=(0.34, 0.5), z=(0.5, 0.78), layer=1),
+        Block(x=(-0.16, 0.16), y=(-0.2, 0.2), z=(0.82, 1.0), top=hair, sides=SKIN, layer=2, corner=(0.12, 0.12)),
+    ]
+    extra = rng.random()
+    if extra < 0.3:
+        bag = shade((DARK, AMBER, WHITE, (60.0, 60.0, 140.0))[int(rng.integers(4))], rng)
+        x = float(rng.uniform(-0.45, 0.1))
+        blocks.append(Block(x=(x, x + 0.3), y=(-0.3, 0.3), z=(0.4, 0.75), top=bag, sides=bag, layer=2))
+    elif extra < 0.36:
+        blocks.append(
+            Block(x=(-0.5, 0.5), y=(-0.5, 0.5), z=(0.97, 1.0), taper=(0.1, 0.1, 0.1), layer=3, corner=(0.3, 0.3))
+        )
+    return Model.of(*blocks)
+
+
+def bench(rng: np.random.Generator) -> Model:
+    """A bench with slats, with or without a back."""
+    slat = shade((STEEL, (70.0, 110.0, 150.0), (40.0, 70.0, 100.0), WHITE)[int(rng.integers(4))], rng)
+    edges = np.linspace(-0.5, 0.3 if rng.random() < 0.6 else 0.5, int(rng.integers(3, 6)))
+    blocks = [
+        Block(x=(-0.5, 0.5), y=(a + 0.02, b - 0.02), z=(0.4, 0.5), top=slat, sides=DARK, layer=1)
+        for a, b in itertools.pairwise(edges)
+    ]
+    if edges[-1] < 0.5:
+        blocks.append(Block(x=(-0.5, 0.5), y=(0.35, 0.5), z=(0.4, 1.0), top=slat, sides=slat, layer=2))
+    return Model.of(Block(x=(-0.42, 0.42), y=(-0.4, 0.4), z=(0.0, 0.4), top=DARK, sides=DARK), *blocks)
+
+
+def stall(rng: np.random.Generator) -> Model:
+    """A market stall or kiosk under an awning, plain or in stripes, goods or a counter before it."""
+    counter = shade((WHITE, STEEL, AMBER, (60.0, 120.0, 60.0))[int(rng.integers(4))], rng)
+    stripe = shade((WHITE, AMBER, (60.0, 60.0, 190.0), (150.0, 90.0, 40.0))[int(rng.integers(4))], rng)
+    blocks = [
+        Block(x=(-0.5, 0.5), y=(-0.5, -0.25), z=(0.0, 0.4), top=counter, sides=counter),
+        Block(x=(-0.5, 0.5), y=(-0.3, 0.5), z=(0.0, 0.85), top=DARK, sides=counter),
+        Block(x=(-0.5, 0.5), y=(-0.4, 0.5), z=(0.85, 1.0), taper=(0.04, 0.04, float(rng.uniform(0.0, 0.4))), layer=1),
+    ]
+    if rng.random() < 0.4:
+        edges = np.linspace(-0.5, 0.5, 2 * int(rng.integers(2, 6)) + 2)
+        blocks += [
+            Block(x=(a, b), y=(-0.4, 0.5), z=(1.0, 1.001), top=stripe, sides=stripe, layer=2)
+            for a, b in zip(edges[:-1:2], edges[1::2], strict=True)
+        ]
     return Model.of(*blocks)
 
 

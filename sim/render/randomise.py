@@ -17,9 +17,22 @@ from sim.render.exposure import Exposure
 from sim.render.ground_canvas import near
 from sim.render.houses import flats, house
 from sim.render.open_scene import random_ground, random_scene
-from sim.render.props import animal, bicycle, building, container, cooler, motorcycle, panels, tank, tent
+from sim.render.props import (
+    animal,
+    bench,
+    bicycle,
+    building,
+    container,
+    cooler,
+    motorcycle,
+    panels,
+    pedestrian,
+    stall,
+    tank,
+    tent,
+)
 from sim.render.render import Style
-from sim.world.bodies import AMBER, DARK, PAINT, STEEL, WHITE, Model, crate, person, pole, rover, tracked
+from sim.world.bodies import AMBER, DARK, PAINT, STEEL, WHITE, Model, crate, pole, rover, tracked
 from sim.world.road_vehicles import (
     articulated_bus,
     bus,
@@ -119,7 +132,7 @@ ROVERS: tuple[Entry, ...] = (
 )
 """Ground robots, in the same columns; sizes and shares are a choice."""
 CLUTTER: tuple[Entry, ...] = (
-    ("person", 0.2, (0.35, 0.6), (0.4, 0.7), (1.5, 1.9), lambda _: person()),
+    ("person", 0.25, (0.4, 1.0), (0.4, 0.75), (1.5, 1.9), pedestrian),
     ("bicycle", 0.07, (1.6, 2.1), (0.5, 0.75), (1.1, 1.75), bicycle),
     ("animal", 0.04, (0.8, 2.4), (0.3, 0.8), (0.6, 1.6), animal),
     ("crate", 0.1, (0.5, 3.0), (0.5, 2.0), (0.3, 2.0), _box((0.02, 0.2))),
@@ -132,6 +145,8 @@ CLUTTER: tuple[Entry, ...] = (
     ("tank", 0.06, (0.5, 3.0), (0.5, 3.0), (0.3, 2.0), tank),
     ("tent", 0.04, (2.0, 6.0), (2.0, 5.0), (2.2, 3.5), tent),
     ("building", 0.1, (6.0, 30.0), (4.0, 16.0), (2.5, 14.0), building),
+    ("bench", 0.05, (1.2, 2.4), (0.4, 0.8), (0.5, 0.9), bench),
+    ("stall", 0.07, (1.5, 4.0), (1.2, 3.0), (2.0, 3.0), stall),
 )
 """What must not be detected, in the same columns; sizes and shares are a choice."""
 
@@ -144,7 +159,7 @@ HEAVY: tuple[Entry, ...] = (
 )
 """Road vehicles of depots and docks, in the same columns; sizes are those of common models, shares a choice."""
 URBAN: tuple[Entry, ...] = (
-    ("person", 0.2, (0.35, 0.6), (0.4, 0.7), (1.5, 1.9), lambda _: person()),
+    ("person", 0.35, (0.4, 1.0), (0.4, 0.75), (1.5, 1.9), pedestrian),
     ("bicycle", 0.12, (1.6, 2.1), (0.5, 0.75), (1.1, 1.75), bicycle),
     ("motorcycle", 0.18, (1.8, 2.3), (0.6, 0.9), (1.1, 1.75), motorcycle),
     ("house", 0.25, (9.0, 32.0), (7.0, 12.0), (5.0, 12.0), house),

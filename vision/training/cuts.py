@@ -5,6 +5,7 @@ Boxes are rows (cx, cy, length, width px, heading clockwise from image up, visib
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -20,6 +21,9 @@ SCALES = (0.68, 1.6)
 """Range of the scale of a cut; at the least one it shows nearly all of a crop of 384 px."""
 LEAST_LENGTH_PX, LEAST_WIDTH_PX = 8.0, 3.0
 """Smaller vehicles count neither way."""
+FROM_THE_SIDE, ROLL = math.radians(40.0), math.radians(20.0)
+"""Tilt from straight down from which on cuts are turned by the roll of a camera alone, and its standard deviation; a
+choice."""
 
 
 class Known(IntEnum):
@@ -45,17 +49,25 @@ class TrainingSample:
     """(n,) of ``Known``."""
     unjudged: NDArray[np.float32]
     """(k, 4, 2) corners, px, of areas that may hold vehicles without a label: nothing there is a mistake."""
+    upright: bool = False
+    """Seen from the side: a camera may roll, but the sky stays above."""
 
 
-def rendered_sample(image: NDArray[np.uint8], boxes: NDArray[np.float32]) -> TrainingSample:
-    """A rendered crop: everything on it is known."""
-    known = np.full(len(boxes), int(Known.FRONT))
-    return TrainingSample(image=image, boxes=boxes, known=known, unjudged=np.empty((0, 4, 2), np.float32))
+def rendered_sample(image: NDArray[np.uint8], boxes: NDArray[np.float32], tilt: float = 0.0) -> TrainingSample:
+    """A rendered crop, taken so far from straight down: everything on it is known."""
+    return TrainingSample(
+        image=image,
+        boxes=boxes,
+        known=np.full(len(boxes), int(Known.FRONT)),
+        unjudged=np.empty((0, 4, 2), np.float32),
+        upright=tilt > FROM_THE_SIDE,
+    )
 
 
 def cut(sample: TrainingSample, rng: np.random.Generator) -> TrainingSample:
-    """A (SIDE, SIDE) part of a square sample, turned by any angle, scaled, and mirrored half of the time."""
-    scale, turn = float(np.exp(rng.uniform(*np.log(SCALES)))), float(rng.uniform(0.0, 2.0 * np.pi))
+    """A (SIDE, SIDE) part of a square sample, turned as it may be, scaled, and mirrored half of the time."""
+    scale = float(np.exp(rng.uniform(*np.log(SCALES))))
+    turn = float(rng.normal(0.0, ROLL) if sample.upright else rng.uniform(0.0, 2.0 * np.pi))
     mirror = bool(rng.random() < 0.5)
     side = sample.image.shape[0]
     room = max(0.5 * side - 0.5 * SIDE / scale, 0.0)

@@ -80,7 +80,8 @@ class Pool:
         for _ in range(count):
             s = int(rng.integers(len(self.n)))
             r = int(rng.integers(len(self.n[s])))
-            made.append(rendered_sample(self.images[s][r], self.boxes[s][r, : self.n[s][r]]))
+            tilt = float(self.about[s][r, 0])
+            made.append(rendered_sample(self.images[s][r], self.boxes[s][r, : self.n[s][r]], tilt))
         return made
 
     def all(self) -> TrainingBatch:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from vision.detect.decode_heatmap import decode
 from vision.detect.detections import Detections
 from vision.training.data import TrainingBatch
-from vision.training.net import STRIDE, Net
+from vision.training.net import CHANNELS, STRIDE, Net, scores
 from vision.training.quality import Quality, measure
 
 __all__ = ["detections_and_truth", "evaluate"]
@@ -32,9 +32,7 @@ def detections_and_truth(
     with torch.no_grad():
         for start in range(0, len(batch.images), chunk):
             out = net(batch.images[start : start + chunk].float() / 255.0)
-            score = torch.sigmoid(out[:, :1])
-            peak = torch.nn.functional.max_pool2d(score, 3, 1, 1) == score
-            cells = torch.cat([score * peak, out[:, 1:]], dim=1).cpu().numpy()
+            cells = torch.cat([scores(out), out[:, 1:CHANNELS]], dim=1).cpu().numpy()
             found += [decode(c, STRIDE, _LEAST_SCORE) for c in cells]
     truth = [b[r].astype(np.float64) for b, r in zip(batch.boxes.numpy(), batch.real.numpy(), strict=True)]
     return found, truth

@@ -21,7 +21,7 @@ from torch import nn
 
 from vision.detect.onnx_model import open_session
 from vision.errors import ModelError
-from vision.training.net import STRIDE, ConvNorm, Grow, Net, Residual
+from vision.training.net import JUDGED, STRIDE, ConvNorm, Grow, Judge, Net, Residual
 
 __all__ = ["export", "read_weights", "restore_statistics", "to_onnx"]
 
@@ -71,6 +71,10 @@ class _FloatGraph:
         y = self.conv(x, kernel * np.float32(gain), bias, int(module.conv.stride[0]))
         return self.node("Relu", y) if module.relu else y
 
+    def head(self, x: str, module: nn.Conv2d) -> str:
+        self.layers.append((module, 1.0))
+        return self.conv(x, _numpy(module.weight), _numpy(module.bias), 1)
+
     def residual(self, x: str, module: Residual) -> str:
         y = self.conv_norm(self.conv_norm(x, module.first), module.second)
         return self.node("Relu", self.node("Add", x, y))
@@ -116,13 +120,21 @@ def _graph(net: Net) -> _FloatGraph:
     eighth = g.stage(g.node("Relu", g.node("Add", eighth, g.grow(sixteenth, net.deep_side))), net.join)
     finest = g.node("Add", g.conv_norm(quarter, net.stem_side), g.grow(eighth, net.join_side))
     last = g.stage(g.node("Relu", finest), net.last)
-    g.layers.append((net.head, 1.0))
-    raw = g.conv(last, _numpy(net.head.weight), _numpy(net.head.bias), 1)
-    score = g.node("Sigmoid", g.part(raw, 0, 1))
-    highest = g.node("MaxPool", score, kernel_shape=[3, 3], pads=[1, 1, 1, 1], strides=[1, 1])
-    peak = g.node("Mul", score, g.node("Cast", g.node("Equal", score, highest), to=TensorProto.FLOAT))
-    g.nodes.append(helper.make_node("Concat", [peak, g.part(raw, 1, 99)], ["map"], axis=1))
+    raw = g.head(last, net.head)
+    logit = g.part(raw, 0, 1)
+    centre = g.node("Sigmoid", logit)
+    highest = g.node("MaxPool", centre, kernel_shape=[3, 3], pads=[1, 1, 1, 1], strides=[1, 1])
+    judged = g.node("GreaterOrEqual", centre, g.weight(np.array(JUDGED, np.float32)))
+    peak = g.node("Cast", g.node("And", g.node("Equal", centre, highest), judged), to=TensorProto.FLOAT)
+    score = g.node("Sigmoid", g.node("Add", logit, _judge(g, net.judge, sixteenth, eighth, last)))
+    g.nodes.append(helper.make_node("Concat", [g.node("Mul", score, peak), g.part(raw, 1, 99)], ["map"], axis=1))
     return g
+
+
+def _judge(g: _FloatGraph, judge: Judge, sixteenth: str, eighth: str, quarter: str) -> str:
+    eighth = g.node("Relu", g.node("Add", g.grow(sixteenth, judge.deep_side), g.conv_norm(eighth, judge.join_side)))
+    quarter = g.node("Relu", g.node("Add", g.grow(eighth, judge.middle_side), g.conv_norm(quarter, judge.last_side)))
+    return g.head(quarter, judge.verdict)
 
 
 def export(checkpoint: Path, out: Path, version: str, score: float = SCORE) -> None:
@@ -139,7 +151,7 @@ def export(checkpoint: Path, out: Path, version: str, score: float = SCORE) -> N
     net.load_state_dict(torch.load(checkpoint, map_location="cpu", weights_only=True)["average"])
     with torch.no_grad():
         # logit p' = logit p + logit SCORE − logit score
-        net.head.bias[0] += math.log(SCORE / (1.0 - SCORE)) - math.log(score / (1.0 - score))
+        net.judge.verdict.bias[0] += math.log(SCORE / (1.0 - SCORE)) - math.log(score / (1.0 - score))
     out.parent.mkdir(parents=True, exist_ok=True)
     onnx.save(to_onnx(net, version), str(out))
 

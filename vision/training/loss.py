@@ -1,21 +1,25 @@
 """Targets and losses of the detector's map.
 
 Score: the penalty-reduced focal loss of Zhou, Wang, Krähenbühl, "Objects as Points", arXiv:1904.07850, equation 1.
-Boxes: learnt at every cell near a centre, as the peak may fall one cell beside it. Of upright labels, whose angle and
-sides across and along are unknown, score and centre alone are learnt; of boxes without a front, all but the front.
+Boxes: learnt at every cell near a centre, as the peak may fall one cell beside it. Judge: learnt at the peaks that the
+network itself has, as the cross-entropy with how well the box there overlaps with a label. Of upright labels, whose
+angle and sides across and along are unknown, score, centre and judge are learnt; of boxes without a front, all but the
+front.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional
 
+from vision.detect.boxes import prob_iou_pairs
 from vision.training.cuts import Known
 from vision.training.data import TrainingBatch
-from vision.training.net import STRIDE
+from vision.training.net import CHANNELS, STRIDE, scores
 
 __all__ = ["Losses", "losses"]
 
@@ -23,6 +27,13 @@ WIDTH_SHARE, SIGMA_CELLS = 0.16, (0.5, 2.0)
 """σ of a centre's target across a vehicle: a share of its width, within bounds; a choice."""
 CAR_ASPECT, MOST_SPREAD = 2.5, 2.5
 """Vehicles of a higher aspect have targets that spread along them in proportion, so many times σ at most."""
+WRONG, RIGHT = 0.45, 0.8
+"""Probabilistic overlap with a label up to which a box is wrong, and from which on it is right; in between partly: 0.62
+is an intersection over union of about a half."""
+NEAR_CENTRE = 0.35
+"""Of a label's length: a centre that is nearer to that of an upright label is right."""
+DOUBLE = 0.3
+"""Overlap from which a second box on a label is no mistake: the better one suppresses it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,17 +45,18 @@ class Losses:
     size: Tensor
     front: Tensor
     axis: Tensor
+    judge: Tensor
 
     def total(self) -> Tensor:
         """What is minimised."""
-        return self.score + 2.0 * self.offset + self.size + self.front + self.axis
+        return self.score + 2.0 * self.offset + self.size + self.front + self.axis + self.judge
 
 
 def losses(out: Tensor, batch: TrainingBatch) -> Losses:
     """Compare the map with the labels.
 
     Args:
-        out: (B, 9, h, w), the network's map.
+        out: (B, CHANNELS + 1, h, w), the network's map.
         batch: what the network saw.
     """
     _, _, h, w = out.shape
@@ -60,7 +72,7 @@ def losses(out: Tensor, batch: TrainingBatch) -> Losses:
     score = _focal(out[:, 0], heat, _centre_cells(centre, wanted, h, w), ignored)
 
     image, r, c = torch.nonzero(heat > 0.3, as_tuple=True)
-    k, found, weight = nearest[image, r, c], out[image, :, r, c], heat[image, r, c]
+    k, found, weight = nearest[image, r, c], out[image, :CHANNELS, r, c], heat[image, r, c]
     known = batch.known[image, k]
     offset = torch.stack([dx[image, k, c], dy[image, k, r]], dim=-1)
     heading = boxes[image, k, 4]
@@ -80,7 +92,45 @@ def losses(out: Tensor, batch: TrainingBatch) -> Losses:
         size=mean(smooth(found[:, 3:5], side[image, k].log(), 0.05), Known.BOX),
         front=mean((found[:, 5:7] - front) ** 2, Known.FRONT),
         axis=mean(smooth(found[:, 7:9], axis, 0.1), Known.BOX),
+        judge=_judge(out, batch, wanted, ignored),
     )
+
+
+def _judge(out: Tensor, batch: TrainingBatch, wanted: Tensor, ignored: Tensor) -> Tensor:
+    """Cross-entropy of the judge's logit at peaks with how right the box there is, per label that counts."""
+    image, r, c = torch.nonzero((scores(out.detach())[:, 0] > 0.0) & ~ignored, as_tuple=True)
+    found = out.detach()[image, :CHANNELS, r, c]
+    # as vision.detect.decode_heatmap has it: side = e^(log side), angle of the length axis = heading − π/2
+    cells = torch.stack([c + 0.5 + found[:, 1], r + 0.5 + found[:, 2]], dim=-1)
+    angle = 0.5 * torch.atan2(found[:, 7], found[:, 8]) - 0.5 * torch.pi
+    boxes = torch.cat([cells * STRIDE, found[:, 3:5].clamp(-4.0, 6.0).exp() * STRIDE, angle[:, None]], dim=-1)
+    right, counted = _rightness(boxes, image, batch, wanted)
+    error = functional.binary_cross_entropy_with_logits(out[image, CHANNELS, r, c], right, reduction="none")
+    return (error * counted).sum() / wanted.sum().clamp(min=1)
+
+
+def _rightness(boxes: Tensor, image: Tensor, batch: TrainingBatch, wanted: Tensor) -> tuple[Tensor, Tensor]:
+    """How right each box (p, 5) of an image is, 0 to 1, and whether it counts: (p,) each.
+
+    A label makes one box right, the one that overlaps most with it.
+    """
+    labels, known, real = batch.boxes[image], batch.known[image], wanted[image]
+    axes = torch.cat([labels[..., :4], labels[..., 4:5] - 0.5 * torch.pi], dim=-1)
+    pairs = prob_iou_pairs(boxes[:, None].double().cpu().numpy(), axes.double().cpu().numpy())
+    overlap = torch.from_numpy(pairs.astype(np.float32)).to(boxes.device)
+    far = (boxes[:, None, :2] - labels[..., :2]).norm(dim=-1)
+    overlap = torch.where(known == int(Known.CENTRE), (far < NEAR_CENTRE * labels[..., 2]).float(), overlap)
+    # of boxes that are as good, the one whose centre is nearer
+    overlap = torch.where(real, overlap, 0.0)
+    nearness = overlap - 1e-4 * torch.where(real, far, 0.0)
+    most, label = overlap.max(dim=1)
+    best = torch.full((len(wanted), wanted.shape[1]), -torch.inf, device=boxes.device)
+    place = image * wanted.shape[1] + label
+    own = nearness.gather(1, label[:, None])[:, 0]
+    best = best.flatten().scatter_reduce(0, place, own, "amax")
+    first = own >= best[place]
+    right = ((most - WRONG) / (RIGHT - WRONG)).clamp(0.0, 1.0) * first
+    return right, first | (most < DOUBLE)
 
 
 def _heat(

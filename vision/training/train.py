@@ -263,7 +263,7 @@ def render_crops(
 
 
 def _parts(parts: object) -> dict[str, Tensor]:
-    return {name: getattr(parts, name) for name in ("score", "offset", "size", "front", "axis")}
+    return {name: getattr(parts, name) for name in ("score", "offset", "size", "front", "axis", "judge")}
 
 
 def append_row(path: Path, row: Mapping[str, float]) -> None:

@@ -10,7 +10,7 @@ from vision.detect.boxes import corners, hull
 from vision.detect.detections import Detections
 from vision.errors import LabelError
 from vision.evaluation import LabelledImage, Truth
-from vision.training.cuts import SIDE, Known, cut
+from vision.training.cuts import SIDE, Known, cut, rendered_sample
 from vision.training.photographs import OPEN, PART_SIDE, label_rows, mine, open_photographs, part
 
 WIDTH, HEIGHT = 1200, 800
@@ -161,3 +161,14 @@ def test_an_unreadable_photograph_is_left_out(caplog):
     assert "b.jpg" in caplog.text
     with pytest.raises(LabelError, match="none of 1"):
         open_photographs([bad], Finding(), 0)
+
+
+@pytest.mark.parametrize(("tilt_deg", "stays"), [(20.0, False), (60.0, True)])
+def test_what_is_seen_from_the_side_stays_upright(tilt_deg, stays):
+    boxes = np.array([[192.0, 192.0, 52.0, 24.0, 0.0, 1.0]], np.float32)
+    sample = rendered_sample(np.zeros((384, 384, 3), np.uint8), boxes, np.radians(tilt_deg))
+    rng = np.random.default_rng(0)
+    turns = np.concatenate([cut(sample, rng).boxes[:, 4] for _ in range(100)])
+    assert len(turns) > 50
+    # a camera's roll: nearly always below 60°
+    assert ((np.cos(turns) > 0.5).mean() > 0.95) == stays
