@@ -34,10 +34,10 @@ SLOPE = 1.5
 """Detectors' scores lie closer together than the odds that they stand for."""
 MISS = 0.5
 """Against a track in each frame without a box, nats: most vehicles are seen in most frames."""
-LEAST = 0.3
+LEAST = 0.2
 """For a track with each box that counts: dark vehicles among bright ones are reported after a second."""
-RANGE = (-0.3, 0.85)
-"""Of u. Where vehicles are hardly seen, two boxes of s₀ are enough; where they are clear, scores of 0.5 for s₀ = 0.3
+RANGE = (-0.3, 1.7)
+"""Of u. Where vehicles are hardly seen, two boxes of s₀ are enough; where they are clear, scores of 0.7 for s₀ = 0.3
 are as usual."""
 MEMORY_S = 1.0
 """Time constant of u."""

@@ -261,7 +261,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Write a trained detector as ONNX.")
     parser.add_argument("--checkpoint", type=Path, default=Path(".train/checkpoint.pt"))
     parser.add_argument("--out", type=Path, default=Path("vision/models/rollcall-obb-s.onnx"))
-    parser.add_argument("--version", default="5")
+    parser.add_argument("--version", default="6")
     parser.add_argument("--score", type=float, default=SCORE, help="score that the file returns as 0.3")
     args = parser.parse_args()
     export(args.checkpoint, args.out, args.version, args.score)

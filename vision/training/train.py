@@ -211,7 +211,7 @@ def run(
     _check(trainer, held_out, out, pool.refresh())
     score = score_at_precision(*detections_and_truth(trainer.averaged(), held_out.all()), PRECISION)
     log.info("%.0f %% of detections are right from score %.3f on", 100.0 * PRECISION, score)
-    export(checkpoint, out / "model.onnx", version="5", score=score)
+    export(checkpoint, out / "model.onnx", version="6", score=score)
     draw_curves(out)
     for maker in makers:
         maker.wait()

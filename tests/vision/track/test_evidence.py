@@ -28,14 +28,15 @@ def film(usual, other, *, params=None, reported_px=None):
     ("usual", "score", "first"),
     [
         (0.8, 0.9, 0),  # clearly one
-        (0.8, 0.6, 1),
-        (0.8, 0.5, 2),
-        (0.8, 0.33, 8),  # a dark one among bright ones takes longer
+        (0.8, 0.7, 2),
+        (0.8, 0.6, 5),
+        (0.8, 0.5, 12),  # a dark one among bright ones takes longer
+        (0.8, 0.33, 12),
         (0.34, 0.33, 2),  # where all are hardly seen, it is like the others
     ],
 )
 def test_it_takes_as_many_boxes_as_its_scores_are_unusual(usual, score, first):
-    assert film(usual, [score] * 12) == [False] * first + [True] * (12 - first)
+    assert film(usual, [score] * 16) == [False] * first + [True] * (16 - first)
 
 
 def test_what_is_seen_now_and_then_with_a_low_score_is_nothing():
@@ -68,11 +69,11 @@ def small(score, *, usual=0.8, row=50.0, reported_px=None):
 
 
 def test_what_is_smaller_than_the_vehicles_beside_it_needs_higher_scores():
-    assert [small(score) for score in (0.9, 0.7, 0.35)] == [0, 1, 40]
+    assert [small(score) for score in (0.9, 0.7, 0.35)] == [1, 8, 40]
 
 
 def test_far_up_the_picture_vehicles_are_smaller():
-    assert small(0.35, row=850.0) == 8
+    assert small(0.35, row=850.0) == 13
 
 
 def test_small_vehicles_among_large_ones_are_tracked_where_they_report_to_be():
