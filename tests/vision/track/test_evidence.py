@@ -28,9 +28,9 @@ def film(usual, other, *, params=None, reported_px=None):
     ("usual", "score", "first"),
     [
         (0.8, 0.9, 0),  # clearly one
-        (0.8, 0.7, 2),
-        (0.8, 0.6, 5),
-        (0.8, 0.5, 12),  # a dark one among bright ones takes longer
+        (0.8, 0.75, 2),
+        (0.8, 0.7, 5),  # a dark one among bright ones takes longer
+        (0.8, 0.5, 12),
         (0.8, 0.33, 12),
         (0.34, 0.33, 2),  # where all are hardly seen, it is like the others
     ],
@@ -69,7 +69,7 @@ def small(score, *, usual=0.8, row=50.0, reported_px=None):
 
 
 def test_what_is_smaller_than_the_vehicles_beside_it_needs_higher_scores():
-    assert [small(score) for score in (0.9, 0.7, 0.35)] == [1, 8, 40]
+    assert [small(score) for score in (0.9, 0.8, 0.35)] == [1, 5, 40]
 
 
 def test_far_up_the_picture_vehicles_are_smaller():
