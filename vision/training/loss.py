@@ -120,8 +120,8 @@ def _rightness(boxes: Tensor, image: Tensor, batch: TrainingBatch, wanted: Tenso
     overlap = torch.from_numpy(pairs.astype(np.float32)).to(boxes.device)
     far = (boxes[:, None, :2] - labels[..., :2]).norm(dim=-1)
     overlap = torch.where(known == int(Known.CENTRE), (far < NEAR_CENTRE * labels[..., 2]).float(), overlap)
-    # of boxes that are as good, the one whose centre is nearer
     overlap = torch.where(real, overlap, 0.0)
+    # of boxes that are as good, the one whose centre is nearer
     nearness = overlap - 1e-4 * torch.where(real, far, 0.0)
     most, label = overlap.max(dim=1)
     best = torch.full((len(wanted), wanted.shape[1]), -torch.inf, device=boxes.device)
