@@ -35,7 +35,7 @@ SLOPE = 1.5
 MISS = 0.5
 """Against a track in each frame without a box, nats: most vehicles are seen in most frames."""
 LEAST = 0.2
-"""For a track with each box that counts: dark vehicles among bright ones are reported after a second."""
+"""For a track with each box that counts: dark vehicles among bright ones are reported after a dozen boxes."""
 RANGE = (-0.3, 3.0)
 """Of u. Where vehicles are hardly seen, two boxes of s₀ are enough; where they are clear, scores of 0.9 for s₀ = 0.3
 are as usual."""
