@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.evidence.motion import Samples
+from assoc.evidence.motion import WHITE_STD_M, Samples
 from assoc.geometry.ground import OFFSET, THETA, GroundTracks
 from assoc.params import MANY_PAIRS
 
@@ -36,6 +36,12 @@ _SPEED_STD_MPS, _ACCELERATION_STD_MPS2 = 0.5, 1.0
 """1σ of the speed and of the acceleration of a vehicle whose report is extrapolated."""
 _LEAST_SPREAD_S2 = 1e-3
 """Spread of the times in a block from which a velocity can be fitted, s²."""
+_BOX_DOF = 6.0
+"""Degrees of freedom that what is assumed of boxes counts for, beside what they show."""
+_MOST_BOX_VAR = 1.0
+"""Upper limit of what one block shows of a box's variance, m²: a track that changes its vehicle is not noise."""
+_LOG_VAR = 2.0 * np.log(WHITE_STD_M)
+"""(G,) ln of the variances for which the null model is known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,13 +57,13 @@ class Blocks:
     scatter: FloatArray
     """(B, T, n) Σ|r − r̄|², without a jump within the block, m²."""
     log_null: FloatArray
-    """(B, T, n) Σ ln p₀ of the samples."""
+    """(B, T, n) Σ ln p₀ of the samples, for a noise as large as that of the residuals."""
     extra_var: FloatArray
     """(B, T, n) further variance of the block mean, m²: motion over which a report had to be extrapolated."""
     jump_var: FloatArray
     """(B, n) squared jump of the vehicle's own reports, m²."""
-    pixel_var: FloatArray
-    """(B, T) variance of one pixel on the ground, m²."""
+    box_var: FloatArray
+    """(B, T) variance per axis of a box's place about the track's motion, m²."""
     jacobian: FloatArray
     """(B, T, 2, 8) derivative of the mean residual by θ."""
     heading: FloatArray
@@ -127,17 +133,17 @@ def _near(place: FloatArray, samples: Samples, block: IntArray, n: int) -> BoolA
 
 
 def _by_block(
-    tracks: GroundTracks, first: int, n_blocks: int, block_s: float
+    tracks: GroundTracks, first: int, n_blocks: int, block_s: float, pixel_var: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Block means of the squared pixel size (B, T), of the Jacobian (B, T, 2, 8) and of the place (B, T, 2)."""
+    """Block means of the variance of boxes (B, T), of the Jacobian (B, T, 2, 8) and of the place (B, T, 2)."""
     n_tracks = tracks.p.shape[1]
     block = np.floor((tracks.t - tracks.theta[OFFSET]) / block_s).astype(np.int64) - first
     rows = np.flatnonzero((block >= 0) & (block < n_blocks))
-    pixel = np.zeros((n_blocks, n_tracks))
+    box = np.zeros((n_blocks, n_tracks))
     jacobian = np.zeros((n_blocks, n_tracks, 2, THETA))
     place = np.full((n_blocks, n_tracks, 2), np.nan)
     if not len(rows):
-        return pixel, jacobian, place
+        return box, jacobian, place
     starts = np.flatnonzero(np.diff(block[rows], prepend=-1))
     seen = np.isfinite(tracks.p[rows, :, 0])
     total = np.add.reduceat(seen.astype(np.float64), starts, axis=0)
@@ -146,25 +152,57 @@ def _by_block(
     sums = np.add.reduceat(np.where(seen[..., None], tracks.p[rows], 0.0), starts, axis=0)
     place[where] = np.where(total[..., None] > 0.0, sums / count[..., None], np.nan)
     square = np.where(seen, tracks.pixel_m[rows] ** 2, 0.0)
-    pixel[where] = np.add.reduceat(square, starts, axis=0) / count
+    velocity, scatter = _straight_lines(tracks.t[rows], tracks.p[rows], seen, starts)
+    box[where] = _box_variance(pixel_var * np.add.reduceat(square, starts, axis=0) / count, scatter, total)
     full = np.where(seen[..., None, None], tracks.jacobian[rows], 0.0)
     jacobian[where] = np.add.reduceat(full, starts, axis=0) / count[..., None, None]
     # ∂r/∂δ also holds the track's own motion
-    jacobian[where, ..., OFFSET] += _velocity(tracks.t[rows], tracks.p[rows], seen, starts)
-    return pixel, jacobian, place
+    jacobian[where, ..., OFFSET] += velocity
+    return box, jacobian, place
 
 
-def _velocity(t: FloatArray, p: FloatArray, seen: BoolArray, starts: IntArray) -> FloatArray:
-    """Least-squares velocity of each track in each block, (K, T, 2); 0 where it cannot be fitted."""
+def _straight_lines(
+    t: FloatArray, p: FloatArray, seen: BoolArray, starts: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Least-squares velocity of each track in each block (K, T, 2), and the sum of squares about that line (K, T).
+
+    The velocity is 0 where it cannot be fitted.
+    """
     k = np.add.reduceat(seen.astype(np.float64), starts, axis=0)
     w = np.where(seen, (t - t[0])[:, None], 0.0)
-    q = np.where(seen[..., None], p - np.nan_to_num(p[:1]), 0.0)
+    begin = np.argmax(seen, axis=0)
+    q = np.where(seen[..., None], p - np.nan_to_num(p[begin, np.arange(p.shape[1])]), 0.0)
     sw, sww = np.add.reduceat(w, starts, axis=0), np.add.reduceat(w * w, starts, axis=0)
     sq, swq = np.add.reduceat(q, starts, axis=0), np.add.reduceat(w[..., None] * q, starts, axis=0)
+    sqq = np.add.reduceat(np.sum(q * q, axis=2), starts, axis=0)
     # v = (k Σtp − Σt Σp) / (k Σt² − (Σt)²)
     spread = k * sww - sw * sw
     safe = np.where(spread > _LEAST_SPREAD_S2, spread, np.inf)
-    return np.asarray((k[..., None] * swq - sw[..., None] * sq) / safe[..., None])
+    v = (k[..., None] * swq - sw[..., None] * sq) / safe[..., None]
+    # Σ|p − p̄ − v (t − t̄)|² = Σ|p|² − |Σp|²/k − |v|² (Σt² − (Σt)²/k)
+    about = sqq - np.sum(sq * sq, axis=2) / np.maximum(k, 1.0) - np.sum(v * v, axis=2) * spread / np.maximum(k, 1.0)
+    return np.asarray(v), np.maximum(about, 0.0)
+
+
+def _box_variance(assumed: FloatArray, scatter: FloatArray, count: FloatArray) -> FloatArray:
+    """(K, T) variance per axis of boxes about their tracks' motion, m².
+
+    A track's boxes show it by how they scatter about straight lines; those of all tracks, and what is assumed of a
+    detector, count as a few more.
+
+    Args:
+        assumed: (K, T) by the size of a pixel on the ground, m².
+        scatter: (K, T) sum of squares about a straight line, m².
+        count: (K, T) boxes.
+    """
+    # two numbers of each axis are fitted
+    dof = 2.0 * np.maximum(count - 2.0, 0.0)
+    scatter = np.minimum(scatter, _MOST_BOX_VAR * dof)
+    seen = count > 0.0
+    everywhere = np.sum(assumed, where=seen) / max(np.count_nonzero(seen), 1)
+    usual = (_BOX_DOF * everywhere + np.sum(scatter)) / (_BOX_DOF + np.sum(dof))
+    own = (_BOX_DOF * usual + np.sum(scatter, axis=0)) / (_BOX_DOF + np.sum(dof, axis=0))
+    return np.asarray(np.where(seen, own, 0.0))
 
 
 def make_blocks(
@@ -177,6 +215,8 @@ def make_blocks(
     block_s: float,
     gap_max_s: float,
     heading_std: float,
+    white_var: float,
+    pixel_var: float,
 ) -> Blocks:
     """Summarise the residuals of blocks first..last.
 
@@ -189,6 +229,8 @@ def make_blocks(
         block_s: Length of a block, seconds.
         gap_max_s: Longest hole in a track that is bridged.
         heading_std: 1σ of image heading against reported heading, radians.
+        white_var: Variance per axis of a sample about its vehicle's motion, m².
+        pixel_var: Variance that is assumed of a box's centre, px².
 
     Returns:
         The blocks, linearised at the tracks' θ.
@@ -196,7 +238,7 @@ def make_blocks(
     n_blocks, n_tracks = max(last - first + 1, 0), tracks.p.shape[1]
     shape = (n_blocks, n_tracks, n_vehicles)
     block = np.floor(samples.t / block_s).astype(np.int64) - first
-    pixel, jacobian, place = _by_block(tracks, first, n_blocks, block_s)
+    box_var, jacobian, place = _by_block(tracks, first, n_blocks, block_s, pixel_var)
     jump = np.zeros((n_blocks, n_vehicles))
     np.maximum.at(jump, (block, samples.vehicle), samples.jump_var)
     # one row for each report and each track that it is compared with
@@ -208,7 +250,8 @@ def make_blocks(
     count = np.bincount(key, minlength=size).astype(np.float64)
     mean = np.stack([np.bincount(key, x, size) for x in r.T], axis=1) / np.maximum(count, 1.0)[:, None]
     scatter = np.maximum(np.bincount(key, np.sum(r * r, axis=1), size) - count * np.sum(mean * mean, axis=1), 0.0)
-    log_null = np.asarray(np.bincount(key, samples.log_null[row], size), np.float64)
+    log_null = _null_of(samples, row, white_var + box_var[block[row], column])
+    log_null = np.asarray(np.bincount(key, log_null, size), np.float64)
     error = image_heading[valid] - samples.heading[row]
     heading = _mean_heading(error, samples.t[row], pair, n_tracks * n_vehicles, heading_std)
     return Blocks(
@@ -220,11 +263,22 @@ def make_blocks(
         log_null=log_null.reshape(shape),
         extra_var=np.zeros(shape),
         jump_var=jump,
-        pixel_var=pixel,
+        box_var=box_var,
         jacobian=jacobian,
         heading=heading.reshape(shape[1:]),
         theta=tracks.theta,
     )
+
+
+def _null_of(samples: Samples, row: IntArray, variance: FloatArray) -> FloatArray:
+    """(N,) ln density of samples under their vehicles' own past, for noise of some variance (N,), m².
+
+    Interpolated in the logarithm of the variance.
+    """
+    at = np.interp(np.log(variance), _LOG_VAR, np.arange(len(_LOG_VAR)))
+    k = np.minimum(at.astype(np.int64), len(_LOG_VAR) - 2)
+    w = at - k
+    return np.asarray((1.0 - w) * samples.log_null[row, k] + w * samples.log_null[row, k + 1])
 
 
 def _mean_heading(error: FloatArray, t: FloatArray, pair: IntArray, n_pairs: int, std: float) -> FloatArray:
@@ -272,7 +326,7 @@ def with_extrapolated_block(
         log_null=np.concatenate([blocks.log_null, zero]),
         extra_var=np.concatenate([blocks.extra_var, np.broadcast_to(extra, zero.shape)]),
         jump_var=np.concatenate([blocks.jump_var, zero[:, 0]]),
-        pixel_var=np.concatenate([blocks.pixel_var, np.where(known, tracks.pixel_m[-1] ** 2, 0.0)[None]]),
+        box_var=np.concatenate([blocks.box_var, np.where(known, np.max(blocks.box_var, axis=0), 0.0)[None]]),
         jacobian=np.concatenate([blocks.jacobian, np.where(known[:, None, None], tracks.jacobian[-1], 0.0)[None]]),
         heading=blocks.heading,
         theta=blocks.theta,

@@ -51,11 +51,6 @@ _LOG_NEAR, _LOG_WIDE = float(np.log(0.85)), float(np.log(0.15))
 _LOG_2PI = float(np.log(2.0 * np.pi))
 """ln 2π, of the normal density."""
 
-_FORESEEN = 2.0
-"""Variance with which the reports before one foresee it, σ_w²: several a second do so nearly to their own noise. What
-boxes wander beyond that is theirs under either hypothesis and says nothing of whose they are."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Noise:
     """What the residuals are made of."""
@@ -69,7 +64,7 @@ class Noise:
     floor_var: float
     """σ_floor², m²."""
     pixel_var: float
-    """Variance of a box centre, px²."""
+    """Variance that is assumed of a box's centre, px²."""
     log_area: float
     """ln of twice the ground area in view: where a report could be if it were unrelated."""
     increment_max: float
@@ -113,10 +108,11 @@ def bound_variance(state: PairState, bias_std: float) -> PairState:
 
 def _constant(blocks: Blocks, noise: Noise) -> tuple[FloatArray, FloatArray]:
     """(B, T, n) variance of the block mean about the bias, and the part of ln p₁ that does not depend on e and V."""
-    k = np.maximum(blocks.count, 1.0)
-    white = noise.white_var + noise.pixel_var * blocks.pixel_var[:, :, None]
-    expected = np.minimum(white, _FORESEEN * noise.white_var)
-    constant = -(k - 1) * np.log(2 * np.pi * expected) - np.log(k) - blocks.scatter / (2 * white)
+    k, box = np.maximum(blocks.count, 1.0), blocks.box_var[:, :, None]
+    white = noise.white_var + box
+    # boxes scatter under either hypothesis
+    scatter = np.maximum(blocks.scatter - 2.0 * (k - 1) * box, 0.0)
+    constant = -(k - 1) * np.log(2 * np.pi * white) - np.log(k) - scatter / (2 * white)
     return white / k + noise.floor_var + blocks.extra_var, constant
 
 

@@ -1,8 +1,11 @@
 """The vehicles' position reports: how well each is predicted by the earlier ones, and how noisy they are.
 
 "The track is not this vehicle" means that the vehicle's reports are explained by its own past alone. That null model is
-a constant-velocity Kalman filter per vehicle and per candidate white noise σ; its one-step likelihoods are kept with
-each report, and their sums over all reports choose σ without any association.
+a constant-velocity Kalman filter per vehicle and per candidate noise σ; its one-step likelihoods are kept with each
+sample, and their sums over all samples choose σ without any association.
+
+Reports that come more often than every 0.15 s are averaged to one sample: their errors are nearly one and the same, and
+a vehicle cannot turn or brake in between. So evidence counts by time and not by report.
 """
 
 from __future__ import annotations
@@ -23,8 +26,8 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 ComplexArray = NDArray[np.complex128]
 
-WHITE_STD_M = np.array([0.15, 0.3, 0.5, 0.8, 1.2, 2.0, 3.0, 4.5, 7.0])
-"""(G,) candidates of the reports' white noise, metres."""
+WHITE_STD_M = np.array([0.03, 0.06, 0.1, 0.18, 0.32, 0.51, 0.81, 1.2, 2.0, 3.0, 4.5, 7.0])
+"""(G,) candidates of the noise of a sample about its vehicle's motion, metres: RTK to coarse coordinates."""
 
 _ACCELERATION_PSD = 1.0
 """Power spectral density of the null model's white acceleration, m²/s³."""
@@ -49,9 +52,11 @@ _UNCERTAIN_M = 30.0
 _FORGET_S = 60.0
 """Time constant of the exponential forgetting of the likelihoods that choose σ, seconds."""
 _PARTS = 500
-"""New reports are appended as separate parts; beyond this number the parts are concatenated."""
-_WHITE_VAR = WHITE_STD_M**2 + 0.01
-"""(G,) variance of a report about its vehicle's motion, m²: 0.1 m of rounding is added."""
+"""New samples are appended as separate parts; beyond this number the parts are concatenated."""
+_STEP_S = 0.15
+"""Reports of one vehicle within this time, seconds, are one sample."""
+_WHITE_VAR = WHITE_STD_M**2
+"""(G,) m²."""
 _FRESH_COV = np.stack([_WHITE_VAR, np.zeros_like(_WHITE_VAR), np.full_like(_WHITE_VAR, _SPEED_STD_MPS**2)], axis=1)
 """(G, 3) covariance pp, pv, vv after a vehicle's first report."""
 _LOG_PRIOR_STD = -0.5 * (np.log(WHITE_STD_M / 0.4) / 1.0) ** 2
@@ -60,20 +65,20 @@ _LOG_PRIOR_STD = -0.5 * (np.log(WHITE_STD_M / 0.4) / 1.0) ** 2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Samples:
-    """Reports sorted by vehicle, then time."""
+    """Averaged reports, sorted by vehicle, then time."""
 
     t: FloatArray
-    """(S,) sample time, seconds."""
+    """(S,) mean time of the reports, seconds."""
     vehicle: IntArray
     """(S,) index."""
     p: FloatArray
-    """(S, 2) east and north, metres."""
+    """(S, 2) their mean place, east and north, metres."""
     heading: FloatArray
-    """(S,) clockwise from north, NaN unknown."""
+    """(S,) of the newest, clockwise from north, NaN unknown."""
     log_null: FloatArray
-    """(S,) or (S, G) ln density of the report under the vehicle's own past."""
+    """(S, G) ln density of the sample under the vehicle's own past, for each candidate noise."""
     jump_var: FloatArray
-    """(S,) or (S, G) squared innovation, m², of a report that jumped further than motion and noise explain; else 0."""
+    """(S,) or (S, G) squared innovation, m², of a sample that jumped further than motion and noise explain; else 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,24 +95,36 @@ class _NullState:
     """(k, G) of when, seconds."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Past:
+    """All samples of n vehicles up to one of each."""
+
+    state: _NullState
+    """After that sample."""
+    earlier: _NullState
+    """Before it, where it is far aside; else the time is NaN."""
+    score: FloatArray
+    """(n, G) ln likelihood of the candidates."""
+    t: FloatArray
+    """(n,) time of that sample, seconds, NaN none."""
+
+
 class ReportLog:
     """Accepted reports of n vehicles and the state of their null model."""
 
     def __init__(self, n: int, window_s: float) -> None:
         self.n_vehicles = n
         self._window_s = window_s
-        groups = len(WHITE_STD_M)
-        self._kept = [
-            Samples(
-                t=np.empty(0),
-                vehicle=np.empty(0, np.int64),
-                p=np.empty((0, 2)),
-                heading=np.empty(0),
-                log_null=np.empty((0, groups)),
-                jump_var=np.empty((0, groups)),
-            )
-        ]
-        """In the order of arrival, with the likelihoods under each candidate."""
+        self._closed = [_samples_of(0)]
+        """Samples to which nothing is added any more, in the order of arrival."""
+        self._open = _samples_of(n)
+        """The newest sample of each vehicle; NaN times where there is none."""
+        self._open_count = np.zeros(n)
+        """(n,) reports in it."""
+        self._open_since = np.full(n, -np.inf)
+        """(n,) time of its first report, seconds."""
+        self._whole: Samples | None = None
+        """Both together, until a report comes."""
         self.last_t = np.full(n, -np.inf)
         """(n,) time of the newest accepted report, seconds."""
         self.last_p = np.full((n, 2), np.nan)
@@ -124,27 +141,24 @@ class ReportLog:
         """(n,) the newest report was too uncertain for a comparison, by the 1σ that the vehicle states."""
         self.rejected_since = np.full(n, np.inf)
         """(n,) time, seconds, from which a vehicle's reports are rejected because they give another vehicle's place."""
-        self._score = np.zeros((n, groups))
-        self._state = _unknown_state((n, groups))
-        """After the newest report."""
-        self._earlier = _unknown_state((n, groups))
-        """Before it, where the newest report is far aside; else the time is NaN."""
+        self._before, self._now = _no_past(n), _no_past(n)
+        """Without and with the newest sample."""
         self._outliers: dict[tuple[int, float], BoolArray] = {}
-        """(G,) for which candidates a report, by vehicle and time, is an outlier."""
+        """(G,) for which candidates a sample, by vehicle and time, is an outlier."""
 
     @property
     def white_index(self) -> int:
-        """Index in ``WHITE_STD_M`` nearest to the mean variance of the white noise, given all reports: √E[σ²].
+        """Index in ``WHITE_STD_M`` nearest to the mean variance of the samples' noise, given all of them: √E[σ²].
 
         Few reports determine σ poorly, and a value that is too small makes the first names too certain.
         """
-        log_p = np.sum(self._score, axis=0) + _LOG_PRIOR_STD
+        log_p = np.sum(self._now.score, axis=0) + _LOG_PRIOR_STD
         p = np.exp(log_p - np.max(log_p))
         return int(np.argmin(np.abs(np.log(WHITE_STD_M**2) - np.log(p @ WHITE_STD_M**2 / np.sum(p)))))
 
     @property
     def white_std_m(self) -> float:
-        """1σ of the white noise that is used now, metres."""
+        """1σ of the samples' noise that is used now, metres."""
         return float(WHITE_STD_M[self.white_index])
 
     def add(self, t: FloatArray, reports: VehicleReports) -> None:
@@ -166,26 +180,20 @@ class ReportLog:
         for rows in rounds:
             chosen = np.array(rows)
             self._accept(reports.vehicle[chosen], t[chosen], reports, chosen)
-        if len(self._kept) > _PARTS:
-            self._joined()
+        if len(self._closed) > _PARTS:
+            self._join_closed()
 
     def samples(self, start: float, stop: float) -> Samples:
-        """Reports with start ≤ t < stop, seconds, by vehicle and time, without outliers and those that are rejected."""
-        kept, white = self._joined(), self.white_index
+        """Samples with start ≤ t < stop, seconds, by vehicle and time, without outliers and those that are rejected."""
+        kept, white = self._all(), self.white_index
         wanted = (kept.t >= start) & (kept.t < np.minimum(stop, self.rejected_since[kept.vehicle]))
         for (vehicle, t), found in self._outliers.items():
             if found[white]:
                 wanted &= (kept.vehicle != vehicle) | (kept.t != t)
         inside = np.flatnonzero(wanted)
         inside = inside[np.lexsort((kept.t[inside], kept.vehicle[inside]))]
-        return Samples(
-            t=kept.t[inside],
-            vehicle=kept.vehicle[inside],
-            p=kept.p[inside],
-            heading=kept.heading[inside],
-            log_null=kept.log_null[inside, white],
-            jump_var=kept.jump_var[inside, white],
-        )
+        chosen = _taken(kept, inside)
+        return replace(chosen, jump_var=chosen.jump_var[:, white])
 
     def extrapolated(self, t: float, longest_s: float = 3.0) -> tuple[FloatArray, FloatArray]:
         """Newest positions extrapolated with their velocity.
@@ -219,20 +227,18 @@ class ReportLog:
             # clockwise: multiplied by e^(−iφ)
             return to_east_north((to_complex(p) - to_complex(centre)) * np.exp(-1j * angle[vehicle])) + centre
 
-        other, kept, every = copy(self), self._joined(), np.arange(self.n_vehicles)
-        heading = kept.heading + angle[kept.vehicle]
-        other._kept = [replace(kept, p=around(kept.p, kept.vehicle), heading=heading)]
+        other, kept, every = copy(self), self._all(), np.arange(self.n_vehicles)
+        other._whole = replace(kept, p=around(kept.p, kept.vehicle), heading=kept.heading + angle[kept.vehicle])
         other.last_p = around(self.last_p, every)
         other.last_v = around(self.last_v + centre, every) - centre
         return other
 
     def later(self, seconds: float) -> ReportLog:
         """A copy in which all was reported so many seconds later."""
-        other, kept = copy(self), self._joined()
-        other._kept = [replace(kept, t=kept.t + seconds)]
+        other, kept = copy(self), self._all()
+        other._whole = replace(kept, t=kept.t + seconds)
         other._outliers = {(vehicle, t + seconds): found for (vehicle, t), found in self._outliers.items()}
         other.last_t, other.first_t = self.last_t + seconds, self.first_t + seconds
-        other._state, other._earlier = (replace(each, t=each.t + seconds) for each in (self._state, self._earlier))
         return other
 
     def _accept(self, vehicle: IntArray, t: FloatArray, reports: VehicleReports, rows: IntArray) -> None:
@@ -246,17 +252,41 @@ class ReportLog:
         vehicle, t, p, rows = vehicle[good], t[good], p[good], rows[good]
         if not len(rows):
             return
-        log_null, jump = self._filter(vehicle, t, p)
+        self._whole = None
+        self._average(vehicle, t, p, reports.heading[rows])
         reported = reports.v_enu[rows, :2]
         known: BoolArray = np.asarray(np.all(np.isfinite(reported), axis=1))
         if not known.all():
-            reported = np.where(known[:, None], reported, to_east_north(self._state.speed[vehicle, self.white_index]))
+            filtered = to_east_north(self._now.state.speed[vehicle, self.white_index])
+            reported = np.where(known[:, None], reported, filtered)
         self.last_v[vehicle] = reported
         self.last_t[vehicle], self.last_p[vehicle] = t, p
         self.last_heading[vehicle] = reports.heading[rows]
         self.first_t[vehicle] = np.minimum(self.first_t[vehicle], t)
-        heading = reports.heading[rows]
-        self._kept.append(Samples(t=t, vehicle=vehicle, p=p, heading=heading, log_null=log_null, jump_var=jump))
+
+    def _average(self, vehicle: IntArray, t: FloatArray, p: FloatArray, heading: FloatArray) -> None:
+        """Add one report of each of some vehicles to their newest samples, or begin others."""
+        joins = t < self._open_since[vehicle] + _STEP_S
+        begun, sample = vehicle[~joins], self._open
+        self._close(begun)
+        self._open_since[begun], self._open_count[begun] = t[~joins], 0.0
+        count = self._open_count[vehicle] = self._open_count[vehicle] + 1.0
+        # m_k = m_{k−1} + (x_k − m_{k−1})/k
+        first = count == 1.0
+        t = np.where(first, t, sample.t[vehicle] + (t - sample.t[vehicle]) / count)
+        p = np.where(first[:, None], p, sample.p[vehicle] + (p - sample.p[vehicle]) / count[:, None])
+        sample.t[vehicle], sample.p[vehicle], sample.heading[vehicle] = t, p, heading
+        sample.log_null[vehicle], sample.jump_var[vehicle] = self._filter(vehicle, t, p)
+
+    def _close(self, vehicle: IntArray) -> None:
+        """Nothing is added any more to the newest samples of some vehicles."""
+        some = vehicle[np.isfinite(self._open.t[vehicle])]
+        if not len(some):
+            return
+        self._closed.append(_taken(self._open, some))
+        for now, before in ((self._now.state, self._before.state), (self._now.earlier, self._before.earlier)):
+            _set_rows(before, some, _rows(now, some))
+        self._before.score[some], self._before.t[some] = self._now.score[some], self._now.t[some]
 
     def _repeats(self, vehicle: IntArray, t: FloatArray, p: FloatArray, v: FloatArray) -> BoolArray:
         """Repeats without information: of a moving vehicle (frozen receiver), or within a second of a standing one."""
@@ -268,14 +298,14 @@ class ReportLog:
         return np.asarray(same & (self.frozen[vehicle] | (t - self.last_t[vehicle] < _STANDING_REPEAT_S)))
 
     def _filter(self, vehicle: IntArray, t: FloatArray, p: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """One step of the null model: (k, G) ln densities and squared jumps, 0 for a vehicle's first report."""
-        last_t, at = self.last_t[vehicle], to_complex(p)[:, None]
+        """Step of the null model to the newest samples: (k, G) ln densities and squared jumps, 0 for a first one."""
+        last_t, at = self._before.t[vehicle], to_complex(p)[:, None]
         fresh: BoolArray = np.asarray(~np.isfinite(last_t))
-        before = _rows(self._state, vehicle)
+        before = _rows(self._before.state, vehicle)
         before = replace(before, t=np.where(fresh[:, None], t[:, None], before.t))
         back = self._find_outliers(vehicle, t, at)
         if back.any():
-            before = _chosen(back, _rows(self._earlier, vehicle), before)
+            before = _chosen(back, _rows(self._before.earlier, vehicle), before)
         expected = _moved(before, t)
         predicted, speed, cov = expected.place, expected.speed, expected.cov
         pp, pv, vv = cov[..., 0], cov[..., 1], cov[..., 2]
@@ -288,36 +318,69 @@ class ReportLog:
         cov = np.stack([pp - gain_p * pp, pv - gain_p * pv, vv - gain_v * pv], axis=2)
         if fresh.any():
             place[fresh], speed[fresh], cov[fresh], log_density[fresh] = at[fresh], 0.0, _FRESH_COV, 0.0
-        _set_rows(self._state, vehicle, _NullState(place=place, speed=speed, cov=cov, t=expected.t))
+        _set_rows(self._now.state, vehicle, _NullState(place=place, speed=speed, cov=cov, t=expected.t))
         passed_s = np.where(fresh, 0.0, t - last_t)[:, None]
-        self._score[vehicle] = self._score[vehicle] * np.exp(-passed_s / _FORGET_S) + log_density
+        self._now.score[vehicle] = self._before.score[vehicle] * np.exp(-passed_s / _FORGET_S) + log_density
+        self._now.t[vehicle] = t
         jump = np.where((e2 > _JUMP_NIS * s) & ~fresh[:, None], e2, 0.0)
         aside = (e2 > _ASIDE_NIS * s) & ~fresh[:, None]
-        _set_rows(self._earlier, vehicle, replace(before, t=np.where(aside, before.t, np.nan)))
+        _set_rows(self._now.earlier, vehicle, replace(before, t=np.where(aside, before.t, np.nan)))
         # a jump is as likely for the unrelated as for a pair: the same widening by e²
         log_density = np.where(jump > 0.0, -np.log(2 * np.pi * (s + e2)) - 0.5, log_density)
         return np.asarray(log_density), jump
 
     def _find_outliers(self, vehicle: IntArray, t: FloatArray, at: ComplexArray) -> BoolArray:
-        """(k, G) whether the report before this one was an outlier: it was aside, and this one is back."""
-        earlier = _rows(self._earlier, vehicle)
+        """(k, G) whether the sample before this one was an outlier: it was aside, and this one is back."""
+        earlier = _rows(self._before.earlier, vehicle)
         if not np.isfinite(earlier.t).any():
             return np.zeros(earlier.t.shape, np.bool_)
         expected = _moved(earlier, t)
         back = np.asarray(squared_magnitude(at - expected.place) < _ASIDE_NIS * (expected.cov[..., 0] + _WHITE_VAR))
-        for row in np.flatnonzero(back.any(axis=1)).tolist():
-            self._outliers[int(vehicle[row]), float(self.last_t[vehicle[row]])] = back[row]
+        for row in np.flatnonzero(np.isfinite(earlier.t).any(axis=1)).tolist():
+            self._outliers[int(vehicle[row]), float(self._before.t[vehicle[row]])] = back[row]
         return back
 
-    def _joined(self) -> Samples:
-        """All reports of the window, concatenated; older ones are dropped."""
-        if len(self._kept) > 1:
-            whole = {f.name: np.concatenate([getattr(part, f.name) for part in self._kept]) for f in fields(Samples)}
-            start = np.max(whole["t"]) - _KEPT_WINDOWS * self._window_s
-            keep = whole["t"] >= start
+    def _all(self) -> Samples:
+        """All samples of the window."""
+        if self._whole is None:
+            self._join_closed()
+            newest = _taken(self._open, np.flatnonzero(np.isfinite(self._open.t)))
+            self._whole = _concatenated([self._closed[0], newest])
+        return self._whole
+
+    def _join_closed(self) -> None:
+        """Concatenate what nothing is added to any more; older samples are dropped."""
+        if len(self._closed) > 1:
+            whole = _concatenated(self._closed)
+            start = np.max(whole.t) - _KEPT_WINDOWS * self._window_s
             self._outliers = {key: found for key, found in self._outliers.items() if key[1] >= start}
-            self._kept = [Samples(**{name: array[keep] for name, array in whole.items()})]
-        return self._kept[0]
+            self._closed = [_taken(whole, np.flatnonzero(whole.t >= start))]
+
+
+def _samples_of(n: int) -> Samples:
+    """Samples of n vehicles that nothing was reported of."""
+    none = np.full((n, len(WHITE_STD_M)), np.nan)
+    return Samples(
+        t=np.full(n, np.nan),
+        vehicle=np.arange(n),
+        p=np.full((n, 2), np.nan),
+        heading=np.full(n, np.nan),
+        log_null=none,
+        jump_var=none.copy(),
+    )
+
+
+def _concatenated(parts: list[Samples]) -> Samples:
+    return Samples(**{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Samples)})
+
+
+def _taken(samples: Samples, rows: IntArray) -> Samples:
+    return Samples(**{f.name: getattr(samples, f.name)[rows] for f in fields(Samples)})
+
+
+def _no_past(n: int) -> _Past:
+    shape = n, len(WHITE_STD_M)
+    return _Past(_unknown_state(shape), _unknown_state(shape), np.zeros(shape), np.full(n, np.nan))
 
 
 def _unknown_state(shape: tuple[int, int]) -> _NullState:

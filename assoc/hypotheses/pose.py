@@ -94,7 +94,7 @@ class BiasModels:
 def _own_variance(blocks: Blocks, tracks: IntArray, vehicles: IntArray, noise: Noise) -> FloatArray:
     """(B, P) variance of a block's mean about the bias."""
     count = np.maximum(blocks.count[:, tracks, vehicles], 1.0)
-    variance = (noise.white_var + noise.pixel_var * blocks.pixel_var[:, tracks]) / count
+    variance = (noise.white_var + blocks.box_var[:, tracks]) / count
     return np.asarray(variance + noise.floor_var + blocks.extra_var[:, tracks, vehicles])
 
 

@@ -17,7 +17,7 @@ __all__ = ["OffsetPrior", "noise_of", "prior_of"]
 
 FloatArray = NDArray[np.float64]
 
-_EXTRA_WHITE_VAR = 0.02
+_EXTRA_WHITE_VAR = 0.01
 """Jitter of a box about its vehicle, m², whatever the reports' noise."""
 _AREA_PER_HEIGHT2, _LEAST_AREA_M2, _MOST_AREA_M2 = 2.0, 50.0, 5e4
 """Ground in view for a camera at height h: 2 h², within these bounds, m²."""

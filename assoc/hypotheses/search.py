@@ -154,6 +154,8 @@ def residual_blocks(context: UpdateContext, theta: FloatArray) -> Blocks:
         block_s=context.block_s,
         gap_max_s=context.gap_max_s,
         heading_std=context.heading_std,
+        white_var=context.noise.white_var,
+        pixel_var=context.noise.pixel_var,
     )
     p, age = context.log.extrapolated(float(tracks.t[-1] - theta[OFFSET]))
     return with_extrapolated_block(blocks, tracks, context.state.seen, p, age, context.extrapolated_max_s)

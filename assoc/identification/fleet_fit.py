@@ -112,7 +112,7 @@ def _paired(blocks: Blocks, theta: FloatArray, rows: IntArray, vehicles: IntArra
         log_null=blocks.log_null[:, rows, vehicles, None],
         extra_var=blocks.extra_var[:, rows, vehicles, None],
         jump_var=blocks.jump_var[:, vehicles, None],
-        pixel_var=blocks.pixel_var[:, rows],
+        box_var=blocks.box_var[:, rows],
         jacobian=blocks.jacobian[:, rows],
         heading=blocks.heading[rows, vehicles, None],
         theta=theta,
