@@ -87,7 +87,7 @@ def _waits_us() -> Iterator[list[int]]:
             last_us = max(last_us, packet.t_us)
             yield packet
         # it still waits for what never came in time
-        waits.append(WAIT_US if pipeline.awaits_telemetry(t_us, last_us) else last_us - taken_us)
+        waits.append(pipeline.wait_us if pipeline.awaits_telemetry(t_us, last_us) else last_us - taken_us)
 
     with patch.object(PacketsInOrder, "awaited", timed):
         yield waits

@@ -50,8 +50,11 @@ MOST_BOXES = 300
 """Of a frame: more vehicles than system ids, and at most 0.2 s of work in a frame that is full of them."""
 HELD_US = 2_000_000
 """Names are shown this long after their frame: at 5 m/s a vehicle is 10 m on, perhaps where its neighbour was."""
-WAIT_US = 150_000
-"""A frame waits so long for the attitude after its own time; pictures of a live video come later than that."""
+WAIT_US, MOST_WAIT_US = 150_000, 1_000_000
+"""A frame waits so long for the attitude after its own time, and at most over a radio that is late: names that are late
+by as much are better than names by a pose that is extrapolated."""
+NEXT_US = 100_000
+"""Time from one report of the UAV's position to the next, usually."""
 CLOCK_SET_US = 10_000_000
 """A frame may come so late; one that is earlier still was dated by a clock that had been set back."""
 
@@ -132,15 +135,22 @@ class Pipeline:
                 self._alarms.texts.add(event)
             self._events += self._throttle.admit(events)
 
-    def awaits_telemetry(self, t_us: int, heard_us: int) -> bool:
+    def awaits_telemetry(self, t_us: int, heard_us: int, *, most_us: int = MOST_WAIT_US) -> bool:
         """Whether a frame should be kept back since reports of the UAV's pose after it are still to come.
 
         Args:
             t_us: when the frame was taken, Unix µs on the video's clock.
             heard_us: whatever came before this Unix time was added.
+            most_us: wait no longer, µs.
         """
         belongs_us = self.telemetry_time(t_us) + self._cameras.attitude_lag_us
-        return heard_us - max(t_us, belongs_us) < WAIT_US and self.fleet.awaits(belongs_us)
+        waited_us = heard_us - max(t_us, belongs_us)
+        return waited_us < most_us and self.fleet.awaits(belongs_us)
+
+    @property
+    def wait_us(self) -> int:
+        """How long a frame of a flight waits for the UAV's pose after its own time, µs: longer where radio is late."""
+        return min(max(round(self.fleet.uav_delay_us) + NEXT_US, WAIT_US), MOST_WAIT_US)
 
     def add_event(self, event: Event) -> None:
         """Add an event of the surroundings (links, video, operator) to the next snapshot."""

@@ -25,6 +25,8 @@ __all__ = ["GroundScale", "PacketsInOrder", "RecordedTurns"]
 
 _MOST_BETWEEN = 1000
 """Frames that a flight skips between two that it looks at, at most."""
+_PATIENCE_US = 3_000_000
+"""Frames of a recording wait so long for the UAV's pose: no screen waits for them."""
 _MOST_QUEUED_US = 5_000_000
 """A turn is made at most so long after a record that it has not taken in yet."""
 
@@ -43,10 +45,10 @@ class PacketsInOrder:
             self._next = next(self._packets, None)
 
     def awaited(self, pipeline: Pipeline, t_us: int) -> Iterator[Packet]:
-        """Those up to a frame's time, and those that the frame waits for in a flight, as long as the fold does."""
+        """Those up to a frame's time, and those until the UAV's pose at that time is known, if it comes."""
         # a frame that is dated before it was taken came later than its date
         yield from self.until(max(t_us, pipeline.telemetry_time(t_us)))
-        while self._next is not None and pipeline.awaits_telemetry(t_us, self._next.t_us):
+        while self._next is not None and pipeline.awaits_telemetry(t_us, self._next.t_us, most_us=_PATIENCE_US):
             yield self._next
             self._next = next(self._packets, None)
 

@@ -214,6 +214,11 @@ class Fleet:
         return is_awaited(self._uav, self._gimbals, t_us)
 
     @property
+    def uav_delay_us(self) -> float:
+        """By how much most messages of the UAV come later than the quickest of them, µs."""
+        return self._uav.usual_delay_us
+
+    @property
     def origin(self) -> LocalFrame | None:
         """Of the ENU frame, None until a place is known; it moves when the UAV turns out to be elsewhere."""
         return self._origin.frame
