@@ -161,9 +161,7 @@ def _by_block(
     return box, jacobian, place
 
 
-def _straight_lines(
-    t: FloatArray, p: FloatArray, seen: BoolArray, starts: IntArray
-) -> tuple[FloatArray, FloatArray]:
+def _straight_lines(t: FloatArray, p: FloatArray, seen: BoolArray, starts: IntArray) -> tuple[FloatArray, FloatArray]:
     """Least-squares velocity of each track in each block (K, T, 2), and the sum of squares about that line (K, T).
 
     The velocity is 0 where it cannot be fitted.

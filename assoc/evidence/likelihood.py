@@ -51,6 +51,7 @@ _LOG_NEAR, _LOG_WIDE = float(np.log(0.85)), float(np.log(0.15))
 _LOG_2PI = float(np.log(2.0 * np.pi))
 """ln 2π, of the normal density."""
 
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Noise:
     """What the residuals are made of."""

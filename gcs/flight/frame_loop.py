@@ -154,7 +154,9 @@ class FrameLoop:
     def _awaits(self, looked_at: _LookedAt, heard_us: int) -> bool:
         """Whether a frame's telemetry is still to come; where nothing is heard at all the wall clock decides."""
         waits_us = self._now_us() - looked_at.since_us
-        return 0 <= waits_us < self._pipeline.wait_us and self._pipeline.awaits_telemetry(looked_at.frame.t_us, heard_us)
+        return 0 <= waits_us < self._pipeline.wait_us and self._pipeline.awaits_telemetry(
+            looked_at.frame.t_us, heard_us
+        )
 
     def _process_packet(self, packet: Packet) -> None:
         if packet.record >= 0:

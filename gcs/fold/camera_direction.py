@@ -21,6 +21,8 @@ MOUNT_DOUBT = np.deg2rad(20.0)
 """The gimbal may report to look so far from where the mission's mount has the camera: mounts are set up by eye."""
 TURNED_US = 5_000_000
 """For a gimbal's reports to come that were asked for when an order turned the camera."""
+LOST_US = 3_000_000
+"""Without an attitude of the gimbal for so long, its loss is reported."""
 _LEVEL = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # nose north, level: body FRD to ENU
 
 
@@ -34,6 +36,8 @@ class CameraDirection:
         self._turned_us = 0
         """When an order turned the camera: from then on the mission does not know where it looks."""
         self._turn_reported = False
+        self._reported_us, self._lost_told = 0, False
+        """When the gimbal's attitude was known last, and whether its loss was reported."""
 
     @property
     def stabilized(self) -> bool:
@@ -71,6 +75,8 @@ class CameraDirection:
             uav: with what its gimbal reports.
         """
         R_enu_gimbal = _gimbal(uav)
+        if self.follows_gimbal and uav.attitude_valid:
+            yield from self._check_lost(t_us, R_enu_gimbal is not None)
         if self._turned_us and not self._turn_reported:
             yield from self._check_turned(t_us, R_enu_gimbal is not None)
         if self.follows_gimbal or self._mount_doubted or R_enu_gimbal is None:
@@ -80,6 +86,18 @@ class CameraDirection:
             self._mount_doubted = True
             text = 'the gimbal reports another direction than the mission\'s camera; mount = "gimbal" would follow it'
             yield Event(t_us=t_us, level="warning", kind="video", text=text)
+
+    def _check_lost(self, t_us: int, reported: bool) -> Iterator[Event]:
+        """Events on a gimbal whose attitude is no longer known, or known again."""
+        if reported:
+            if self._lost_told:
+                text = "the gimbal reports again where the camera looks"
+                yield Event(t_us=t_us, level="info", kind="camera", text=text)
+            self._reported_us, self._lost_told = t_us, False
+        elif self._reported_us and t_us - self._reported_us > LOST_US and not self._lost_told:
+            self._lost_told = True
+            text = "the gimbal's attitude is no longer known: the camera is taken to look where the mission says"
+            yield Event(t_us=t_us, level="warning", kind="camera", text=text)
 
     def _check_turned(self, t_us: int, reported: bool) -> Iterator[Event]:
         """Events on the direction of a camera that an order has turned."""

@@ -202,6 +202,24 @@ class VehicleClock:
         boot_us = arrival_us if self._by_arrival else boot_us
         return ClockReading(boot_us, fit, rebooted=rebooted, new_epoch=self.epoch != epoch)
 
+    @property
+    def started(self) -> bool:
+        """Whether any message has anchored it."""
+        return self._started
+
+    def boot_at(self, boot_ms: int, arrival_us: int) -> int | None:
+        """Boot time of a message that does not teach the clock; None where it is not one of this clock.
+
+        Args:
+            boot_ms: as sent.
+            arrival_us: Unix µs.
+        """
+        if not self._started or self._by_arrival:
+            return None
+        boot_us = self._unwrap(boot_ms * _MS, arrival_us)
+        late_us = arrival_us - self.unix_of(boot_us)
+        return boot_us if -self.params.early_us <= late_us <= self.params.late_us else None
+
     def follow_faster_link(self, reading: ClockReading, arrival_us: int) -> ClockReading:
         """Follows a message of the same count that came over a faster link: what came so far was late."""
         newest = self._newest

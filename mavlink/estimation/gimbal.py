@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from infra.reporting import ReportOnce
-from mavlink.estimation.interpolation import SampleBuffer
+from mavlink.estimation.interpolation import Insertion, SampleBuffer
 from mavlink.geodesy import (
     R_ENU_NED,
     quaternion_from_euler,
@@ -107,7 +107,7 @@ class Gimbals:
         self._reports = ReportOnce()
 
     def clear(self) -> None:
-        """Removes every attitude, for a UAV that has rebooted."""
+        """Removes every attitude, for a UAV whose boot times began anew."""
         self._buffer.clear()
         self._newest_us.clear()
 
@@ -145,7 +145,8 @@ class Gimbals:
             self._source = type(sample)
             self._buffer.clear()
             texts = self._reports.new([f"gimbal attitude from {name}"])
-        self._buffer.add(boot_us, attitude)
+        if self._buffer.add(boot_us, attitude) is Insertion.TOO_LATE:
+            texts += self._reports.new([f"{name} not used: its times are seconds before those of earlier ones"])
         return texts
 
     @property

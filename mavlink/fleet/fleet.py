@@ -56,6 +56,8 @@ __all__ = ["CameraReport", "Fleet", "FleetState", "Notice", "Reports", "UavState
 
 _UAV_LIMITS = VehicleLimits(max_speed=80.0, max_acceleration=12.0)
 """A fast multicopter or a small plane."""
+_MAX_UNDATED = 300
+"""Attitudes of the gimbal that are held back until the UAV's clock has an anchor."""
 _ORIGIN_PATIENCE_US = 10_000_000
 """How long the origin waits for the UAV's first position: a receiver that has just been switched on needs longer."""
 _MAX_WAITING = 2000
@@ -122,7 +124,9 @@ class Fleet:
         self._waiting: deque[tuple[Vehicle, int, PositionReport]] = deque(maxlen=_MAX_WAITING)
         self._waiting_since_us = 0
         self._evidence: deque[_AcceptedPosition] = deque(maxlen=_MAX_REPORTS)
-        self._gimbals = Gimbals(gimbal_id)
+        self._gimbals, self._gimbal_epoch = Gimbals(gimbal_id), 0
+        self._undated: deque[GimbalSample] = deque(maxlen=_MAX_UNDATED)
+        """Attitudes of the gimbal from before the UAV's clock was known."""
         self._camera = CameraReports(camera_id)
         self._ground_distance = GroundDistance()
         self._handlers: dict[type, Callable[[Vehicle, Any, Arrival], Iterable[Notice]]] = {
@@ -346,10 +350,14 @@ class Fleet:
     def _add_gimbal(self, vehicle: Vehicle, sample: GimbalSample, arrival: Arrival) -> tuple[Notice, ...]:
         if vehicle is not self._uav or arrival.late:
             return ()
-        # by its arrival: gimbals have a clock of their own
-        boot_us = vehicle.clock.boot_of(sample.t_us)
-        pose = vehicle.attitudes.at(boot_us)
-        texts = self._gimbals.add(boot_us, sample, pose.yaw if pose else math.nan)
+        if vehicle.clock.epoch != self._gimbal_epoch:
+            self._gimbal_epoch = vehicle.clock.epoch
+            self._gimbals.clear()
+        self._undated.append(sample)
+        texts = []
+        while self._undated and (boot_us := vehicle.boot_time(self._undated[0])) is not None:
+            pose = vehicle.attitudes.at(boot_us)
+            texts += self._gimbals.add(boot_us, self._undated.popleft(), pose.yaw if pose else math.nan)
         return self._camera_notices(sample.t_us, texts)
 
     def _add_camera(self, vehicle: Vehicle, sample: CameraSample, arrival: Arrival) -> tuple[Notice, ...]:

@@ -15,6 +15,7 @@ from mavlink.duplicate_id.components import NO_COMPONENT, Components
 from mavlink.duplicate_id.duplicate_id import DuplicateIdDetector
 from mavlink.estimation.clock import ClockFit, ClockReading, VehicleClock
 from mavlink.estimation.clock_health import ClockHealth
+from mavlink.estimation.gimbal import GimbalSample
 from mavlink.estimation.interpolation import ATTITUDE_LOST_S, LOST_S, Attitudes, Fix, Pose, PositionEstimate
 from mavlink.estimation.origin import FLEET_SPAN_M
 from mavlink.estimation.position_quality import Doubt, GpsReceivers, JumpDetector, PositionDoubts, PositionRejections
@@ -48,6 +49,8 @@ _GPS_FRESH_US = 5_000_000
 """A fix whose own time is farther than this from now carries another clock's time."""
 _OTHER_AUTOPILOT_US = 600_000_000
 """How often a second autopilot is reported: a companion that claims to be one does so for a whole flight."""
+_SHARED_CLOCK_US = 500_000
+"""A component whose messages come no later than this after the autopilot's of the same boot time has its clock."""
 _DELAY_GAIN, _DELAY_ASYMMETRY = 0.05, 9.0
 """Step of the usual delay towards one that is longer, and by how much smaller one towards a shorter delay is."""
 _JUMPING = "it jumps between places, receiver jammed or failing"
@@ -89,6 +92,8 @@ class Vehicle:
         self.doubts = PositionDoubts()
         self.conditions = ConditionReports(self.rejections.count)
         self._duplicate_id = DuplicateIdDetector(limits, drives=drives, links=links, address=address)
+        self._component_clocks: dict[int, VehicleClock] = {}
+        """Of components other than the autopilot."""
         self.usual_delay_us = 0.0
         """By how much most messages come later than the quickest of them, µs: the 0.9 expectile of their delays."""
         self._drives, self._limits = drives, limits
@@ -227,8 +232,7 @@ class Vehicle:
         if reading.fit is not ClockFit.OUTLIER:
             delay_us = t_us - clock.unix_of(reading.boot_us)
             if not reading.fit.late:
-                gain = _DELAY_GAIN if delay_us > self.usual_delay_us else _DELAY_GAIN / _DELAY_ASYMMETRY
-                self.usual_delay_us += gain * (delay_us - self.usual_delay_us)
+                self._learn_delay(delay_us)
             self._reception.set_delay(sender, max(delay_us, clock.params.late_us) if reading.fit.late else delay_us)
         if reading.new_epoch:
             self._drop_samples()
@@ -240,6 +244,35 @@ class Vehicle:
         elif reading.fit is ClockFit.OUTLIER and not trails:
             reading = self._check_other_clock(reading, t_us, sender)
         return reading, self.conflict_notices(t_us)
+
+    def boot_time(self, sample: GimbalSample) -> int | None:
+        """When what one of its components measured held, by the vehicle's own clock.
+
+        Args:
+            sample: dated by the autopilot's clock, or by that of a component; without a boot time by its arrival.
+
+        Returns:
+            Boot time, µs; None while the vehicle's clock has no anchor.
+        """
+        clock, t_us, component = self.clock, sample.t_us, sample.component_id
+        if not clock.started or self._components.autopilot == NO_COMPONENT:
+            return None
+        boot_us = clock.boot_at(sample.boot_ms, t_us) if sample.boot_ms else None
+        if sample.boot_ms and component != self._components.autopilot:
+            own = self._component_clocks.setdefault(component, VehicleClock())
+            reading = own.add_message(sample.boot_ms, t_us)
+            made_us = own.unix_of(reading.boot_us) if reading.fit.fits else t_us
+            # a component that was switched on with the autopilot counts nearly alike
+            shared = boot_us is not None and abs(made_us - clock.unix_of(boot_us)) < _SHARED_CLOCK_US
+            boot_us = boot_us if shared else clock.boot_of(made_us)
+        if boot_us is None:
+            return clock.boot_of(t_us)
+        self._learn_delay(t_us - clock.unix_of(boot_us))
+        return boot_us
+
+    def _learn_delay(self, delay_us: float) -> None:
+        gain = _DELAY_GAIN if delay_us > self.usual_delay_us else _DELAY_GAIN / _DELAY_ASYMMETRY
+        self.usual_delay_us += gain * (delay_us - self.usual_delay_us)
 
     def _check_other_clock(self, reading: ClockReading, t_us: int, sender: SenderKey) -> ClockReading:
         """Decides whether an outlier is of a faster link, which the clock then follows, or of another sender."""

@@ -246,6 +246,8 @@ class MountStatus(_Sample):
     pitch: float
     yaw: float
     """Relative to the vehicle's nose."""
+    boot_ms: int = 0
+    """It has none."""
 
 
 @dataclass(frozen=True, slots=True)
