@@ -77,6 +77,8 @@ class CameraState:
     """True: ``R_enu_cam`` is the rotation at the moment of the frame, whatever telemetry's clock is off by."""
     height_std_m: float = np.nan
     """1σ of the camera's height above the ground, metres; NaN: as the identifier assumes."""
+    other_heights_m: tuple[float, ...] = ()
+    """By how much the camera is higher above the ground if other sources of its height are right, metres."""
     position_std_m: float = np.nan
     """1σ per axis of the camera's level position, metres; NaN: as the identifier assumes."""
 

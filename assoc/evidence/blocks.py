@@ -197,7 +197,7 @@ def _box_variance(assumed: FloatArray, scatter: FloatArray, count: FloatArray) -
     dof = 2.0 * np.maximum(count - 2.0, 0.0)
     scatter = np.minimum(scatter, _MOST_BOX_VAR * dof)
     seen = count > 0.0
-    everywhere = np.sum(assumed, where=seen) / max(np.count_nonzero(seen), 1)
+    everywhere = np.sum(assumed, where=seen) / max(int(np.count_nonzero(seen)), 1)
     usual = (_BOX_DOF * everywhere + np.sum(scatter)) / (_BOX_DOF + np.sum(dof))
     own = (_BOX_DOF * usual + np.sum(scatter, axis=0)) / (_BOX_DOF + np.sum(dof, axis=0))
     return np.asarray(np.where(seen, own, 0.0))

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.evidence.blocks import Blocks
+from assoc.geometry.ground import HEIGHT
 from assoc.geometry.plane import squared_magnitude, to_complex, to_east_north
 
 __all__ = [
@@ -48,6 +49,8 @@ _WIDER = 5.0
 """The wider part of N has so many bias variances more."""
 _LOG_NEAR, _LOG_WIDE = float(np.log(0.85)), float(np.log(0.15))
 """ln of the weights of the two parts of N: one vehicle in seven wanders more than the others."""
+_AREA_PER_HEIGHT2, _LEAST_AREA_M2, _MOST_AREA_M2 = 2.0, 50.0, 5e4
+"""Ground in view for a camera at height h: 2 h², within these bounds, m²."""
 _LOG_2PI = float(np.log(2.0 * np.pi))
 """ln 2π, of the normal density."""
 
@@ -66,12 +69,17 @@ class Noise:
     """σ_floor², m²."""
     pixel_var: float
     """Variance that is assumed of a box's centre, px²."""
-    log_area: float
-    """ln of twice the ground area in view: where a report could be if it were unrelated."""
+    height: float
+    """Of the camera above the ground as reported, metres."""
     increment_max: float
     """Most that one block may count for or against a pair, nats."""
     in_view_bonus: FloatArray
     """(n,) what each block adds for a vehicle that should be in view, nats: biases wander in ways that no model has."""
+
+    def log_area_at(self, theta: FloatArray) -> float:
+        """ln of twice the ground area in view, m², under a pose correction (8,): where an unrelated report may be."""
+        height = max(self.height + float(theta[HEIGHT]), 1.0)
+        return float(np.log(2.0 * min(max(_AREA_PER_HEIGHT2 * height**2, _LEAST_AREA_M2), _MOST_AREA_M2)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,9 +138,9 @@ def log_density(e2: FloatArray, s: FloatArray, V: FloatArray) -> FloatArray:
     return np.asarray(np.logaddexp(near, _LOG_WIDE - np.log(wide) - e2 / (2 * wide)) - _LOG_2PI)
 
 
-def _first_null(blocks: Blocks, noise: Noise) -> FloatArray:
+def _first_null(blocks: Blocks, log_area: float) -> FloatArray:
     """(B, T, n) ln p₀ of a first comparison: for one sample it is a uniform density over the ground in view."""
-    return np.asarray(blocks.log_null * (1.0 - 1.0 / np.maximum(blocks.count, 1.0)) - noise.log_area)
+    return np.asarray(blocks.log_null * (1.0 - 1.0 / np.maximum(blocks.count, 1.0)) - log_area)
 
 
 def run_filter(
@@ -155,7 +163,7 @@ def run_filter(
     variance, constant = _constant(blocks, noise)
     has_all = blocks.count > 0
     decay, prior = noise.decay, noise.bias_std**2
-    null, null_later = _first_null(blocks, noise), blocks.log_null - noise.in_view_bonus
+    null, null_later = _first_null(blocks, noise.log_area_at(theta)), blocks.log_null - noise.in_view_bonus
     # each block as if it were the first of the pair
     log_p_first = constant + log_density(squared_magnitude(mean_r), prior + variance, np.asarray(prior))
     restart = np.clip(log_p_first - null, _FIRST_LEAST, noise.increment_max)

@@ -110,9 +110,12 @@ def _rotations(R: FloatArray, yaw: FloatArray, pitch: FloatArray | float, roll: 
 
 
 def _intersect_ground(d: FloatArray, p: FloatArray, z: FloatArray) -> FloatArray:
-    """Ground points p_xy + d_xy (z − p_z)/d_z of rays d (F, K, 3) from p (F, 3); NaN where a ray does not descend."""
+    """Ground points p_xy + d_xy (z − p_z)/d_z of rays d (F, K, 3) from p (F, 3).
+
+    NaN where a ray does not descend, or from a camera that is not above the ground.
+    """
     norm = np.sqrt(np.einsum("...i,...i->...", d, d))
-    falls = d[..., 2] < -_DEPRESSION_SIN_MIN * norm
+    falls = (d[..., 2] < -_DEPRESSION_SIN_MIN * norm) & (p[:, 2] > z)[:, None]
     scale = np.where(falls, (z - p[:, 2])[:, None] / np.where(falls, d[..., 2], -1.0), np.nan)
     return np.asarray(p[:, None, :2] + d[..., :2] * scale[..., None])
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.evidence.likelihood import Noise
-from assoc.geometry.ground import OFFSET, PITCH, THETA, YAW
+from assoc.geometry.ground import HEIGHT, OFFSET, PITCH, THETA, YAW
 from assoc.hypotheses.pose import PosePrior
 from assoc.params import IdentifierParams
 from assoc.records import CameraState
@@ -19,8 +19,6 @@ FloatArray = NDArray[np.float64]
 
 _EXTRA_WHITE_VAR = 0.01
 """Jitter of a box about its vehicle, m², whatever the reports' noise."""
-_AREA_PER_HEIGHT2, _LEAST_AREA_M2, _MOST_AREA_M2 = 2.0, 50.0, 5e4
-"""Ground in view for a camera at height h: 2 h², within these bounds, m²."""
 _FREE_TILT_STD_DEG, _FREE_YAW_RATE_STD_DEG_S, _FREE_POSITION_STD_M = 5.0, 3.0, 30.0
 """Prior 1σ where nothing is reported: tilt of a camera fixed to the body, drift of the heading, horizontal position."""
 
@@ -32,6 +30,9 @@ _GROSS: tuple[tuple[int, FloatArray, float, float], ...] = (
 )
 """Gross errors: which number of θ, about which means, with which 1σ, and the weight of each in the prior: cameras
 mounted turned, a gimbal's angle that is not told, video that is late or dated by another clock."""
+
+_OTHER_HEIGHT_STD_M, _OTHER_HEIGHT_SHARE = 6.0, 0.3
+"""1σ of the height that another source gives, metres, and its weight in the prior: they are nearly on a par."""
 
 
 def noise_of(
@@ -53,15 +54,13 @@ def noise_of(
         tau_s: Its correlation time.
         in_view_bonus: (n,) see :class:`Noise`.
     """
-    height = max(float(camera.p_enu[2]) - camera.ground_z, 1.0)
-    area = float(np.clip(_AREA_PER_HEIGHT2 * height**2, _LEAST_AREA_M2, _MOST_AREA_M2))
     return Noise(
         white_var=white_std_m**2 + _EXTRA_WHITE_VAR,
         bias_std=bias_std,
         decay=float(np.exp(-q.block_s / tau_s)),
         floor_var=q.mean_floor_m**2,
         pixel_var=q.pixel_std**2,
-        log_area=float(np.log(2.0 * area)),
+        height=float(camera.p_enu[2]) - camera.ground_z,
         increment_max=q.increment_max,
         in_view_bonus=in_view_bonus,
     )
@@ -83,7 +82,16 @@ def prior_of(q: IdentifierParams, camera: CameraState, offset_std_s: float) -> P
     std = np.array([yaw, rate, tilt, tilt, level, level, height, offset_std_s], np.float64)
     # along a road an offset of seconds is a shift, and what does not fit of it would be taken for a sway
     sways = free and not camera.stabilized
-    return PosePrior(std=std, others=() if sways else tuple(_gross_errors(std, attitude_known=not free)))
+    others = [] if sways else list(_gross_errors(std, attitude_known=not free))
+    return PosePrior(std=std, others=(*_other_heights(std, camera.other_heights_m), *others))
+
+
+def _other_heights(std: FloatArray, heights_m: tuple[float, ...]) -> Iterator[PosePrior]:
+    """The parts in which another source of the camera's height is right."""
+    for height_m in heights_m:
+        off, wider = np.zeros(THETA), std.copy()
+        off[HEIGHT], wider[HEIGHT] = height_m, _OTHER_HEIGHT_STD_M
+        yield PosePrior(std=wider, mean=off, log_share=float(np.log(_OTHER_HEIGHT_SHARE)))
 
 
 def _gross_errors(std: FloatArray, *, attitude_known: bool) -> Iterator[PosePrior]:

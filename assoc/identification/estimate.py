@@ -17,7 +17,7 @@ from assoc.evidence.likelihood import (
 )
 from assoc.evidence.motion import ReportLog
 from assoc.geometry.expected_view import chance_in_view
-from assoc.geometry.ground import OFFSET, THETA, rays_to_ground
+from assoc.geometry.ground import HEIGHT, OFFSET, THETA, rays_to_ground
 from assoc.geometry.sway import FREE_TURNS, TURNS, Sway, wander_of
 from assoc.history import TrackHistory
 from assoc.hypotheses.bias_memory import BiasMemory
@@ -77,6 +77,8 @@ class Estimator:
         """What the camera sways beyond them and beyond the pose that is reported."""
         self.theta_std: FloatArray = np.full(THETA, np.nan)
         """(8,) 1σ of ``theta``, NaN before the first update."""
+        self._other_height = False
+        """Whether the best of them has the height of another source."""
         self._lock = SearchLock(params.lock)
         self.fit, self.gross = FleetFit(), GrossErrors()
         self._strangers = StrangerLimit()
@@ -110,6 +112,18 @@ class Estimator:
         if self._sway is None:
             return theta
         return np.asarray(theta + self._sway.at(self._history.t[self._history.n - 1 : self._history.n])[0])
+
+    @property
+    def height_error(self) -> tuple[float, float] | None:
+        """By how much the camera is higher above the ground, and 1σ, metres, where another source's height fits."""
+        if not (self._other_height and self.fit.fits):
+            return None
+        return float(self._thetas[0][HEIGHT]), float(self.theta_std[HEIGHT])
+
+    def raise_ground(self, by_m: float) -> None:
+        """Take in that the ground in the history was raised, metres: the camera stays where it is found to be."""
+        for theta in self._thetas:
+            theta[HEIGHT] += by_m
 
     @property
     def time_offset_s(self) -> float:
@@ -177,6 +191,7 @@ class Estimator:
         best, share = found[0], posterior_weights(found)
         self._thetas = [h.theta for h in found[: self._params.search.start_hypotheses]]
         self.theta_std = best.theta_std
+        self._other_height = bool(context.prior.part_at(best.theta).mean[HEIGHT])
         self._follow_sway(context, best, camera)
         seen = context.gap_s <= 0.0
         free = self._co_visibility.log_not_lost(live, seen)
@@ -199,7 +214,9 @@ class Estimator:
         self._fold(context, best)
         p = limit_by_place(review.p, best.score, self._places(live, camera), self._bias_std)
         bias = best.final.mean[: len(live)]
-        odds = log_odds_among_strangers(p, best.score, bias, self._bias_std, context.view, context.noise.log_area)
+        odds = log_odds_among_strangers(
+            p, best.score, bias, self._bias_std, context.view, context.noise.log_area_at(best.theta)
+        )
         p = self._strangers.limit(t, history.track_id[live], p, odds, stated)
         return UpdateResult(live, p, review.vehicles)
 

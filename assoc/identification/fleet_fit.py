@@ -148,7 +148,7 @@ def evidence_of(context: UpdateContext, best: Hypothesis) -> FitEvidence:
     switch = context.log_switch[:, rows]
     final = run_filter(blocks, best.theta, start, noise, switch)[0]
     course = (final.score + blocks.heading)[:, 0] + log_odds[vehicles]
-    place = _log_place(blocks, noise, context.block_s) + log_odds[vehicles]
+    place = _log_place(blocks, noise, best.theta, context.block_s) + log_odds[vehicles]
     pose = best.value - best.unseen - float(np.sum(best.score[rows, vehicles]))
     swaying = 0.0 if context.sway is None else context.sway.cost
     # a pair that is compared nowhere in the window, or contradicts itself there, may as well be apart
@@ -160,13 +160,13 @@ def evidence_of(context: UpdateContext, best: Hypothesis) -> FitEvidence:
     return FitEvidence(pairs + rest, places + rest, strangers)
 
 
-def _log_place(blocks: Blocks, noise: Noise, block_s: float) -> FloatArray:
+def _log_place(blocks: Blocks, noise: Noise, theta: FloatArray, block_s: float) -> FloatArray:
     """(K,) L of K pairs from place alone."""
     e2 = np.sum(blocks.mean[:, :, 0] ** 2, axis=-1)
     s = _PLACE_STD_M**2 + noise.white_var
     near = _LOG_NEAR - e2 / (2 * s) - np.log(2 * np.pi * s)
     far = _LOG_FAR - e2 / (2 * _FARTHER * s) - np.log(2 * np.pi * _FARTHER * s)
-    ratio = np.logaddexp(near, far) + noise.log_area
+    ratio = np.logaddexp(near, far) + noise.log_area_at(theta)
     return np.asarray(np.sum(ratio, axis=0, where=blocks.count[:, :, 0] > 0.0) * block_s / _PLACE_TAU_S)
 
 

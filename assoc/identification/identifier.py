@@ -76,6 +76,14 @@ class Identifier:
         return self._estimator.theta_std.copy()
 
     @property
+    def height_error(self) -> tuple[float, float] | None:
+        """By how much the camera is higher above the ground than reported, and 1σ, metres.
+
+        None unless film and telemetry fit with a height that another source gives, not with that of ``ground_z``.
+        """
+        return self._estimator.height_error
+
+    @property
     def fit_probability(self) -> float:
         """Probability that film and telemetry belong together, NaN while nothing was compared."""
         return self._estimator.fit.probability
@@ -94,6 +102,11 @@ class Identifier:
         """Add the positions that arrived since the last call; to be called before :meth:`stitch`, which uses them."""
         if len(reports.t_us):
             self._log.add(self._seconds(reports.t_us), reports)
+
+    def raise_ground(self, by_m: float) -> None:
+        """Take in that the ground has been higher all along than the cameras so far had it, metres."""
+        self._history.z[: self._history.n] += by_m
+        self._estimator.raise_ground(by_m)
 
     def update(
         self, observation: Observation, camera: CameraState, reports: VehicleReports | None = None
@@ -301,5 +314,6 @@ def _complete_state(camera: CameraState) -> CameraState | None:
         stabilized=camera.stabilized,
         half_view=camera.half_view,
         height_std_m=camera.height_std_m,
+        other_heights_m=camera.other_heights_m,
         position_std_m=camera.position_std_m,
     )

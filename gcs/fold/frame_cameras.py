@@ -103,6 +103,20 @@ class FrameCameras:
             events.append(Event(t_us=state.t_us, level="warning", kind="camera", text=text, system_id=self._uav_id))
         return events
 
+    @property
+    def ground_step_m(self) -> float:
+        """By how much the ground rose at once, with the last frame, since a source of its height was left out."""
+        return self._heights.step_m
+
+    def hear_film(self, error_m: float, std_m: float) -> None:
+        """Leave out sources of the ground's height that the film contradicts.
+
+        Args:
+            error_m: by how much the camera is higher above the ground, as the film shows.
+            std_m: 1σ of that.
+        """
+        self._heights.hear_film(error_m, std_m)
+
     def follow_steps(self, state: FleetState, *, sure: bool) -> tuple[bool, Sequence[Event]]:
         """Take out steps of the UAV's position that the video does not show.
 

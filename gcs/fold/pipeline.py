@@ -227,6 +227,8 @@ class Pipeline:
         self._follow_origin()
         self._follow_steps(state)
         self._events += self._cameras.follow_ground(state, self.fleet.origin)
+        if self._cameras.ground_step_m:
+            self._identifier.raise_ground(self._cameras.ground_step_m)
         view = self._frame_camera(state, size if image is None else _size_of(image))
         self._identifier.add_reports(reports_of(self.fleet.take_reports(), self.mission.ugv_ids, view, state))
         if detections is None:
@@ -342,7 +344,10 @@ class Pipeline:
         if view is None:
             return None
         observation = observation_of(self.telemetry_time(t_us), detections, tracks, view.intrinsics, view)
-        return self._identifier.update(observation, self._camera(view))
+        found = self._identifier.update(observation, self._camera(view))
+        if self._identifier.height_error is not None:
+            self._cameras.hear_film(*self._identifier.height_error)
+        return found
 
     def _camera(self, view: FrameCamera) -> CameraState:
         return camera_of(view, self._cameras.stabilized)

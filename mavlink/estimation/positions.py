@@ -24,6 +24,7 @@ from mavlink.state import PositionState
 
 __all__ = [
     "NOT_YET",
+    "UNSTEADY_ALTITUDE",
     "Positions",
     "VehicleLimits",
     "Verdict",
@@ -89,6 +90,7 @@ class Verdict(Enum):
         """The vehicle cannot have got there."""
 
 
+UNSTEADY_ALTITUDE = "altitude, contradicts itself from report to report"
 NOT_YET = frozenset({"no fix (0/0)", "no GPS fix"})
 """Reasons of a vehicle that waits for its first fix: no fault before it has had one."""
 _NEAR_ZERO_DEG = 1e-3
@@ -117,6 +119,9 @@ _STANDING_SPEED = 0.3
 """m/s; at less a vehicle is at rest, and its position may repeat."""
 _STANDING_REPORT_US = 1_000_000
 """A standing vehicle's repeated position counts as new evidence this often."""
+_STEADY_ALTITUDE_M, _STEADY_AGAIN_M, _ALTITUDE_GAIN = 12.0, 6.0, 0.3
+"""Altitudes whose steps from report to report are larger than the first on average contradict themselves, until the
+steps are smaller than the second; and the weight of the newest step."""
 _YAW_GAP = math.radians(20.0)
 """A heading this far from the attitude's yaw is wrong."""
 _COURSE_DISTRUST, _COURSE_WORST = 5, 10
@@ -201,6 +206,7 @@ def fix_of(
     home_alt_m: float,
     *,
     heading: float,
+    steady: bool,
     stds_m: tuple[float, float],
     limits: VehicleLimits,
     drives: bool,
@@ -212,6 +218,7 @@ def fix_of(
         frame: ENU.
         home_alt_m: altitude of the home plane, NaN unknown; ground vehicles without an altitude are put on it.
         heading: from :meth:`Positions.check_heading`.
+        steady: from :meth:`Positions.check_altitude`.
         stds_m: from :func:`position_stds`.
         limits: what the vehicle can do.
         drives: a ground vehicle.
@@ -221,8 +228,10 @@ def fix_of(
     alt_m = sample.alt_m if altitude_known(sample.alt_m) else math.nan
     # rovers report sea level as their altitude until their filter has started, and some after
     most_gap_m = limits.sea_level_gap_m if abs(alt_m) < _SEA_LEVEL_M else limits.height_gap_m
-    if drives and not abs(alt_m - home_alt_m) <= most_gap_m:
-        if math.isfinite(home_alt_m):
+    if drives and not (steady and abs(alt_m - home_alt_m) <= most_gap_m):
+        if not steady:
+            left_out.append(UNSTEADY_ALTITUDE)
+        elif math.isfinite(home_alt_m):
             left_out.append("altitude, far from the ground")
         alt_m = home_alt_m if math.isfinite(home_alt_m) else alt_m if math.isfinite(alt_m) else frame.alt_m
         up_std_m = math.nan
@@ -257,6 +266,8 @@ class Positions:
         """The first and the last two reports in a row that were too far away."""
         self._heading_errors = 0
         self._heading_trusted = True
+        self._alt_m, self._altitude_var, self._altitude_trusted = math.nan, 0.0, True
+        """The altitude reported last, the mean square of its steps, and whether it is used."""
         self._place = (math.nan, math.nan)
         self._reported_us = 0
 
@@ -308,6 +319,20 @@ class Positions:
                 self._heading_trusted = True
         contradicted = abs(wrap_pi(heading - yaw)) > _YAW_GAP  # False when yaw is NaN
         return math.nan if contradicted or not self._heading_trusted else heading
+
+    def check_altitude(self, sample: GlobalPosition) -> bool:
+        """Whether the altitudes that are reported follow from one another; a first one is believed.
+
+        Args:
+            sample: the report.
+        """
+        before, self._alt_m = self._alt_m, sample.alt_m
+        if altitude_known(before) and altitude_known(sample.alt_m):
+            step2 = (sample.alt_m - before) ** 2
+            self._altitude_var += _ALTITUDE_GAIN * (step2 - self._altitude_var)
+            worst_m = _STEADY_ALTITUDE_M if self._altitude_trusted else _STEADY_AGAIN_M
+            self._altitude_trusted = self._altitude_var < worst_m**2
+        return self._altitude_trusted
 
     def add(self, boot_us: int, fix: Fix, place: tuple[float, float]) -> Verdict:
         """Compares one report with those before and keeps it when it can be right.

@@ -19,7 +19,15 @@ from mavlink.estimation.gimbal import GimbalSample
 from mavlink.estimation.interpolation import ATTITUDE_LOST_S, LOST_S, Attitudes, Fix, Pose, PositionEstimate
 from mavlink.estimation.origin import FLEET_SPAN_M
 from mavlink.estimation.position_quality import Doubt, GpsReceivers, JumpDetector, PositionDoubts, PositionRejections
-from mavlink.estimation.positions import Positions, VehicleLimits, Verdict, fix_of, place_error, position_stds
+from mavlink.estimation.positions import (
+    UNSTEADY_ALTITUDE,
+    Positions,
+    VehicleLimits,
+    Verdict,
+    fix_of,
+    place_error,
+    position_stds,
+)
 from mavlink.fleet.condition import ConditionReports
 from mavlink.fleet.statustext import StatusTexts
 from mavlink.geodesy import LocalFrame
@@ -330,8 +338,14 @@ class Vehicle:
         yaw = pose.yaw if pose is not None and pose.age_s < ATTITUDE_LOST_S else math.nan
         heading = self.positions.check_heading(sample, yaw)
         stds_m = position_stds(self._receivers.of_sender(t_us, sender), self._limits)
+        steady = self.positions.check_altitude(sample)
         fix, left_out = fix_of(
-            sample, frame, home_alt_m, heading=heading, stds_m=stds_m, limits=self._limits, drives=self._drives
+            *(sample, frame, home_alt_m),
+            heading=heading,
+            steady=steady,
+            stds_m=stds_m,
+            limits=self._limits,
+            drives=self._drives,
         )
         for reason in left_out:
             self.rejections.count(reason)
@@ -361,8 +375,14 @@ class Vehicle:
             self.doubts.add_jump(t_us, gap_m)
             text = f"position jumped by {gap_m:,.0f} m and stayed there: accepted"
             notices = (self._notice(t_us, "alarm", text),)
+        notices += self._altitude_notices(t_us, left_out)
         evidence = verdict in (Verdict.NEW, Verdict.MOVED) and not self.in_conflict(t_us)
         return fix if evidence else None, notices
+
+    def _altitude_notices(self, t_us: int, left_out: tuple[str, ...]) -> Notices:
+        if UNSTEADY_ALTITUDE not in left_out or not self.rejections.reports.due(UNSTEADY_ALTITUDE, t_us):
+            return ()
+        return (self._notice(t_us, "warning", f"not used: {UNSTEADY_ALTITUDE}"),)
 
     def change_frame(self, before: LocalFrame, now: LocalFrame) -> None:
         """Converts all that is kept of places to another local frame."""

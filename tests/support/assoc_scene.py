@@ -149,7 +149,7 @@ def noise(**changes):
         "decay": DECAY,
         "floor_var": 0.0,
         "pixel_var": 0.0,
-        "log_area": np.log(2e3),
+        "height": np.sqrt(500.0),
         "increment_max": 1e9,
         "in_view_bonus": np.zeros(1),
     }

@@ -9,12 +9,16 @@ than the UAV's all together. In ENU metres, with vehicle j at (p, z) and its own
 
 Errors are constant over a flight, more or less, so that more samples of a vehicle make its b_j no smaller, but they
 show how the ground rises where it drives. With a terrain file all heights are above its own.
+
+Where sources disagree, the film decides: the fleet's formation and its motion have the right size for one height alone.
+What the film contradicts is left out from then on (:meth:`GroundHeight.hear_film`). Altitudes of vehicles that are off
+all together, as above the ellipsoid instead of the sea, still show the slope.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -38,7 +42,7 @@ RELIEF_SLOPE_STD = 0.005
 FILE_STD_M = 5.0
 """1σ of a terrain file's height against the UAV's altitude: a map's own error, and another sea level or none."""
 FILE = HeightSource(name="the terrain file", z=0.0, std_m=FILE_STD_M)
-TAKEOFF = "the take-off"
+TAKEOFF, ALTITUDES = "the take-off", "the vehicles' altitudes"
 ON_FILE_STD_M = 2.0
 """1σ of the ground, above the relief, by the place of the take-off: a barometer's drift and a file's errors."""
 TAKEOFF_M = 2.0
@@ -65,6 +69,8 @@ OUTLIER_M, OUTLIER_STDS = 15.0, 3.5
 """An altitude is left out where it is so far from the median, or from the plane of the others."""
 GAP_M = 8.0
 """Sources that differ from what is used by less than this, metres, or by less than ``OUTLIER_STDS`` agree."""
+FLYING_M, LEAST_HEIGHT_M = 10.0, 3.0
+"""A UAV this far above its home is at least that far above the ground where it is, metres."""
 GAP_LASTS_US = 3_000_000
 """For so long before it is reported: filters start, and reports come one after the other."""
 TOLD_GAP_M = 10.0
@@ -76,6 +82,8 @@ class GroundHeight:
 
     def __init__(self) -> None:
         self.ground: GroundSurface | None = None
+        self.step_m = 0.0
+        """By how much it rose at once, with the last update."""
         self._found: GroundSurface | None = None
         self._found_us = 0
         """What was found last, and when; ``ground`` follows it."""
@@ -90,6 +98,12 @@ class GroundHeight:
         """Since when a source differs from what is used."""
         self._told_m: dict[str, float] = {}
         """By how much a source differed when that was reported."""
+        self._left_out: set[str] = set()
+        """Sources that the film contradicts."""
+        self._news: list[str] = []
+        """What an operator should know of them."""
+        self._divided_told = self._jumps = False
+        """Whether it was told that the vehicles' altitudes differ; and whether the next ground is taken at once."""
 
     def below(self, uav: UavState) -> GroundSurface:
         """The ground; the plane of the UAV's home while nothing else is known."""
@@ -134,21 +148,82 @@ class GroundHeight:
         if relief is not None and self._takeoff_en is not None:
             measured.append((HeightSource(name=TAKEOFF, z=home_z, std_m=ON_FILE_STD_M), self._takeoff_en))
         found, ago_us = self._found, state.t_us - self._found_us
-        if found is None or not 0 <= ago_us < FIND_EVERY_US or (found.relief is None) != (relief is None):
-            found = find_ground(self._moments, std_m, home_z, uav_en, measured, relief)
+        if (
+            found is None
+            or self._jumps
+            or not 0 <= ago_us < FIND_EVERY_US
+            or (found.relief is None) != (relief is None)
+        ):
+            found = find_ground(self._moments, std_m, home_z, uav_en, measured, relief, self._left_out)
             self._found, self._found_us = found, state.t_us
-        self.ground = found if self.ground is None else _blend(self.ground, found, 1.0 - math.exp(-dt / SMOOTHING_S))
+            if self._leave_out_above(uav):
+                found = find_ground(self._moments, std_m, home_z, uav_en, measured, relief, self._left_out)
+                self._found = found
+            if found.divided and not self._divided_told:
+                self._divided_told = True
+                self._news.append(f"{ALTITUDES} contradict each other: they are not used for the height of the ground")
+        ground = self._follow(found, dt)
         if len(self._bumps.heights_m) != n:
             self._bumps = VehicleRelief(n)
-        plane = self.ground.height_at(np.where(used[:, None], state.p_enu, 0.0))
+        plane = ground.height_at(np.where(used[:, None], state.p_enu, 0.0))
         self._bumps.update(np.where(used, state.p_enu[:, 2] - plane, np.nan), dt)
         bumps = dict(zip(state.system_id.tolist(), self._bumps.heights_m.tolist(), strict=True))
-        self.ground = replace(self.ground, bumps=bumps)
+        self.ground = replace(ground, bumps=bumps)
         uav_id = state.vehicles[0].system_id
+        news, self._news = self._news, []
         return (
+            *(Event(t_us=state.t_us, level="warning", kind="camera", text=text, system_id=uav_id) for text in news),
             *self._outside(state.t_us, covered, uav_id),
             *self._gaps(state.t_us, float(uav.p_enu[2]), found, uav_id),
         )
+
+    def _follow(self, found: GroundSurface, dt: float) -> GroundSurface:
+        """The ground, moved towards what is found, ``dt`` seconds later; at once where a source was left out."""
+        before, jumps = self.ground, self._jumps
+        self.step_m, self._jumps = 0.0, False
+        if before is None:
+            return found
+        if jumps:
+            self.step_m = found.z - float(before.height_at(found.at[None])[0])
+            return found
+        return _blend(before, found, 1.0 - math.exp(-dt / SMOOTHING_S))
+
+    def hear_film(self, error_m: float, std_m: float) -> None:
+        """Leave out the sources that the film contradicts; the next ground is taken at once.
+
+        Args:
+            error_m: by how much the camera is higher above the ground than by ``ground``, as the film shows.
+            std_m: 1σ of that.
+        """
+        if self.ground is None or self._found is None:
+            return
+        z = self.ground.z - error_m
+        self._leave_out(
+            lambda source: abs(source.z - z) > max(GAP_M, OUTLIER_STDS * math.hypot(std_m, source.std_m)), z, "the film"
+        )
+
+    def _leave_out_above(self, uav: UavState) -> bool:
+        """Leave out sources by which a UAV that flies is in the ground; whether there are any."""
+        uav_z = float(uav.p_enu[2])
+        if uav.height_m > FLYING_M:
+            self._leave_out(lambda source: source.z > uav_z - LEAST_HEIGHT_M, uav_z - uav.height_m, TAKEOFF)
+        return self._jumps
+
+    def _leave_out(self, is_wrong: Callable[[HeightSource], bool], z: float, witness: str) -> None:
+        """Leave out sources, unless it would be all of them; ``z``: the ground by what contradicts them."""
+        sources = self._found.sources if self._found else ()
+        wrong = [source for source in sources if is_wrong(source)]
+        if len(wrong) == len(sources):
+            return
+        for source in wrong:
+            self._left_out.add(source.name)
+            self._since_us.pop(source.name, None)
+            off = f"{abs(source.z - z):.0f} m too {'high' if source.z > z else 'low'} by {witness}"
+            if source.name == ALTITUDES:
+                self._news.append(f"{source.name} are {off}: another datum? Their level is not used")
+            else:
+                self._news.append(f"{source.name} is {off}: it is not used for the height of the ground")
+        self._jumps |= bool(wrong)
 
     def _outside(self, t_us: int, covered: bool, uav_id: int) -> Sequence[Event]:
         """An event once the fleet is where the terrain file has no heights."""
@@ -199,6 +274,7 @@ def find_ground(
     uav_en: FloatArray,
     measured: Sequence[tuple[HeightSource, FloatArray]] = (),
     relief: Relief | None = None,
+    left_out: Collection[str] = (),
 ) -> GroundSurface:
     """The most probable ground; all heights are above the relief where there is one.
 
@@ -209,12 +285,14 @@ def find_ground(
         uav_en: (2,) where the UAV is.
         measured: Heights of the ground at places (2,).
         relief: Heights of a terrain file.
+        left_out: names of sources that do not count; of the vehicles' altitudes only their level does not.
     """
     slope_std = SLOPE_STD if relief is None else RELIEF_SLOPE_STD
     known = np.flatnonzero((moments[:, 0, 0] > 0.0) & np.isfinite(std_m))
     mean = moments[known, 0, 1:] / moments[known, 0, :1]
     near = _near_median(mean[:, 2], home_z)
-    known, mean = known[near], mean[near]
+    divided = len(mean) > 2 and 2 * int(np.count_nonzero(near)) <= len(mean)
+    known, mean = (known[:0], mean[:0]) if divided else (known[near], mean[near])
     at = mean[:, :2].mean(axis=0) if len(known) else uav_en.copy()
     plane, cov = np.array([home_z, 0.0, 0.0]), np.diag([UNKNOWN_VAR, slope_std**2, slope_std**2])
     while len(known):
@@ -227,11 +305,13 @@ def find_ground(
             break
         kept = np.arange(len(known)) != gap.argmax()
         known, mean = known[kept], mean[kept]
-    cov[0, 0] += UAV_ALTITUDE_STD_M**2
+    cov[0, 0] += UNKNOWN_VAR if ALTITUDES in left_out else UAV_ALTITUDE_STD_M**2
     sources = []
-    if len(known):
-        sources.append(HeightSource(name="the vehicles' altitudes", z=float(plane[0]), std_m=math.sqrt(cov[0, 0])))
+    if len(known) and ALTITUDES not in left_out:
+        sources.append(HeightSource(name=ALTITUDES, z=float(plane[0]), std_m=math.sqrt(cov[0, 0])))
     for source, place_en in (*measured, *([(FILE, at)] if relief is not None else [])):
+        if source.name in left_out:
+            continue
         h = np.array([1.0, *(place_en - at)])
         there = float(plane[0] + source.z - h @ plane)
         sources.append(
@@ -239,12 +319,14 @@ def find_ground(
         )
         plane, cov = _with_height(plane, cov, h, source)
     z, var = float(plane[0]), float(cov[0, 0])
-    if TAKEOFF not in [source.name for source in sources]:
+    if TAKEOFF not in [*left_out, *(source.name for source in sources)]:
         sources.append(HeightSource(name=TAKEOFF, z=home_z, std_m=float(HOME_STDS_M[0])))
         z, var = _with_home(z, var, home_z)
     rise = float(relief.heights(at[None])[0]) if relief is not None else 0.0
     said = tuple(replace(source, z=source.z + rise) for source in sources)
-    return GroundSurface(at=at, z=z + rise, slope=plane[1:], std_m=math.sqrt(var), sources=said, relief=relief)
+    return GroundSurface(
+        at=at, z=z + rise, slope=plane[1:], std_m=math.sqrt(var), sources=said, relief=relief, divided=divided
+    )
 
 
 def _near_median(z: FloatArray, home_z: float) -> NDArray[np.bool_]:

@@ -65,9 +65,24 @@ class GroundSurface:
     std_m: float
     """1σ of ``z``."""
     sources: tuple[HeightSource, ...] = ()
+    divided: bool = False
+    """The vehicles' altitudes contradict each other."""
     relief: Relief | None = None
     bumps: Mapping[int, float] = field(default_factory=dict)
     """Of the ground under each vehicle above all that, metres, by system id."""
+
+    def other_heights_m(self, apart_m: float) -> tuple[float, ...]:
+        """What sources that disagree say: by how much the ground is lower than ``z``, metres, if one of them is right.
+
+        Args:
+            apart_m: sources closer than this to one another or to ``z`` agree.
+        """
+        others: list[float] = []
+        for source in self.sources:
+            lower = self.z - source.z
+            if all(abs(lower - other) > apart_m for other in (0.0, *others)):
+                others.append(lower)
+        return tuple(others)
 
     def height_at(self, p_enu: FloatArray) -> FloatArray:
         """Heights (k,) at places (k, 2 or 3)."""
