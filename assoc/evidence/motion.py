@@ -213,6 +213,13 @@ class ReportLog:
             np.isfinite(self.rejected_since) | self.too_uncertain, np.inf, age
         )
 
+    def begun_anew(self) -> ReportLog:
+        """A log without samples that knows where the vehicles reported to be last."""
+        anew = ReportLog(self.n_vehicles, self._window_s)
+        for name in ("last_t", "last_p", "last_v", "last_heading", "first_t", "frozen", "too_uncertain"):
+            setattr(anew, name, getattr(self, name).copy())
+        return anew
+
     def turned(self, centre: FloatArray, angle: FloatArray) -> ReportLog:
         """A copy in which each vehicle's reports are turned about one place by an angle of their own.
 

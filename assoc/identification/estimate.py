@@ -99,9 +99,13 @@ class Estimator:
         self._offset_prior = OffsetPrior(params)
         self._conflicts = ConflictMonitor()
 
-    def restarted(self) -> Estimator:
-        """An estimator of the same window that has learnt nothing yet."""
-        anew = Estimator(self._history, self._log, self._params, self._stated)
+    def restarted(self, log: ReportLog) -> Estimator:
+        """An estimator of the same window that has learnt nothing yet.
+
+        Args:
+            log: Reports that count from now on.
+        """
+        anew = Estimator(self._history, log, self._params, self._stated)
         anew._first_block = self._first_block
         return anew
 
@@ -119,11 +123,6 @@ class Estimator:
         if not (self._other_height and self.fit.fits):
             return None
         return float(self._thetas[0][HEIGHT]), float(self.theta_std[HEIGHT])
-
-    def raise_ground(self, by_m: float) -> None:
-        """Take in that the ground in the history was raised, metres: the camera stays where it is found to be."""
-        for theta in self._thetas:
-            theta[HEIGHT] += by_m
 
     @property
     def time_offset_s(self) -> float:

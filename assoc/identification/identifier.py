@@ -104,9 +104,13 @@ class Identifier:
             self._log.add(self._seconds(reports.t_us), reports)
 
     def raise_ground(self, by_m: float) -> None:
-        """Take in that the ground has been higher all along than the cameras so far had it, metres."""
+        """Take in that the ground has been higher all along than the cameras so far had it, metres.
+
+        Reports were moved to where those cameras see them, so that only the newest places are kept of them.
+        """
         self._history.z[: self._history.n] += by_m
-        self._estimator.raise_ground(by_m)
+        self._log, self._common_boxes = self._log.begun_anew(), CommonBoxes(len(self._ids))
+        self._begin_anew()
 
     def update(
         self, observation: Observation, camera: CameraState, reports: VehicleReports | None = None
@@ -232,7 +236,7 @@ class Identifier:
         self._last_update_s = t
         result = self._estimator.update(t, usable)
         if self._estimator.gross.mirror_found:
-            self._exchange_sides(t)
+            self._exchange_sides()
         # a missed box does not change the probabilities of its track
         seen = np.flatnonzero(self._history.last_s[result.columns] >= t)
         ids = self._history.track_id[result.columns[seen]]
@@ -244,12 +248,16 @@ class Identifier:
         """The camera, mirrored where its picture is."""
         return replace(camera, R_enu_cam=camera.R_enu_cam * MIRROR) if self._mirrored else camera
 
-    def _exchange_sides(self, t: float) -> None:
+    def _exchange_sides(self) -> None:
         """Begin anew with the same frames and reports, left and right of the picture exchanged."""
         self._mirrored = not self._mirrored
         self._history.R *= MIRROR
-        self._estimator = self._estimator.restarted()
-        self._estimator.begin_tracks(t, np.flatnonzero(self._history.track_id > 0))
+        self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        """Give up what was learnt of the camera and of the tracks in the history."""
+        self._estimator = self._estimator.restarted(self._log)
+        self._estimator.begin_tracks(self._t, np.flatnonzero(self._history.track_id > 0))
         self._last_update_s = -np.inf
 
     def _watch_residuals(self, t: float, answer: Identities) -> None:

@@ -163,7 +163,8 @@ class GroundHeight:
                 self._divided_told = True
                 self._news.append(f"{ALTITUDES} contradict each other: they are not used for the height of the ground")
         ground = self._follow(found, dt)
-        if len(self._bumps.heights_m) != n:
+        if len(self._bumps.heights_m) != n or self.step_m:
+            # bumps are what differs from the mean above the same ground
             self._bumps = VehicleRelief(n)
         plane = ground.height_at(np.where(used[:, None], state.p_enu, 0.0))
         self._bumps.update(np.where(used, state.p_enu[:, 2] - plane, np.nan), dt)
