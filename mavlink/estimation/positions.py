@@ -119,9 +119,9 @@ _STANDING_SPEED = 0.3
 """m/s; at less a vehicle is at rest, and its position may repeat."""
 _STANDING_REPORT_US = 1_000_000
 """A standing vehicle's repeated position counts as new evidence this often."""
-_STEADY_ALTITUDE_M, _STEADY_AGAIN_M, _ALTITUDE_GAIN = 12.0, 6.0, 0.3
+_STEADY_ALTITUDE_M, _STEADY_AGAIN_M, _LONGEST_STEP_M, _ALTITUDE_GAIN = 12.0, 6.0, 30.0, 0.3
 """Altitudes whose steps from report to report are larger than the first on average contradict themselves, until the
-steps are smaller than the second; and the weight of the newest step."""
+steps are smaller than the second. A step counts for the third at most, and the newest has the weight of the fourth."""
 _YAW_GAP = math.radians(20.0)
 """A heading this far from the attitude's yaw is wrong."""
 _COURSE_DISTRUST, _COURSE_WORST = 5, 10
@@ -228,8 +228,9 @@ def fix_of(
     alt_m = sample.alt_m if altitude_known(sample.alt_m) else math.nan
     # rovers report sea level as their altitude until their filter has started, and some after
     most_gap_m = limits.sea_level_gap_m if abs(alt_m) < _SEA_LEVEL_M else limits.height_gap_m
-    if drives and not (steady and abs(alt_m - home_alt_m) <= most_gap_m):
-        if not steady:
+    near = abs(alt_m - home_alt_m) <= most_gap_m
+    if drives and not (near and steady):
+        if near:
             left_out.append(UNSTEADY_ALTITUDE)
         elif math.isfinite(home_alt_m):
             left_out.append("altitude, far from the ground")
@@ -328,7 +329,7 @@ class Positions:
         """
         before, self._alt_m = self._alt_m, sample.alt_m
         if altitude_known(before) and altitude_known(sample.alt_m):
-            step2 = (sample.alt_m - before) ** 2
+            step2 = min(abs(sample.alt_m - before), _LONGEST_STEP_M) ** 2
             self._altitude_var += _ALTITUDE_GAIN * (step2 - self._altitude_var)
             worst_m = _STEADY_ALTITUDE_M if self._altitude_trusted else _STEADY_AGAIN_M
             self._altitude_trusted = self._altitude_var < worst_m**2

@@ -173,7 +173,7 @@ def blocks_of(samples):
         log_null=np.zeros(shape),
         extra_var=np.zeros(shape),
         jump_var=np.zeros((shape[0], shape[2])),
-        pixel_var=np.zeros(shape[:2]),
+        box_var=np.zeros(shape[:2]),
         jacobian=np.zeros((*shape[:2], 2, THETA)),
         heading=np.zeros(shape[1:]),
         theta=np.zeros(THETA),

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from assoc.evidence import blocks as module
 from assoc.evidence.blocks import make_blocks
-from assoc.evidence.motion import Samples
+from assoc.evidence.motion import WHITE_STD_M, Samples
 from assoc.geometry.ground import THETA, GroundTracks
 
 
@@ -23,7 +25,7 @@ def scene(n, seconds=6.0, seed=3):
         p=p,
         jacobian=np.zeros((len(t), n, 2, THETA)),
         heading=heading,
-        pixel_m=np.full((len(t), n), 0.05),
+        pixel_m=np.full((len(t), n), PIXEL_M),
         theta=np.zeros(THETA),
     )
     said = np.tile(np.arange(0.05, seconds, 0.2), n)
@@ -33,15 +35,22 @@ def scene(n, seconds=6.0, seed=3):
         vehicle=vehicle,
         p=start[vehicle] + v[vehicle] * said[:, None],
         heading=heading[0, vehicle],
-        log_null=np.full(len(said), -2.0),
+        log_null=np.full((len(said), len(WHITE_STD_M)), -2.0),
         jump_var=np.zeros(len(said)),
     )
     return tracks, samples
 
 
+PIXEL_VAR, PIXEL_M = 2.25, 0.05
+
+
+def blocks(tracks, samples, n):
+    numbers = {"block_s": 1.0, "gap_max_s": 0.6, "heading_std": 0.15, "white_var": 0.09, "pixel_var": PIXEL_VAR}
+    return make_blocks(tracks, samples, n, first=0, last=6, **numbers)
+
+
 def made(n):
-    tracks, samples = scene(n)
-    return make_blocks(tracks, samples, n, first=0, last=6, block_s=1.0, gap_max_s=0.6, heading_std=0.15)
+    return blocks(*scene(n), n)
 
 
 def test_a_track_half_a_metre_aside():
@@ -77,6 +86,31 @@ def test_holes_are_bridged_while_they_are_short(gap_s):
     holed = GroundTracks(
         t=tracks.t, p=p, jacobian=tracks.jacobian, heading=tracks.heading, pixel_m=tracks.pixel_m, theta=tracks.theta
     )
-    got = make_blocks(holed, samples, 1, first=0, last=6, block_s=1.0, gap_max_s=0.6, heading_std=0.15)
+    got = blocks(holed, samples, 1)
     inside = np.count_nonzero((samples.t > 2.5) & (samples.t < 2.4 + gap_s))
     assert got.count.sum() == pytest.approx(30 - (0 if gap_s < 0.6 else inside), abs=2)
+
+
+@pytest.mark.parametrize("std", [0.0, 0.1, 0.4])
+def test_how_much_boxes_scatter_is_seen_from_the_boxes(std):
+    tracks, samples = scene(4)
+    noisy = replace(tracks, p=tracks.p + np.random.default_rng(5).normal(0.0, std, tracks.p.shape))
+    got = blocks(noisy, samples, 4)
+    # what is assumed of a detector still counts a little
+    least = 0.3 * PIXEL_VAR * PIXEL_M**2
+    assert got.box_var[1:5].min() > min(0.5 * std**2, least) and got.box_var.max() < 1.5 * std**2 + least
+
+
+def test_a_track_that_leaps_does_not_make_all_boxes_noisy():
+    tracks, samples = scene(4)
+    leapt = tracks.p.copy()
+    leapt[25:, 0] += 9.0
+    assert blocks(replace(tracks, p=leapt), samples, 4).box_var[:, 1:].max() < 0.1
+
+
+def test_what_the_past_foresees_is_taken_for_the_noise_of_boxes_and_reports_together():
+    tracks, samples = scene(1)
+    by_noise = replace(samples, log_null=np.tile(np.log(WHITE_STD_M), (len(samples.t), 1)))
+    got = blocks(tracks, by_noise, 1)
+    expected = 0.5 * np.log(0.09 + got.box_var[2, 0])
+    assert got.log_null[2, 0, 0] / got.count[2, 0, 0] == pytest.approx(expected, abs=1e-9)

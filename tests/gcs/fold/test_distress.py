@@ -89,7 +89,8 @@ def test_a_wrong_position_is_an_alarm_while_it_lasts_and_costs_no_other_name(
     for (t_s, keys, names), (_, _, expected) in zip(rows, well, strict=True):
         if t_s > 20.0:
             assert [i for i, _ in names if i != WHO] == [i for i, _ in expected if i != WHO], t_s
-        if doubted and key in keys and t_s < END_S:
+        # the last frames wait for telemetry of after the end
+        if doubted and key in keys and t_s < END_S - 0.2:
             assert all(confidence < 0.9 for i, confidence in names if i == WHO), t_s
     assert [i for i, _ in rows[-1][2]] == [i for i, _ in well[-1][2]]
 

@@ -126,7 +126,7 @@ def test_none_of_ours_is_a_statement_too(sure):
 
 def test_none_of_ours_about_one_of_ours_is_contradicted(sure):
     track = sure.box(UGV).track_id
-    stated(sure, track, 0).run(2, filmed=True)
+    stated(sure, track, 0).run(1.5, filmed=True)
     assert unnamed(sure).track_id == track and unnamed(sure).stated
     sure.run(14, filmed=True)
     assert sure.box(UGV).track_id == track

@@ -79,7 +79,7 @@ def test_a_terrain_file_that_cannot_be_read_is_told_once_and_done_without(tmp_pa
 
 
 def test_the_missions_terrain_file_shapes_the_ground(tmp_path):
-    rows = 584.0 + 0.1 * 11.1 * np.arange(100, 0, -1)[:, None] * np.ones((1, 100))  # 10 % up to the north
+    rows = 528.0 + 0.1 * 11.1 * np.arange(100, 0, -1)[:, None] * np.ones((1, 100))  # 10 % up to the north
     path = write_geotiff(tmp_path / "a.tif", rows.astype(np.float32), (149.16, -35.358), (0.0001, 0.0001))
     cameras, state, frame = cameras_with(path)
     assert not cameras.follow_ground(state, frame)
