@@ -16,12 +16,16 @@ from sim.world.scenario import (
 )
 
 __all__ = [
+    "ALTITUDES",
+    "ALTITUDES_HARD",
     "HILLS",
     "HILLS_HARD",
     "SHAKING",
     "SHAKING_HARD",
     "WRONG_CAMERAS",
     "WRONG_CAMERAS_HARD",
+    "altitudes",
+    "altitudes_hard",
     "hill",
     "hill_hard",
     "shaking",
@@ -51,6 +55,8 @@ SHAKING_HARD = (
 WRONG_CAMERAS = ("focal × 0.7", "focal × 1.3", "yaw 30°", "offset 2 s", "distortion", "pitch 5°")
 WRONG_CAMERAS_HARD = ("yaw 90°", "yaw 180°", "mirrored", "pitch 15°", "offset 5 s", "focal × 1.3, yaw 30°, -45°")
 HILLS = ("+10 m", "-10 m", "+20 m, -50°", "-15 m, -60°", "slope 4°", "waves 3 m, -50°")
+ALTITUDES = ("+48", "-35", "+20", "+48, -45°", "-35, -45°", "contradict, -45°")
+ALTITUDES_HARD = ("+70, 20", "-48, -10", "+35, -15, -35°", "-70, 15, -35°", "contradict, 15", "+30, -50°")
 HILLS_HARD = ("+30 m", "+30 m, -45°", "-20 m, -45°", "-20 m, open", "slope 7°, -50°", "waves 6 m, -45°")
 
 
@@ -139,6 +145,35 @@ def hill(k: int, rng: np.random.Generator) -> Scenario:
 def hill_hard(k: int, rng: np.random.Generator) -> Scenario:
     """Taken off 20-30 m above or below them, a steep slope, high waves."""
     return _uneven(HILLS_HARD[k], k, rng)
+
+
+def altitudes(k: int, rng: np.random.Generator) -> Scenario:
+    """Vehicles count their altitudes from another level than the UAV, or what they report contradicts itself."""
+    return _levels(ALTITUDES[k], k, rng)
+
+
+def altitudes_hard(k: int, rng: np.random.Generator) -> Scenario:
+    """The same where the UAV took off on a hill or in a hollow: no source but the film tells the height."""
+    return _levels(ALTITUDES_HARD[k], k, rng)
+
+
+def _levels(label: str, k: int, rng: np.random.Generator) -> Scenario:
+    first, *rest = label.split(", ")
+    view = next((part for part in rest if part.endswith("°")), "nadir")
+    above = next((float(part) for part in rest if not part.endswith("°")), 0.0)
+    wild = first == "contradict"
+    return session(
+        ground=road(k),
+        camera=_lens(rng, view),
+        flight=ScenarioFlight(height_m=float(rng.uniform(45.0, 65.0)), takeoff_above_m=above),
+        gnss=gnss(
+            rng,
+            altitude_bias_m=1.5,
+            altitude_white_m=100.0 if wild else 0.3,
+            altitude_datum_m=0.0 if wild else float(first) + float(rng.normal(0.0, 3.0)),
+        ),
+        attitude=slight(rng),
+    )
 
 
 def _uneven(label: str, k: int, rng: np.random.Generator) -> Scenario:

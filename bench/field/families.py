@@ -185,5 +185,17 @@ FAMILIES: dict[int, Family] = dict(
             _of(other_trouble.other_errors, other_trouble.OTHER_ERRORS),
             _of(other_trouble.other_errors_hard, other_trouble.OTHER_ERRORS_HARD),
         ),
+        _family(
+            22,
+            "smooth reports",
+            _of(other_trouble.smooth, other_trouble.SMOOTH),
+            _of(other_trouble.smooth_hard, other_trouble.SMOOTH_HARD),
+        ),
+        _family(
+            23,
+            "altitudes",
+            _of(camera_trouble.altitudes, camera_trouble.ALTITUDES),
+            _of(camera_trouble.altitudes_hard, camera_trouble.ALTITUDES_HARD),
+        ),
     )
 )

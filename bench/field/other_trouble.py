@@ -25,10 +25,14 @@ __all__ = [
     "FILMS_HARD",
     "OTHER_ERRORS",
     "OTHER_ERRORS_HARD",
+    "SMOOTH",
+    "SMOOTH_HARD",
     "SPOOFERS",
     "SPOOFERS_HARD",
     "other_errors",
     "other_errors_hard",
+    "smooth",
+    "smooth_hard",
     "spoofers",
     "spoofers_hard",
     "unrelated",
@@ -40,12 +44,72 @@ __all__ = [
 FROM_THE_START_S = -60.0
 """Before the first telemetry."""
 
+SMOOTH = ("1 Hz", "2 Hz", "5 Hz", "10 Hz", "20 Hz", "50 Hz", "mixed")
+SMOOTH_HARD = (
+    "1 Hz, -45°",
+    "5 Hz, -45°, rough boxes",
+    "10 Hz, rough pose",
+    "20 Hz, rough boxes, rough pose",
+    "50 Hz, -30°, late",
+    "20 Hz, -30°, seldom attitude",
+    "mixed, -45°, rough boxes, late",
+)
 SPOOFERS = ("own errors", "copy", "delay 0.5 s", "one from outside", "open, own errors", "open, copy")
 SPOOFERS_HARD = ("bias 1.5 m", "copy, bias 1.5 m", "delay 1.5 s", "two of one", "two pairs", "formation")
 FILMS = ("another road", "curved, straight", "open, curved", "straight, open", "oblique", "more in the film")
 FILMS_HARD = ("same line", "three vehicles", "no attitude", "bias 2 m", "grids", "look-alikes", "another drive")
 OTHER_ERRORS = ("walk", "steps", "sine 10 s", "sine 200 s", "Laplace", "outliers", "rough boxes", "late", "uneven")
 OTHER_ERRORS_HARD = ("mixed 1", "mixed 2", "mixed 3", "mixed 4", "mixed 5", "mixed 6")
+
+
+def smooth(k: int, rng: np.random.Generator) -> Scenario:
+    """Reports of autopilots' filters, whose errors are slow and hardly noisy, as often as autopilots send them."""
+    return session(
+        ground=road(k),
+        flight=ScenarioFlight(height_m=float(rng.uniform(38.0, 55.0))),
+        gnss=_filtered(rng),
+        attitude=slight(rng),
+        timing=_rates(SMOOTH[k]),
+    )
+
+
+def smooth_hard(k: int, rng: np.random.Generator) -> Scenario:
+    """The same beside boxes, poses and clocks that are far noisier than the reports."""
+    rate, *rest = SMOOTH_HARD[k].split(", ")
+    timing, pitch = _rates(rate), -90.0
+    detector, errors, attitude = ScenarioDetector(), _filtered(rng), slight(rng)
+    for word in rest:
+        if word.endswith("°"):
+            pitch = float(word.rstrip("°"))
+        elif word == "rough boxes":
+            detector = ScenarioDetector(size_noise=float(rng.uniform(0.08, 0.12)))
+        elif word == "rough pose":
+            errors = replace(errors, uav_white_m=float(rng.uniform(0.3, 0.5)))
+        elif word == "late":
+            timing = replace(timing, jitter_s=float(rng.uniform(0.1, 0.2)))
+        else:
+            timing = replace(timing, attitude_hz=float(rng.uniform(5.0, 8.0)))
+    return session(
+        ground=road(k),
+        camera=ScenarioCamera(pitch_deg=pitch),
+        flight=ScenarioFlight(height_m=float(rng.uniform(38.0, 55.0))),
+        gnss=errors,
+        attitude=attitude,
+        timing=timing,
+        detector=detector,
+    )
+
+
+def _filtered(rng: np.random.Generator) -> Gnss:
+    wander = {"bias": float(rng.uniform(0.3, 1.0)), "tau_s": float(rng.uniform(20.0, 60.0))}
+    return gnss(rng, white=float(rng.uniform(0.01, 0.04)), bias_kind="filtered", **wander)
+
+
+def _rates(label: str) -> ScenarioTiming:
+    if label == "mixed":
+        return ScenarioTiming(rate_min_hz=1.0, rate_max_hz=50.0)
+    hz = float(label.split()[0])
+    return ScenarioTiming(rate_min_hz=hz, rate_max_hz=hz)
 
 
 def spoofers(k: int, rng: np.random.Generator) -> Scenario:

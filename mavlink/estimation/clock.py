@@ -207,6 +207,11 @@ class VehicleClock:
         """Whether any message has anchored it."""
         return self._started
 
+    @property
+    def newest_us(self) -> int:
+        """Latest boot time of any message, µs."""
+        return self._newest
+
     def boot_at(self, boot_ms: int, arrival_us: int) -> int | None:
         """Boot time of a message that does not teach the clock; None where it is not one of this clock.
 

@@ -268,8 +268,9 @@ class Vehicle:
         boot_us = clock.boot_at(sample.boot_ms, t_us) if sample.boot_ms else None
         if sample.boot_ms and component != self._components.autopilot:
             own = self._component_clocks.setdefault(component, VehicleClock())
+            counts_on = not own.started or own.boot_at(sample.boot_ms, t_us) != own.newest_us
             reading = own.add_message(sample.boot_ms, t_us)
-            made_us = own.unix_of(reading.boot_us) if reading.fit.fits else t_us
+            made_us = own.unix_of(reading.boot_us) if reading.fit.fits and counts_on else t_us
             # a component that was switched on with the autopilot counts nearly alike
             shared = boot_us is not None and abs(made_us - clock.unix_of(boot_us)) < _SHARED_CLOCK_US
             boot_us = boot_us if shared else clock.boot_of(made_us)

@@ -11,6 +11,8 @@ __all__ = ["gauss_markov", "lasting_error", "report_noise"]
 
 FloatArray = NDArray[np.float64]
 
+FILTER_S = 0.6
+"""Time constant with which an autopilot's filter follows its receiver."""
 OUTLIER_SHARE, OUTLIER_FACTOR = 1.0 / 25.0, 5.0
 """How many reports are outliers, and how much wider they scatter; a choice after urban GNSS."""
 
@@ -19,6 +21,8 @@ def lasting_error(gnss: Gnss, steps: int, shape: tuple[int, ...], dt_s: float, r
     """(steps, *shape) metres: the error that lasts, of the kind that is asked for, every dt_s."""
     if gnss.bias_kind == "gauss-markov":
         return gauss_markov(steps, shape, gnss.bias_m, gnss.tau_s, dt_s, rng)
+    if gnss.bias_kind == "filtered":
+        return _smoothed(gauss_markov(steps, shape, gnss.bias_m, gnss.tau_s, dt_s, rng), dt_s)
     start = rng.normal(0.0, gnss.bias_m, shape)
     if gnss.bias_kind == "walk":
         # b_{k+1} = b_k + σ √(Δt/τ) w
@@ -36,6 +40,15 @@ def lasting_error(gnss: Gnss, steps: int, shape: tuple[int, ...], dt_s: float, r
     changes[0] = True
     last = np.maximum.accumulate(np.where(changes, np.arange(steps).reshape(-1, *(1 for _ in shape)), 0), axis=0)
     return np.take_along_axis(fresh, np.broadcast_to(last, fresh.shape), axis=0)
+
+
+def _smoothed(values: FloatArray, dt_s: float) -> FloatArray:
+    """Values (steps, ...) through two poles, each of the time constant of an autopilot's position filter."""
+    keep = np.exp(-dt_s / FILTER_S)
+    for _ in range(2):
+        for k in range(1, len(values)):
+            values[k] = keep * values[k - 1] + (1.0 - keep) * values[k]
+    return values
 
 
 def report_noise(kind: str, shape: tuple[int, int], rng: np.random.Generator) -> FloatArray:

@@ -92,7 +92,11 @@ class Sensors:
         noise = _held(report_noise(gnss.white_kind, (len(t), 3), rng), seen)
         xy = p[:, :2] + bias + gnss.white_m * noise[:, :2] + self._shift(vehicle, t, rng)
         rng = random_stream(self.scenario, f"altitude {vehicle}")
-        above = self._altitude_bias[vehicle] + gnss.altitude_white_m * _held(rng.normal(0.0, 1.0, (len(t), 1)), seen)
+        above = (
+            self._altitude_bias[vehicle]
+            + gnss.altitude_datum_m
+            + gnss.altitude_white_m * _held(rng.normal(0.0, 1.0, (len(t), 1)), seen)
+        )
         spread = np.radians(self.scenario.attitude.ugv_heading_noise_deg)
         return UgvReading(
             p_enu=np.concatenate([xy, p[:, 2:] + above], axis=1),

@@ -139,8 +139,9 @@ class Gnss:
     """How that noise is distributed: outliers is normal but for one report in 25, which is off five times as far."""
     bias_m: float = 0.6
     """Standard deviation of the wandering bias."""
-    bias_kind: Literal["gauss-markov", "walk", "steps", "sine"] = "gauss-markov"
-    """How it wanders: with its deviation kept up, as a random walk from there, in steps, or in a wave."""
+    bias_kind: Literal["gauss-markov", "filtered", "walk", "steps", "sine"] = "gauss-markov"
+    """How it wanders: with its deviation kept up, the same smoothly as an autopilot's filter gives it, as a random walk
+    from there, in steps, or in a wave."""
     tau_s: Annotated[float, Meta(ge=0.1, le=1e6)] = 60.0
     """Correlation time; in which a walk adds the deviation once more; mean time between steps; period of the wave."""
     steps_per_min: Annotated[float, Meta(ge=0.0, le=60.0)] = 0.0
@@ -158,6 +159,8 @@ class Gnss:
     """Standard deviation over the ground vehicles of a constant error of the altitude they report."""
     altitude_white_m: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
     """Noise of that altitude from report to report."""
+    altitude_datum_m: Annotated[float, Meta(ge=-120.0, le=120.0)] = 0.0
+    """By how much the altitudes of all ground vehicles are too high, as above the ellipsoid instead of the sea."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,6 +10,10 @@ from infra.files.disk import OS_DISK, Disk
 from mavlink.tlog.writer import TlogWriter
 
 
+HANG_S = 120.0
+"""A hanging disk that nobody frees gives up, so that a test which waits for it fails and ends."""
+
+
 class FaultyDisk(Disk):
     """Set the attributes to have it fail.
 
@@ -45,7 +49,7 @@ class FaultyDisk(Disk):
 
     def fsync(self, fd):
         self.syncs += 1
-        self.may_sync.wait(20)
+        assert self.may_sync.wait(HANG_S)
         fail(self.sync_error)
         super().fsync(fd)
 
@@ -63,7 +67,7 @@ class HangingDisk(FaultyDisk):
         self.may_write.set()
 
     def write(self, fd, data):
-        assert self.may_write.wait(20)
+        assert self.may_write.wait(HANG_S)
         return super().write(fd, data)
 
 

@@ -22,9 +22,9 @@ def world():
     return flown
 
 
-def device(q, flags=44, component=1, device_id=1):
+def device(q, flags=44, component=1, device_id=1, boot_ms=1):
     message = ardupilotmega.MAVLink_gimbal_device_attitude_status_message(
-        0, 0, 1, flags, list(q), math.nan, math.nan, math.nan, 0, gimbal_device_id=device_id
+        0, 0, boot_ms, flags, list(q), math.nan, math.nan, math.nan, 0, gimbal_device_id=device_id
     )
     return MavlinkEncoder(1, component).pack(message)
 
@@ -220,3 +220,54 @@ def test_chosen_gimbal_is_the_one_by_device_or_component_id(chosen):
     world.feed(device(quaternion_from_euler(0, -0.3, 0), component=154, device_id=0), T0 + S + 2000)
     world.feed(world.speakers[1].mount_orientation(1, 0.0, -1.4, 0.0, math.nan), T0 + S + 3000)
     assert attitude(world, T0 + S + 4000)[1] == pytest.approx({2: -0.2, 154: -0.3}[chosen], abs=1e-4)
+
+
+def turning(t_s):
+    """Yaw of a gimbal that turns, at a time in seconds."""
+    return 0.3 * t_s
+
+
+def flown_with(*, late_s, component=1, boot_ms=None, before=False, seconds=4.0):
+    """A copter whose gimbal turns; each report comes late, dated by a boot clock, and the first before all else."""
+    world = World(origin=FIELD)
+    if before:
+        world.feed(device(quaternion_from_euler(0.0, DOWN, 0.0), boot_ms=60_000, component=component), T0)
+    for k in range(round(seconds * 20)):
+        t_us = T0 + k * 50_000
+        world.run(0.05, t_us, [1])
+        made_us = t_us - round(late_s * 1e6)
+        if made_us >= T0 and k % 2 == 0:
+            since_ms = (made_us - T0) // 1000
+            q = quaternion_from_euler(0.0, -0.8, turning(since_ms * 1e-3))
+            sent_ms = boot_ms(since_ms) if boot_ms else world.boot_ms(1, made_us)
+            world.feed(device(q, boot_ms=sent_ms, component=component), t_us)
+    return world
+
+
+def yaw_error_s(world, at_s):
+    """By how many seconds the gimbal's attitude is off at a time; its yaw counts from the nose."""
+    return (attitude(world, T0 + round(at_s * S))[2] - NOSE - turning(at_s)) / 0.3
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.1, 0.25, 0.4])
+@pytest.mark.parametrize("component", [1, 154])
+def test_a_report_that_comes_late_is_of_the_time_that_it_states(late_s, component):
+    assert yaw_error_s(flown_with(late_s=late_s, component=component), 3.0) == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_report_from_before_the_vehicles_clock_is_known_hides_no_later_one():
+    world = flown_with(late_s=0.0, before=True)
+    assert yaw_error_s(world, 3.0) == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize("ahead_ms", [-40_000, 5_000, 3_600_000])
+def test_a_gimbal_with_a_clock_of_its_own_is_dated_by_that_one(ahead_ms):
+    world = flown_with(late_s=0.0, component=154, boot_ms=lambda ms: ms + 60_000 + ahead_ms)
+    assert yaw_error_s(world, 3.0) == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize("component", [1, 154])
+@pytest.mark.parametrize("boot_ms", [0, 7])
+def test_a_gimbal_whose_clock_stands_still_is_dated_by_arrival(component, boot_ms):
+    world = flown_with(late_s=0.0, component=component, boot_ms=lambda ms: boot_ms)
+    assert yaw_error_s(world, 3.0) == pytest.approx(0.0, abs=0.06)
