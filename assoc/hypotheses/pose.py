@@ -38,6 +38,8 @@ class PosePrior:
     """(8,)."""
     log_share: float = 0.0
     """ln of its weight in the mixture."""
+    at_once: bool = False
+    """Whether every update starts there too, until film and telemetry fit clearly."""
     others: tuple[PosePrior, ...] = ()
     """The other parts: errors that are rare and large."""
 

@@ -33,6 +33,8 @@ mounted turned, a gimbal's angle that is not told, video that is late or dated b
 
 _OTHER_HEIGHT_STD_M, _OTHER_HEIGHT_SHARE = 6.0, 0.3
 """1σ of the height that another source gives, metres, and its weight in the prior: they are nearly on a par."""
+_HILLS_M, _HILL_SHARE = (0.0, 12.0, -12.0, 24.0, -24.0), 0.01
+"""By how much that source may be off too, metres, and the weight of each but the first."""
 
 
 def noise_of(
@@ -87,11 +89,13 @@ def prior_of(q: IdentifierParams, camera: CameraState, offset_std_s: float) -> P
 
 
 def _other_heights(std: FloatArray, heights_m: tuple[float, ...]) -> Iterator[PosePrior]:
-    """The parts in which another source of the camera's height is right."""
+    """The parts in which another source of the camera's height is right; or none is, as where it took off on a hill."""
     for height_m in heights_m:
-        off, wider = np.zeros(THETA), std.copy()
-        off[HEIGHT], wider[HEIGHT] = height_m, _OTHER_HEIGHT_STD_M
-        yield PosePrior(std=wider, mean=off, log_share=float(np.log(_OTHER_HEIGHT_SHARE)))
+        for off_m in _HILLS_M:
+            mean, wider = np.zeros(THETA), std.copy()
+            mean[HEIGHT], wider[HEIGHT] = height_m + off_m, _OTHER_HEIGHT_STD_M
+            share = _HILL_SHARE if off_m else _OTHER_HEIGHT_SHARE
+            yield PosePrior(std=wider, mean=mean, log_share=float(np.log(share)), at_once=not off_m)
 
 
 def _gross_errors(std: FloatArray, *, attitude_known: bool) -> Iterator[PosePrior]:

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.geometry.ground import HEIGHT, THETA, YAW
+from assoc.geometry.ground import THETA, YAW
 from assoc.hypotheses.pose import PosePrior
 from assoc.hypotheses.search import UpdateContext, refine
 from assoc.identification.fleet_fit import FleetFit, evidence_of
@@ -44,22 +44,22 @@ class GrossErrors:
         """Whether left and right of the picture proved to be the other way round."""
 
     def starts(self, prior: PosePrior, fit: FleetFit, *, at_once: bool) -> list[FloatArray]:
-        """(8,) each, where this update also starts: the heights of other sources always come first.
+        """(8,) each, where this update also starts.
 
         Args:
             prior: Of this update.
             fit: Whether film and telemetry fitted until now.
             at_once: Whether all may be tried in one update.
         """
-        heights = [part.mean.copy() for part in prior.others if part.mean[HEIGHT]]
-        parts = prior.others[len(heights) :]
+        always = [] if fit.clear else [part.mean.copy() for part in prior.others if part.at_once]
+        parts = [part for part in prior.others if not part.at_once]
         settled = fit.clear or (fit.fits and self._tried >= _ROUNDS * len(parts))
         if not parts or (self._tried and settled):
-            return [] if fit.clear else heights
+            return always
         first = self._tried % len(parts)
         chosen = parts if at_once and not self._tried else parts[first : first + 1]
         self._tried += len(chosen)
-        return [*heights, *(part.mean.copy() for part in chosen)]
+        return [*always, *(part.mean.copy() for part in chosen)]
 
     def look_mirrored(self, context: UpdateContext, fit: FleetFit, camera: CameraState) -> None:
         """Look at the mirrored picture now and then; for each update in which film and telemetry do not fit.

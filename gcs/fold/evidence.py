@@ -16,8 +16,6 @@ from vision.track.tracks import Tracks
 
 __all__ = ["camera_of", "observation_of", "reports_of"]
 
-HEIGHTS_APART_M = 8.0
-"""Sources of the ground's height that differ by more than this disagree: the film decides."""
 LONGEST_AGO_S = 2.0
 """Reports that are older are late by radio; the camera is taken to have flown straight on for so long."""
 
@@ -91,7 +89,7 @@ def camera_of(view: FrameCamera, stabilized: bool) -> CameraState:
         p_enu=view.pose.p_enu,
         ground_z=view.ground_z,
         height_std_m=view.ground.std_m,
-        other_heights_m=view.ground.other_heights_m(HEIGHTS_APART_M),
+        other_heights_m=view.ground.other_heights_m,
         of_image_time=view.of_image_time,
         px_rad=1.0 / lens.fx,
         attitude_known=view.attitude_known,

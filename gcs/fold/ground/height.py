@@ -24,7 +24,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.fold.ground.surface import GroundSurface, HeightSource, Relief
+from gcs.fold.ground.surface import GAP_M, OUTLIER_STDS, GroundSurface, HeightSource, Relief
 from gcs.fold.ground.vehicle_relief import VehicleRelief
 from gcs.snapshot import Event
 from mavlink.state import FleetState, UavState
@@ -42,7 +42,9 @@ RELIEF_SLOPE_STD = 0.005
 FILE_STD_M = 5.0
 """1σ of a terrain file's height against the UAV's altitude: a map's own error, and another sea level or none."""
 FILE = HeightSource(name="the terrain file", z=0.0, std_m=FILE_STD_M)
-TAKEOFF, ALTITUDES = "the take-off", "the vehicles' altitudes"
+TAKEOFF, ALTITUDES, FILM = "the take-off", "the vehicles' altitudes", "the film"
+FILM_STD_M = 2.0
+"""1σ of the ground by the film is never less: focal lengths are off by per cents."""
 ON_FILE_STD_M = 2.0
 """1σ of the ground, above the relief, by the place of the take-off: a barometer's drift and a file's errors."""
 TAKEOFF_M = 2.0
@@ -65,10 +67,8 @@ FIND_EVERY_US = 300_000
 """The plane is fitted no more often: reports come a few times a second."""
 SMOOTHING_S = 2.0
 """The ground follows what is found with this time constant: one vehicle more must not move it by a step."""
-OUTLIER_M, OUTLIER_STDS = 15.0, 3.5
-"""An altitude is left out where it is so far from the median, or from the plane of the others."""
-GAP_M = 8.0
-"""Sources that differ from what is used by less than this, metres, or by less than ``OUTLIER_STDS`` agree."""
+OUTLIER_M = 15.0
+"""An altitude is left out where it is so far from the median, or ``OUTLIER_STDS`` from the plane of the others."""
 FLYING_M, LEAST_HEIGHT_M = 10.0, 3.0
 """A UAV this far above its home is at least that far above the ground where it is, metres."""
 GAP_LASTS_US = 3_000_000
@@ -100,6 +100,8 @@ class GroundHeight:
         """By how much a source differed when that was reported."""
         self._left_out: set[str] = set()
         """Sources that the film contradicts."""
+        self._film: tuple[HeightSource, FloatArray] | None = None
+        """The ground by the film, and where, once it contradicts all other sources."""
         self._news: list[str] = []
         """What an operator should know of them."""
         self._divided_told = self._jumps = False
@@ -144,9 +146,7 @@ class GroundHeight:
         self._moments += weight[:, None, None] * x[:, :, None] * x[:, None, :]
         std_m = np.where(used, state.up_std_m, np.nan)
         uav_en, home_z = uav.p_enu[:2], home_z - float(rise[1])
-        measured = [(replace(source, z=source.z - float(rise[0])), uav_en) for source in _below_uav(uav)]
-        if relief is not None and self._takeoff_en is not None:
-            measured.append((HeightSource(name=TAKEOFF, z=home_z, std_m=ON_FILE_STD_M), self._takeoff_en))
+        measured = self._measured(uav, rise, home_z, relief)
         found, ago_us = self._found, state.t_us - self._found_us
         if (
             found is None
@@ -178,6 +178,25 @@ class GroundHeight:
             *self._gaps(state.t_us, float(uav.p_enu[2]), found, uav_id),
         )
 
+    def _measured(
+        self, uav: UavState, rise: FloatArray, home_z: float, relief: Relief | None
+    ) -> list[tuple[HeightSource, FloatArray]]:
+        """Heights of the ground that something measures, each with its place (2,).
+
+        Args:
+            uav: it and what it reports.
+            rise: of the relief below it, and where it took off.
+            home_z: of the plane that it took off from, above the relief.
+            relief: of a terrain file.
+        """
+        measured = [(replace(source, z=source.z - float(rise[0])), uav.p_enu[:2]) for source in _below_uav(uav)]
+        if relief is not None and self._takeoff_en is not None:
+            measured.append((HeightSource(name=TAKEOFF, z=home_z, std_m=ON_FILE_STD_M), self._takeoff_en))
+        if self._film is not None:
+            source, place_en = self._film
+            measured.append((replace(source, z=source.z - float(rise[1])), place_en))
+        return measured
+
     def _follow(self, found: GroundSurface, dt: float) -> GroundSurface:
         """The ground, moved towards what is found, ``dt`` seconds later; at once where a source was left out."""
         before, jumps = self.ground, self._jumps
@@ -199,9 +218,9 @@ class GroundHeight:
         if self.ground is None or self._found is None:
             return
         z = self.ground.z - error_m
-        self._leave_out(
-            lambda source: abs(source.z - z) > max(GAP_M, OUTLIER_STDS * math.hypot(std_m, source.std_m)), z, "the film"
-        )
+        if all(source.contradicts(z, std_m) for source in self._found.sources):
+            self._film = HeightSource(name=FILM, z=z, std_m=max(std_m, FILM_STD_M)), self._found.at
+        self._leave_out(lambda source: source.contradicts(z, std_m), z, FILM)
 
     def _leave_out_above(self, uav: UavState) -> bool:
         """Leave out sources by which a UAV that flies is in the ground; whether there are any."""
@@ -211,10 +230,10 @@ class GroundHeight:
         return self._jumps
 
     def _leave_out(self, is_wrong: Callable[[HeightSource], bool], z: float, witness: str) -> None:
-        """Leave out sources, unless it would be all of them; ``z``: the ground by what contradicts them."""
+        """Leave out sources, unless nothing would be left; ``z``: the ground by what contradicts them."""
         sources = self._found.sources if self._found else ()
         wrong = [source for source in sources if is_wrong(source)]
-        if len(wrong) == len(sources):
+        if len(wrong) == len(sources) and self._film is None:
             return
         for source in wrong:
             self._left_out.add(source.name)

@@ -8,6 +8,7 @@ the line of sight meets that plane:
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -22,6 +23,8 @@ __all__ = ["GroundSurface", "HeightSource", "Relief"]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+GAP_M, OUTLIER_STDS = 8.0, 3.5
+"""Heights that differ by less than the first, metres, or by so many 1σ agree."""
 LEAST_HEIGHT_M = 2.0
 """A camera is at least so high above what it sees; nearer than that no line of sight is told from another."""
 STEPS = 6
@@ -36,6 +39,10 @@ class HeightSource:
     z: float
     """At the plane's point, metres."""
     std_m: float
+
+    def contradicts(self, z: float, std_m: float) -> bool:
+        """Whether it cannot be right where another one gives the height z, metres, with a 1σ of ``std_m``."""
+        return abs(self.z - z) > max(GAP_M, OUTLIER_STDS * math.hypot(self.std_m, std_m))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,16 +78,13 @@ class GroundSurface:
     bumps: Mapping[int, float] = field(default_factory=dict)
     """Of the ground under each vehicle above all that, metres, by system id."""
 
-    def other_heights_m(self, apart_m: float) -> tuple[float, ...]:
-        """What sources that disagree say: by how much the ground is lower than ``z``, metres, if one of them is right.
-
-        Args:
-            apart_m: sources closer than this to one another or to ``z`` agree.
-        """
+    @property
+    def other_heights_m(self) -> tuple[float, ...]:
+        """By how much the ground is lower than ``z`` if a source that disagrees is right, metres, one for each."""
         others: list[float] = []
         for source in self.sources:
             lower = self.z - source.z
-            if all(abs(lower - other) > apart_m for other in (0.0, *others)):
+            if all(abs(lower - other) > GAP_M for other in (0.0, *others)):
                 others.append(lower)
         return tuple(others)
 

@@ -18,7 +18,7 @@ from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.signing.keys import write_key
 from tests.support.frames import heartbeats
 from tests.support.ports import free_port
-from tests.support.receiving import HOST, bearable, is_free, recorded, send, steady, wait_for
+from tests.support.receiving import HOST, bearable, carry, is_free, read_to, recorded, send, steady, wait_for
 from tests.support.waiting import until
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sockets are lent to another process")
@@ -29,16 +29,19 @@ def test_death_of_the_process_loses_nothing(started, sender, tmp_path):
     assert until(lambda: ingest.supervisor.spare is not None)
     rate = bearable(ingest, 1500)
     frames = heartbeats(int(2 * rate))
-    thread = threading.Thread(target=steady, args=(sender, port, frames, rate))
+    thread = threading.Thread(target=steady, args=(sender, port, frames[:-1], rate))
     thread.start()
     packets = wait_for(ingest, int(0.6 * rate))
     first = ingest.pid
     os.kill(first, signal.SIGKILL)
-    packets += wait_for(ingest, len(frames) - len(packets), 15.0)
     thread.join()
+    assert until(lambda: ingest.health().restarts == 1)
+    sender.sendto(frames[-1], (HOST, port))
+    packets += read_to(ingest, frames[-1])
     health, texts = ingest.health(), [notice.text for notice in ingest.notices()]
-    assert health.restarts == 1 and ingest.pid != first and 0.0 < health.gap_s < 10.0
-    assert any("died (signal 9" in text and "nothing received for" in text for text in texts)
+    assert health.restarts == 1 and ingest.pid != first and health.gap_s > 0.0
+    gap = f"nothing received for {health.gap_s:.1f} s"
+    assert any("died (signal 9" in text and gap in text for text in texts)
     ingest.stop()
     log = recorded(tmp_path)
     # what is in one process's hands when it is killed, one batch, may be lost; here it never is all of a batch
@@ -54,7 +57,7 @@ def test_senders_keep_their_numbers_and_are_known_when_another_process_takes_ove
     try:
         for k, sock in enumerate(socks):
             sock.sendto(MavlinkEncoder(k + 1).heartbeat(), (HOST, port))
-            sock.settimeout(5.0)
+            sock.settimeout(60.0)
         numbers = {packet.system_id: packet.peer for packet in wait_for(ingest, 3)}
         assert until(lambda: ingest.health().links[0].peers == 3)
         told = [ingest.address(0, numbers[k + 1]) for k in range(3)]
@@ -83,7 +86,7 @@ def test_a_process_that_hangs_is_replaced_and_loses_nothing(started, sender, tmp
     packets = wait_for(ingest, 1)
     os.kill(ingest.pid, signal.SIGSTOP)
     steady(sender, port, frames[1:], rate)
-    packets += wait_for(ingest, len(frames) - 1, 15.0)
+    packets += wait_for(ingest, len(frames) - 1)
     assert [packet.raw for packet in packets] == frames
     health = ingest.health()
     assert health.restarts == 1
@@ -110,8 +113,10 @@ def test_what_the_system_drops_while_a_process_hangs_is_counted(started, sender)
     assert counts().dropped > 0 and counts().junk_bytes // size + counts().dropped == sent
 
 
-def test_how_far_it_has_heard_stands_still_while_nobody_receives(started, sender):
+def test_how_far_it_has_heard_stands_still_while_nobody_receives(started, sender, monkeypatch):
     """What came meanwhile is not known yet, so nobody may be called silent for it."""
+    # on a busy machine another process could take over between the looks
+    monkeypatch.setattr("mavlink.ingest.ingest.HUNG_S", 600.0)
     ingest, port = started()
     sender.sendto(heartbeats(1)[0], (HOST, port))
     packet, *_ = wait_for(ingest, 1)
@@ -125,6 +130,7 @@ def test_how_far_it_has_heard_stands_still_while_nobody_receives(started, sender
     stopped_us = time.time() * 1e6
     for _ in range(5):
         assert heard_us() <= stopped_us
+    os.kill(ingest.pid, signal.SIGKILL)
     assert until(lambda: heard_us() > stopped_us + 500_000), "another process takes over"
 
 
@@ -163,7 +169,8 @@ def test_who_does_not_read_loses_packets_that_are_counted_and_in_the_log(started
     frames = heartbeats(1000)
     send(sender, port, frames, lambda: ingest.health().packets)
     assert ingest.health().packets == 1000
-    packets = wait_for(ingest, 1000, 0.5)
+    packets = wait_for(ingest, 1)
+    assert until(lambda: packets.extend(ingest.read(0.01)) or len(packets) + ingest.health().overrun >= 1000)
     assert 0 < len(packets) < 1000
     assert ingest.health().overrun == 1000 - len(packets)
     ingest.stop()
@@ -176,33 +183,34 @@ def test_a_flood_of_strangers_costs_no_known_vehicle_a_packet(started, sender, t
     if ingest.health().links[0].buffer_bytes < LEAST_BUFFER_BYTES:
         pytest.skip("this system grants too small a receive buffer: see net.core.rmem_max")
     code = (
-        "import socket, time\n"
-        "s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM); end = time.monotonic() + 4.0\n"
-        "while time.monotonic() < end:\n"
+        "import socket\n"
+        "s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)\n"
+        "while True:\n"
         f"    for data in (b'\\xfd\\xff\\x00', b'junk' * 9, bytes(30)): s.sendto(data, ('{HOST}', {port}))\n"
     )
     frames = heartbeats(4000)
-    steady(sender, port, frames[:100], 1000)
+    packets = carry(ingest, sender, port, frames[:100])
     flood = subprocess.Popen([sys.executable, "-c", code])
-    packets = wait_for(ingest, 100)
-    thread = threading.Thread(target=steady, args=(sender, port, frames[100:], 1000))
-    thread.start()
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as rebooted:
-        # a vehicle that comes back on a new port in the middle of it
+    try:
         assert until(lambda: ingest.health().links[0].narrow)
-        back = MavlinkEncoder(7).heartbeat(custom_mode=99_999)
-        heard_after = 0
-        while back not in {packet.raw for packet in packets} and heard_after < 200:
-            rebooted.sendto(back, (HOST, port))
-            heard_after += 1
-            time.sleep(0.05)
-            packets += ingest.read(0.0)
-    assert heard_after < 200
-    flood.wait()
-    thread.join()
-    packets += wait_for(ingest, 1, 1.0)
-    while more := ingest.read(0.5):
-        packets += more
+        thread = threading.Thread(target=steady, args=(sender, port, frames[100:-1], 1000))
+        thread.start()
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as rebooted:
+            # a vehicle that comes back on a new port in the middle of it
+            back = MavlinkEncoder(7).heartbeat(custom_mode=99_999)
+
+            def is_heard():
+                rebooted.sendto(back, (HOST, port))
+                packets.extend(ingest.read(0.05))
+                return back in {packet.raw for packet in packets}
+
+            assert until(is_heard)
+        thread.join()
+    finally:
+        flood.kill()
+        flood.wait()
+    sender.sendto(frames[-1], (HOST, port))
+    packets += read_to(ingest, frames[-1])
     seen = Counter(packet.raw for packet in packets)
     assert [frame for frame in frames if not seen[frame]] == []
     counts = ingest.health().links[0].counts
@@ -216,7 +224,7 @@ def test_tcp_comes_back_and_holds_up_nobody(started, sender):
         udp, tcp = free_port(), server.getsockname()[1]
         ingest = started(f"udpin:{HOST}:{udp}", f"tcp:{HOST}:{tcp}")
         for system_id in (1, 2):
-            server.settimeout(10.0)
+            server.settimeout(60.0)
             peer, _ = server.accept()
             with peer:
                 peer.sendall(MavlinkEncoder(system_id).heartbeat()[:9])
@@ -224,7 +232,7 @@ def test_tcp_comes_back_and_holds_up_nobody(started, sender):
                 peer.sendall(MavlinkEncoder(system_id).heartbeat()[9:] + MavlinkEncoder(system_id).heartbeat())
                 assert [(p.system_id, p.link) for p in wait_for(ingest, 2)] == [(system_id, 1)] * 2
                 ingest.send(1, b"answer")
-                peer.settimeout(5.0)
+                peer.settimeout(60.0)
                 assert peer.recv(100) == b"answer"
     sender.sendto(MavlinkEncoder(9).heartbeat(), (HOST, udp))
     assert [(p.system_id, p.link) for p in wait_for(ingest, 1)] == [(9, 0)]

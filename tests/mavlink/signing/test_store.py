@@ -15,6 +15,7 @@ from mavlink.signing.store import SLOTS, StreamStore, open_verifier
 from mavlink.signing.streams import AHEAD, MAX_STREAMS, SECOND, StreamRow, Streams, ticks_of
 from mavlink.signing.verifier import Verifier
 from tests.support.signed_vehicles import Sender, ring_of, secret_of
+from tests.support.waiting import until
 
 
 def now_us():
@@ -128,9 +129,7 @@ def test_a_new_stream_is_saved_at_once(tmp_path):
     number = store._number
     heard = heard_now(10)
     assert judged(Verifier(ring_of(7), streams=store.streams), heard) == {Auth.GOOD: 10}
-    end = time.monotonic() + 10
-    while store._number == number and time.monotonic() < end:
-        time.sleep(0.01)
+    assert until(lambda: store._number != number)
     abandon(store)
     again = StreamStore(tmp_path, period_s=3600)
     assert judged(Verifier(ring_of(7), streams=again.streams), heard) == {Auth.REPLAYED: 10}
@@ -191,23 +190,23 @@ def test_every_stream_and_the_proven_time_come_back(tmp_path):
 def test_it_is_saved_while_it_runs(tmp_path):
     store = StreamStore(tmp_path, period_s=0.02)
     store.streams.admit(7, 1, 0, 12345, 0)
-    end = time.monotonic() + 10
-    found = Streams()
-    while found.newest(7, 1, 0) is None and time.monotonic() < end:
-        time.sleep(0.02)
-        copy = tmp_path / "copy"
-        copy.mkdir(exist_ok=True)
+    copy = tmp_path / "copy"
+    copy.mkdir()
+
+    def newest_saved():
         for name in SLOTS:
             if (tmp_path / name).exists():
                 (copy / name).write_bytes((tmp_path / name).read_bytes())
         try:
             reader = StreamStore(copy)
         except SigningError:
-            continue  # copied in the middle of a write
-        found = reader.streams
+            return None  # copied in the middle of a write
+        newest = reader.streams.newest(7, 1, 0)
         reader.close()
-    assert found.newest(7, 1, 0) is not None
-    assert all((tmp_path / name).exists() for name in SLOTS)
+        return newest
+
+    assert until(lambda: newest_saved() is not None)
+    assert until(lambda: all((tmp_path / name).exists() for name in SLOTS))
     assert all((tmp_path / name).stat().st_mode & 0o077 == 0 for name in SLOTS)
     store.close()
 
@@ -366,15 +365,11 @@ def test_a_disk_that_fails_is_told(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
-    end = time.monotonic() + 10
-    while not store.trouble and time.monotonic() < end:
-        time.sleep(0.02)
+    assert until(lambda: store.trouble)
     assert "No space left" in store.trouble
     assert "could be replayed" in store.trouble
     monkeypatch.undo()
-    while store.trouble and time.monotonic() < end:
-        time.sleep(0.02)
-    assert store.trouble == ""
+    assert until(lambda: store.trouble == "")
     store.close()
 
 
