@@ -312,3 +312,17 @@ def test_boxes_that_are_less_sure_than_reports_are_named_too(tmp_path):
     found = summarise([tally(played.matched, scenario.fps)])
     assert found.right > 95.0 and found.precision > 99.0
     assert math.isinf(played.mismatch_s)
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [(22, False, 5), (22, True, 3), (22, True, 6), (23, False, 0), (23, False, 5), (23, True, 3)],
+    ids=lambda kind: label_of(*kind),
+)
+def test_reports_smoother_than_boxes_and_altitudes_of_another_level_cost_no_name(tmp_path, kind):
+    scenario = dataclasses.replace(scenario_of(*kind), duration_s=12.0)
+    write_session(scenario, tmp_path / "session")
+    played = identify(tmp_path / "session", tmp_path / "out")
+    found = summarise([tally(played.matched, scenario.fps)])
+    assert found.right > 97.0 and found.precision > 99.5
+    assert math.isinf(played.mismatch_s) and not played.accused

@@ -9,7 +9,6 @@ from gcs.session.recorder import Recorder
 from infra.files.disk import OS_DISK, Disk
 from mavlink.tlog.writer import TlogWriter
 
-
 HANG_S = 120.0
 """A hanging disk that nobody frees gives up, so that a test which waits for it fails and ends."""
 

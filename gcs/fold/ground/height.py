@@ -412,5 +412,6 @@ def _blend(before: GroundSurface, now: GroundSurface, share: float) -> GroundSur
         z=z + share * (now.z - z),
         slope=slope + share * (now.slope - slope),
         std_m=math.hypot(now.std_m, (1.0 - share) * (now.z - z)),
+        sources=now.sources,
         relief=now.relief,
     )

@@ -54,7 +54,7 @@ class Behind:
     def __init__(self, option: str, *, at: tuple[int, int, int] = (1, 2, 3)) -> None:
         self.program = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.program.bind((HOST, 0))
-        self.program.settimeout(5.0)
+        self.program.settimeout(60.0)
         url = f"udpout:{HOST}:{self.program.getsockname()[1]}{option}"
         self.forwarder = Forwarder([url], uav=UAV, vehicles=(UAV, ROVER_ID, OTHER), own=254)
         ids = (UAV, ROVER_ID, OTHER)
@@ -203,13 +203,13 @@ def test_a_program_reaches_the_uav_alone_is_recorded_and_told(started, tmp_path)
     try:
         *vehicles, program = socks
         program.bind((HOST, 0))
-        program.settimeout(5.0)
+        program.settimeout(60.0)
         port = free_port()
         out = f"udpout:{HOST}:{program.getsockname()[1]}?rw"
         ingest = started(f"udpin:{HOST}:{port}", system_ids=ids, outputs=Outputs(urls=(out,), uav=UAV, own=254))
         for i, sock in zip(ids, vehicles, strict=True):
             sock.sendto(MavlinkEncoder(i).heartbeat(ROVER), (HOST, port))
-            sock.settimeout(5.0)
+            sock.settimeout(60.0)
         assert len(wait_for(ingest, 3)) == 3
         for _ in ids:
             here = program.recvfrom(4096)[1]

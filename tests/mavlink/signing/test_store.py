@@ -12,7 +12,7 @@ from mavlink.errors import SigningError
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.signing.keys import write_key
 from mavlink.signing.store import SLOTS, StreamStore, open_verifier
-from mavlink.signing.streams import AHEAD, MAX_STREAMS, SECOND, StreamRow, Streams, ticks_of
+from mavlink.signing.streams import AHEAD, MAX_STREAMS, SECOND, StreamRow, ticks_of
 from mavlink.signing.verifier import Verifier
 from tests.support.signed_vehicles import Sender, ring_of, secret_of
 from tests.support.waiting import until

@@ -195,3 +195,92 @@ def test_where_the_file_has_no_heights_it_is_not_used_and_that_is_told_once():
     assert [event.text for event in events] == [
         "the terrain file has no heights where the fleet is: it is not used there"
     ]
+
+
+class Witnesses:
+    """A UAV above its take-off at height 0, and rovers that drive up a slope, whose altitudes are off."""
+
+    def __init__(self, up, height=60.0, slope=0.0, **uav):
+        self.heights, self.state, self.events = GroundHeight(), fleet_at(len(up)), []
+        self.uav = replace(self.state.uav, p_enu=np.array([0.0, 0.0, height]), height_m=height, **uav)
+        self.up, self.slope, self.t_us = np.asarray(up, float), slope, self.state.t_us
+
+    def run(self, seconds):
+        for _ in range(round(seconds * 10)):
+            self.t_us += S // 10
+            east = 10.0 * np.arange(len(self.up)) + 5e-6 * (self.t_us - self.state.t_us)
+            p = np.column_stack([east, np.zeros(len(self.up)), self.up + self.slope * east])
+            moment = replace(self.state, t_us=self.t_us, uav=self.uav, p_enu=p, up_std_m=np.full(len(self.up), STD_M))
+            self.events += self.heights.update(moment)
+        return self
+
+    def texts(self):
+        return [event.text for event in self.events]
+
+
+@pytest.mark.parametrize("off_m", [48.0, -35.0])
+def test_altitudes_that_the_film_contradicts_are_left_out_at_once(off_m):
+    seen = Witnesses(np.full(5, off_m) + np.linspace(-1.0, 1.0, 5)).run(1.0)
+    used = seen.heights.ground.z
+    assert abs(used - off_m) < 3.0 and any(abs(m - off_m) < 3.0 for m in seen.heights.ground.other_heights_m)
+    seen.heights.hear_film(used, 1.0)
+    seen.run(0.1)
+    assert seen.heights.ground.z == pytest.approx(0.0, abs=1.0) == used + seen.heights.step_m
+    assert seen.heights.ground.other_heights_m == ()
+    side = "high" if off_m > 0 else "low"
+    (text,) = seen.texts()
+    assert text == f"the vehicles' altitudes are {abs(off_m):.0f} m too {side} by the film: another datum? " + (
+        "Their level is not used"
+    )
+    seen.run(10.0)
+    assert len(seen.texts()) == 1 and seen.heights.step_m == 0.0
+
+
+def test_the_slope_is_still_that_of_altitudes_whose_level_is_wrong():
+    seen = Witnesses(np.full(5, 48.0), slope=0.04).run(3.0)
+    seen.heights.hear_film(seen.heights.ground.z, 1.0)
+    ground = seen.run(5.0).heights.ground
+    assert ground.slope[0] == pytest.approx(0.04, abs=0.015)
+    assert all(abs(m) < 0.5 for m in ground.bumps.values())
+
+
+def test_a_take_off_that_the_film_contradicts_is_left_out():
+    seen = Witnesses([-30.0, -31.0, -29.0], range_m=90.0).run(1.0)
+    z = seen.heights.ground.z
+    seen.heights.hear_film(z + 30.0, 1.0)
+    seen.run(0.1)
+    assert seen.texts()[-1] == "the take-off is 30 m too high by the film: it is not used for the height of the ground"
+    assert seen.heights.ground.z == pytest.approx(-30.0, abs=1.0)
+
+
+def test_where_the_film_contradicts_all_it_tells_the_height_itself():
+    seen = Witnesses(np.full(4, -70.0)).run(1.0)
+    seen.heights.hear_film(seen.heights.ground.z + 20.0, 1.0)
+    seen.run(5.0)
+    assert seen.heights.ground.z == pytest.approx(-20.0, abs=0.5) and 1.5 < seen.heights.ground.std_m < 4.0
+    assert len(seen.texts()) == 2
+
+
+def test_a_film_that_agrees_changes_nothing():
+    seen, alone = Witnesses([1.0, 2.0, 0.0]).run(1.0), Witnesses([1.0, 2.0, 0.0]).run(1.0)
+    seen.heights.hear_film(1.5, 1.0)
+    assert seen.run(1.0).heights.ground.z == alone.run(1.0).heights.ground.z and not seen.texts()
+
+
+@pytest.mark.parametrize("flies_m", [45.0, 5.0])
+def test_ground_above_a_uav_that_flies_is_no_ground(flies_m):
+    seen = Witnesses(np.full(4, flies_m + 3.0), height=flies_m).run(1.0)
+    if flies_m > 10.0:
+        assert abs(seen.heights.ground.z) < 1.0
+        assert seen.texts()[0].startswith("the vehicles' altitudes are 48 m too high by the take-off: another datum?")
+    else:
+        assert not seen.texts(), "it may stand on a table"
+
+
+def test_altitudes_without_a_majority_are_not_used():
+    seen = Witnesses([-140.0, 80.0, 20.0, -60.0, 140.0, 110.0]).run(1.0)
+    assert abs(seen.heights.ground.z) < 0.5 and seen.texts() == [
+        "the vehicles' altitudes contradict each other: they are not used for the height of the ground"
+    ]
+    most = Witnesses([-20.0, -21.0, -19.0, -20.5, 60.0, 110.0]).run(1.0)
+    assert most.heights.ground.z == pytest.approx(-20.0, abs=1.5)
