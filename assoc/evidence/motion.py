@@ -123,6 +123,10 @@ class ReportLog:
         """(n,) reports in it."""
         self._open_since = np.full(n, -np.inf)
         """(n,) time of its first report, seconds."""
+        self._unfiltered: BoolArray = np.zeros(n, np.bool_)
+        """(n,) whether reports were added to it that the null model does not have yet."""
+        self._speedless: BoolArray = np.zeros(n, np.bool_)
+        """(n,) whether the newest report had no velocity."""
         self._whole: Samples | None = None
         """Both together, until a report comes."""
         self.last_t = np.full(n, -np.inf)
@@ -180,6 +184,7 @@ class ReportLog:
         for rows in rounds:
             chosen = np.array(rows)
             self._accept(reports.vehicle[chosen], t[chosen], reports, chosen)
+        self._filter_newest(np.flatnonzero(self._unfiltered))
         if len(self._closed) > _PARTS:
             self._join_closed()
 
@@ -262,11 +267,9 @@ class ReportLog:
         self._whole = None
         self._average(vehicle, t, p, reports.heading[rows])
         reported = reports.v_enu[rows, :2]
-        known: BoolArray = np.asarray(np.all(np.isfinite(reported), axis=1))
-        if not known.all():
-            filtered = to_east_north(self._now.state.speed[vehicle, self.white_index])
-            reported = np.where(known[:, None], reported, filtered)
-        self.last_v[vehicle] = reported
+        known = np.all(np.isfinite(reported), axis=1)
+        self.last_v[vehicle] = np.where(known[:, None], reported, self.last_v[vehicle])
+        self._speedless[vehicle] = ~known
         self.last_t[vehicle], self.last_p[vehicle] = t, p
         self.last_heading[vehicle] = reports.heading[rows]
         self.first_t[vehicle] = np.minimum(self.first_t[vehicle], t)
@@ -283,13 +286,24 @@ class ReportLog:
         t = np.where(first, t, sample.t[vehicle] + (t - sample.t[vehicle]) / count)
         p = np.where(first[:, None], p, sample.p[vehicle] + (p - sample.p[vehicle]) / count[:, None])
         sample.t[vehicle], sample.p[vehicle], sample.heading[vehicle] = t, p, heading
-        sample.log_null[vehicle], sample.jump_var[vehicle] = self._filter(vehicle, t, p)
+        self._unfiltered[vehicle] = True
+
+    def _filter_newest(self, vehicle: IntArray) -> None:
+        """Take the newest samples of some vehicles, to which reports were added, into the null model."""
+        if len(vehicle):
+            sample = self._open
+            found = self._filter(vehicle, sample.t[vehicle], sample.p[vehicle])
+            sample.log_null[vehicle], sample.jump_var[vehicle] = found
+            self._unfiltered[vehicle] = False
+            unknown = vehicle[self._speedless[vehicle]]
+            self.last_v[unknown] = to_east_north(self._now.state.speed[unknown, self.white_index])
 
     def _close(self, vehicle: IntArray) -> None:
         """Nothing is added any more to the newest samples of some vehicles."""
         some = vehicle[np.isfinite(self._open.t[vehicle])]
         if not len(some):
             return
+        self._filter_newest(some[self._unfiltered[some]])
         self._closed.append(_taken(self._open, some))
         for now, before in ((self._now.state, self._before.state), (self._now.earlier, self._before.earlier)):
             _set_rows(before, some, _rows(now, some))

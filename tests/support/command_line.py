@@ -21,6 +21,8 @@ from typer.testing import CliRunner
 from gcs.cli.app import app, main
 from mavlink.tlog.log import Tlog
 from tests.support.ports import free_port
+from tests.support.receiving import recorded
+from tests.support.waiting import until
 
 GCS = (sys.executable, "-c", "from gcs.cli.app import main; main()")
 """A command that starts it, without its arguments."""
@@ -97,9 +99,9 @@ class OnTerminal:
         )
         os.close(child)
 
-    def read_until(self, word, seconds=40.0):
-        said, until = b"", time.monotonic() + seconds
-        while word not in said and time.monotonic() < until:
+    def read_until(self, word, seconds=120.0):
+        said, end_s = b"", time.monotonic() + seconds
+        while word not in said and time.monotonic() < end_s:
             if select.select([self.keeper], [], [], 0.1)[0]:
                 said += os.read(self.keeper, 65536)
         assert word in said, said[-2000:]
@@ -127,16 +129,17 @@ class Terminal(OnTerminal):
         self.sent = 0
 
     def send(self, count):
+        """Heartbeats, until they are recorded."""
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
             for _ in range(count):
                 vehicle.sendto(heartbeat(), ("127.0.0.1", self.port))
                 self.sent += 1
-                time.sleep(0.02)
+        (session,) = self.sessions.iterdir()
+        assert until(lambda: len(recorded(session)) == self.sent)
 
     def ended(self, number):
-        time.sleep(0.5)
         self.process.send_signal(number)
-        code = self.process.wait(timeout=40)
+        code = self.process.wait(timeout=120)
         (session,) = self.sessions.iterdir()
         assert len(Tlog.open(session / "telemetry.tlog").index) == self.sent
         assert "ended" in (session / "session.toml").read_text()

@@ -37,8 +37,16 @@ def answer(terminal, keys, code):
     """Press keys, and read what the command says at its end."""
     os.write(terminal.keeper, keys)
     said = terminal.drain()
-    assert terminal.process.wait(30) == code, said[-2000:]
+    assert terminal.process.wait(120) == code, said[-2000:]
     return said
+
+
+def share_of_a_core(pid):
+    """What a process takes of one in two seconds."""
+    process, began_s = psutil.Process(pid), time.monotonic()
+    before_s = sum(process.cpu_times()[:2])
+    time.sleep(2.0)
+    return (sum(process.cpu_times()[:2]) - before_s) / (time.monotonic() - began_s)
 
 
 def test_a_flight_is_taken_up_again_left_and_ended_from_other_terminals(begin, tmp_path):
@@ -48,11 +56,7 @@ def test_a_flight_is_taken_up_again_left_and_ended_from_other_terminals(begin, t
     os.close(flight.keeper)  # gone without a word
     log = next(flight.sessions.iterdir()) / "console.log"
     assert until(lambda: log.exists() and "still recording" in log.read_text())
-    process, began = psutil.Process(flight.process.pid), time.monotonic()
-    before = sum(process.cpu_times()[:2])
-    time.sleep(2.0)
-    share = (sum(process.cpu_times()[:2]) - before) / (time.monotonic() - began)
-    assert share < 0.25, "the processor is free again: a thread that spins has all of a core"
+    assert until(lambda: share_of_a_core(flight.process.pid) < 0.25), "a thread that spins has all of it for ever"
 
     first = begin(OnTerminal, "fly", "--attach")
     first.read_until(b"NAME")
@@ -66,7 +70,7 @@ def test_a_flight_is_taken_up_again_left_and_ended_from_other_terminals(begin, t
     last = begin(OnTerminal, "fly", "--attach")
     last.read_until(b"NAME")
     assert b"the flight has ended" in answer(last, b"qq", 0)
-    assert flight.process.wait(30) == 0
+    assert flight.process.wait(120) == 0
     assert "ended" in (log.parent / "session.toml").read_text()
     said = log.read_text()
     assert f"still recording in {log.parent}" in said and "6 packets received" in said and "Traceback" not in said
