@@ -38,7 +38,7 @@ main()
 
 def python(script, *words):
     done = subprocess.run(
-        [sys.executable, "-c", script, *map(str, words)], capture_output=True, text=True, timeout=120, check=False
+        [sys.executable, "-c", script, *map(str, words)], capture_output=True, text=True, timeout=600, check=False
     )
     return done.returncode, done.stdout, done.stderr
 

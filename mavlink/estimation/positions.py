@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -206,7 +206,7 @@ def fix_of(
     home_alt_m: float,
     *,
     heading: float,
-    steady: bool,
+    steady: Callable[[float], bool],
     stds_m: tuple[float, float],
     limits: VehicleLimits,
     drives: bool,
@@ -218,7 +218,7 @@ def fix_of(
         frame: ENU.
         home_alt_m: altitude of the home plane, NaN unknown; ground vehicles without an altitude are put on it.
         heading: from :meth:`Positions.check_heading`.
-        steady: from :meth:`Positions.check_altitude`.
+        steady: :meth:`Positions.check_altitude`.
         stds_m: from :func:`position_stds`.
         limits: what the vehicle can do.
         drives: a ground vehicle.
@@ -229,7 +229,7 @@ def fix_of(
     # rovers report sea level as their altitude until their filter has started, and some after
     most_gap_m = limits.sea_level_gap_m if abs(alt_m) < _SEA_LEVEL_M else limits.height_gap_m
     near = abs(alt_m - home_alt_m) <= most_gap_m
-    if drives and not (near and steady):
+    if drives and not (near and steady(alt_m)):
         if near:
             left_out.append(UNSTEADY_ALTITUDE)
         elif math.isfinite(home_alt_m):
@@ -321,18 +321,18 @@ class Positions:
         contradicted = abs(wrap_pi(heading - yaw)) > _YAW_GAP  # False when yaw is NaN
         return math.nan if contradicted or not self._heading_trusted else heading
 
-    def check_altitude(self, sample: GlobalPosition) -> bool:
+    def check_altitude(self, alt_m: float) -> bool:
         """Whether the altitudes that are reported follow from one another; a first one is believed.
 
         Args:
-            sample: the report.
+            alt_m: one that is near the ground.
         """
-        before, self._alt_m = self._alt_m, sample.alt_m
-        if altitude_known(before) and altitude_known(sample.alt_m):
-            step2 = min(abs(sample.alt_m - before), _LONGEST_STEP_M) ** 2
+        if not math.isnan(self._alt_m):
+            step2 = min(abs(alt_m - self._alt_m), _LONGEST_STEP_M) ** 2
             self._altitude_var += _ALTITUDE_GAIN * (step2 - self._altitude_var)
             worst_m = _STEADY_ALTITUDE_M if self._altitude_trusted else _STEADY_AGAIN_M
             self._altitude_trusted = self._altitude_var < worst_m**2
+        self._alt_m = alt_m
         return self._altitude_trusted
 
     def add(self, boot_us: int, fix: Fix, place: tuple[float, float]) -> Verdict:

@@ -339,11 +339,10 @@ class Vehicle:
         yaw = pose.yaw if pose is not None and pose.age_s < ATTITUDE_LOST_S else math.nan
         heading = self.positions.check_heading(sample, yaw)
         stds_m = position_stds(self._receivers.of_sender(t_us, sender), self._limits)
-        steady = self.positions.check_altitude(sample)
         fix, left_out = fix_of(
             *(sample, frame, home_alt_m),
             heading=heading,
-            steady=steady,
+            steady=self.positions.check_altitude,
             stds_m=stds_m,
             limits=self._limits,
             drives=self._drives,

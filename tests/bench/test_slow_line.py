@@ -59,7 +59,7 @@ def begin(tmp_path):
 
 
 def end_of(terminal, folder) -> tuple[str, str, int, list[str]]:
-    assert terminal.process.wait(30) == 0
+    assert terminal.process.wait(120) == 0
     code, left, reads, *threads = (folder / "end.txt").read_text().split()
     return code, left, int(reads), threads
 

@@ -131,7 +131,7 @@ def test_the_process_says_exactly_what_it_sent():
         inlet.bind(("127.0.0.1", 0))
         inlet.settimeout(0.5)
         words = ("--to", f"127.0.0.1:{inlet.getsockname()[1]}", "--vehicles", "5", "--rate", "200", "--duration", "2")
-        done = subprocess.run([sys.executable, "-m", "sim.fleet_process", *words], capture_output=True, timeout=30)
+        done = subprocess.run([sys.executable, "-m", "sim.fleet_process", *words], capture_output=True, timeout=120)
         heard, ports = Counter(), {}
         try:
             while True:

@@ -27,6 +27,7 @@ class Receiver:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.bind(("127.0.0.1", 0))
         self.socket.settimeout(0.1)
+        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 22)
         self.port = self.socket.getsockname()[1]
         self.datagrams, self._stop = [], threading.Event()
         self._thread = threading.Thread(target=self._run)
@@ -36,16 +37,17 @@ class Receiver:
         return self
 
     def __exit__(self, *_):
-        time.sleep(0.2)
         self._stop.set()
         self._thread.join()
         self.socket.close()
 
     def _run(self):
-        while not self._stop.is_set():
+        while True:
             try:
                 data, source = self.socket.recvfrom(4096)
             except TimeoutError:
+                if self._stop.is_set():
+                    return  # all that came before it was told to stop has been taken
                 continue
             self.datagrams.append((time.time(), source[1], data))
 

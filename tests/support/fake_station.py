@@ -321,6 +321,15 @@ async def running(station=None, size=SMALL):
         yield app, pilot, station
 
 
+async def comes_true(pilot, condition):
+    """Whether something comes to hold of the screens within a minute."""
+    for _ in range(3000):
+        if condition():
+            return True
+        await pilot.pause(0.02)
+    return False
+
+
 async def polled(app, pilot):
     app._poll()
     await pilot.pause()

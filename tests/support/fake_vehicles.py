@@ -19,7 +19,7 @@ from mavlink.protocol.packet import Packet
 from mavlink.transmit.transmitter import Transmitter
 from tests.support.frames import MessageEncoder
 
-MOST_S = 60.0
+MOST_S = 600.0
 
 
 class FakeVehicle:
@@ -54,13 +54,23 @@ class FakeVehicle:
         heard = [said for said in list(self.heard) if said.get_type() in ("COMMAND_LONG", "COMMAND_INT")]
         return [said for said in heard if number is None or said.command == number]
 
+    def order(self, number: int) -> Any:
+        """The only command of one number that was heard; who gets no answer in time may have repeated it."""
+        said, *repeats = self.commands(number)
+
+        def words(command: Any) -> str:
+            return str(command.to_dict() | {"confirmation": 0})
+
+        assert {words(repeat) for repeat in repeats} <= {words(said)}
+        return said
+
     def say(self, message: Any) -> None:
         """Any message of the dialect, as from this vehicle."""
         self._send(MessageEncoder(self.system_id).pack(message))
 
     def close(self) -> None:
         self._stop.set()
-        self._thread.join(2.0)
+        self._thread.join(60.0)
         self._socket.close()
 
     def _send(self, raw: bytes) -> None:
@@ -238,7 +248,7 @@ def open_air(make_uav, params: CommandParams) -> SimpleNamespace:
         params=params,
     )
 
-    def until(done, seconds=30.0):
+    def until(done, seconds=60.0):
         end_s = time.monotonic() + seconds
         while time.monotonic() < end_s:
             for packet in sock.packets():

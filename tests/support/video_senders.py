@@ -101,10 +101,10 @@ class Sender(threading.Thread):
                 due = self._times_ms[number] / 1000 if self._times_ms else number / FPS
                 if self._halt.wait(max(begin + due - time.monotonic(), 0)):
                     return
+                self.stamps_s.append(time.time())
                 for data in datagrams:
                     for piece in self._spoil(data):
                         outlet.sendto(piece, ("127.0.0.1", self._port))
-                self.stamps_s.append(time.time())
                 self.sent += 1
 
     def __enter__(self):
@@ -113,7 +113,7 @@ class Sender(threading.Thread):
 
     def __exit__(self, *args):
         self._halt.set()
-        self.join(5)
+        self.join(60)
 
 
 def reconnects(stream):
@@ -203,13 +203,14 @@ class RtspServer:
     Attributes:
         hold: while set, connections stay open and nothing is sent.
         plays: how often PLAY was asked for.
-        sent: frames sent.
+        sent: number of the next frame.
+        first: of the first frame that was sent to who played last.
     """
 
     def __init__(self, frames, port=None):
         self.frames = frames
         self.hold = threading.Event()
-        self.plays = self.sent = 0
+        self.plays = self.sent = self.first = 0
         # one that nobody is handed while the server is down
         self.port = port or free_port(socket.SOCK_STREAM)
         self._listener = socket.create_server(("127.0.0.1", self.port))
@@ -266,9 +267,9 @@ class RtspServer:
             threading.Thread(target=self._play, args=(client,), daemon=True).start()
 
     def _play(self, client):
-        first = round((time.monotonic() - self._begin_s) * FPS) // GOP * GOP  # a key frame
+        self.first = round((time.monotonic() - self._begin_s) * FPS) // GOP * GOP  # a key frame
         with contextlib.suppress(OSError):
-            for number in range(first, len(self.frames)):
+            for number in range(self.first, len(self.frames)):
                 time.sleep(max(self._begin_s + number / FPS - time.monotonic(), 0))
                 if self.hold.is_set() or self._closed:
                     continue

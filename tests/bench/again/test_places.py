@@ -36,9 +36,9 @@ def held_up(folder, monkeypatch):
     def moments(self, flown=(), provisional_from_us=None):
         for at_us, snapshot in begin(self, flown, provisional_from_us):
             if provisional_from_us is not None:
-                provisional.wait(30)
+                provisional.wait(300)
             elif at_us > SCENARIO.start_us + 5 * S and replay.now_us <= SCENARIO.start_us + 5 * S:
-                final.wait(30)
+                final.wait(300)
             yield at_us, snapshot
 
     monkeypatch.setattr(Analysis, "moments", moments)

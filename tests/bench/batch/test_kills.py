@@ -42,11 +42,11 @@ def test_one_killed_worker_costs_an_attempt_and_no_flight(tmp_path):
 
 def test_a_flight_that_takes_too_long_costs_nothing_else(tmp_path):
     flights, out = short_flights(tmp_path / "flights", 2, frames=40), tmp_path / "out"
-    with WatchedBatch(*flights, "-o", out, "-j", 1, "--retries", 0, "--timeout", 15) as batch:
+    with WatchedBatch(*flights, "-o", out, "-j", 1, "--retries", 0, "--timeout", 30) as batch:
         stopped_writer(batch.pid, out)
         code, said = batch.finish()
     assert code == 6, said
-    assert "failed: took longer than 15 s" in said
+    assert "failed: took longer than 30 s" in said
     assert "1 of 2 flights done" in said
     assert len(tables(out)) == 1
 

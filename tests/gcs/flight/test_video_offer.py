@@ -1,7 +1,6 @@
 """Video that the UAV offers: taken only when asked for, told otherwise, and never a file or a device."""
 
 import socket
-import time
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -10,6 +9,7 @@ from gcs.flight.flight import Flight, FlightPlan
 from gcs.flight.video import AUTO
 from gcs.mission.mission import parse_mission
 from tests.support.ports import free_port
+from tests.support.waiting import until
 
 MISSION = {"uav": {"system_id": 1}, "ugv": [{"system_id": 11}]}
 RTSP = 0
@@ -39,14 +39,15 @@ def test_an_offer_is_told_and_taken_only_when_asked_for(tmp_path, video, uri, to
     flight = Flight(plan)
     try:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as uav:
-            for _ in range(100):
+
+            def is_told():
                 uav.sendto(offer(uri), ("127.0.0.1", port))
-                if any(told in event.text for event in flight.events()):
-                    break
-                time.sleep(0.1)
+                return any(told in event.text for event in flight.events())
+
+            assert until(is_told)
         texts = [event.text for event in flight.events()]
         assert sum(told in text for text in texts) == 1, texts
-        assert (flight._video.stream.url if flight._video.stream else None) == opened
+        assert until(lambda: (flight._video.stream.url if flight._video.stream else None) == opened)
     finally:
         flight.stop()
     assert flight.error is None

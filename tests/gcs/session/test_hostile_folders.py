@@ -47,7 +47,7 @@ def command(tmp_path, sessions, *extra):
 def flown_until(tmp_path, sessions, words, times):
     """What a flight says on stderr until it said something so often, and how it ends; sealing has no hurry."""
     with subprocess.Popen(command(tmp_path, sessions), stderr=subprocess.PIPE, stdout=subprocess.DEVNULL) as flight:
-        killer = threading.Timer(60, flight.kill)
+        killer = threading.Timer(180, flight.kill)
         killer.start()
         said = []
         while sum(words in line for line in said) < times and (line := flight.stderr.readline().decode()):
@@ -111,7 +111,7 @@ def test_a_folder_that_others_may_write_to_is_told(tmp_path):
     sessions.mkdir()
     sessions.chmod(0o777)
     words = command(tmp_path, sessions, "--duration", "1")
-    done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
     assert f"gcs: {sessions}: others may write to this folder" in done.stderr
     (flown,) = sessions.glob("20*Z*")

@@ -27,7 +27,7 @@ recorder = WholeRecorder(Path(sys.argv[1]), ONE_UGV, video=True)
 for k in range(100):
     recorder.packet(packet(k))
 print(recorder.folder, flush=True)
-time.sleep(60)
+time.sleep(600)
 """
 
 

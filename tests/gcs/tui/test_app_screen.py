@@ -16,6 +16,7 @@ from tests.support.fake_station import (
     START_US,
     WIDE,
     FakeStation,
+    comes_true,
     make_snapshot,
     on_screen,
     polled,
@@ -162,6 +163,7 @@ async def test_snapshot_is_drawn_once_and_again_only_when_it_is_another():
         await pilot.pause(0.3)
         assert drawn == []
         station.snapshot = replace(station.snapshot, frame=1235)
+        assert await comes_true(pilot, lambda: drawn)
         await pilot.pause(0.3)
         assert len(drawn) == 1 and "#1235" in text_of(video)
 

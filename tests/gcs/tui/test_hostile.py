@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import asyncio
 import math
 import random
 from dataclasses import replace
@@ -10,6 +9,8 @@ import pytest
 
 from gcs.snapshot import Event
 from gcs.tui import RollcallApp
+from gcs.tui.draw.event_rows import rows_of
+from gcs.tui.panes import event_log
 from tests.support.fake_station import HOSTILE, START_US, FakeStation, FakeTimeline, hostile_station, make_snapshot
 
 
@@ -117,7 +118,14 @@ async def test_wild_numbers_break_nothing():
         assert app.is_running
 
 
-async def test_a_flood_of_events_stays_bounded_and_quick():
+async def test_a_flood_of_events_stays_bounded_and_is_not_folded_for_every_key(monkeypatch):
+    folded = []
+
+    def fold(events):
+        folded.append(len(events))
+        return rows_of(events)
+
+    monkeypatch.setattr(event_log, "rows_of", fold)
     station = FakeStation(live=True)
     app = RollcallApp(station, graphics="blocks")
     async with app.run_test(size=(80, 24)) as pilot:
@@ -127,7 +135,13 @@ async def test_a_flood_of_events_stays_bounded_and_quick():
                 for i in range(3000 + burst)
             ]
             app._poll()
-        await asyncio.wait_for(pilot.press("e", "up", "l"), 5)
+        await pilot.pause()
+        before = len(folded)
+        await pilot.press("e", "up", "up")
+        assert len(folded) == before
+        await pilot.press("l")
+        assert len(folded) == before + 1, "once for another filter"
+        assert max(folded) <= event_log.MOST
         assert app.is_running
 
 

@@ -9,7 +9,7 @@ from textual.widgets import Input, OptionList
 from gcs.tui.keys import BINDINGS
 from gcs.tui.panes.alarms import AlarmPane
 from gcs.tui.panes.pane import Pane
-from tests.support.fake_station import WIDE, FakeStation, polled, running
+from tests.support.fake_station import WIDE, FakeStation, comes_true, polled, running
 
 
 async def offered(app, pilot, words=""):
@@ -17,24 +17,22 @@ async def offered(app, pilot, words=""):
     if not isinstance(app.screen, CommandPalette):
         await pilot.press("ctrl+p")
     app.screen.query_one(Input).value = words
-    before = None
-    for _ in range(100):
-        await pilot.pause(0.02)
-        options = app.screen.query_one(OptionList)
-        listed = [str(option.prompt) for option in options.options]
-        if listed and listed == before:
-            break
-        before = listed
-    return listed
+    await pilot.pause()
+
+    def listed():
+        return [str(option.prompt) for option in app.screen.query_one(OptionList).options]
+
+    def is_searched():
+        return listed() and all(worker.is_finished for worker in app.workers if worker.node is app.screen)
+
+    assert await comes_true(pilot, is_searched)
+    return listed()
 
 
 async def chosen(app, pilot, words):
     assert await offered(app, pilot, words)
     await pilot.press("enter")
-    for _ in range(100):
-        await pilot.pause(0.02)
-        if not isinstance(app.screen, CommandPalette):
-            break
+    assert await comes_true(pilot, lambda: not isinstance(app.screen, CommandPalette))
     await pilot.pause()
 
 

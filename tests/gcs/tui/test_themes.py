@@ -13,7 +13,7 @@ from gcs.tui import RollcallApp
 from gcs.tui.draw.map_canvas import STANDING_MARKS
 from gcs.tui.palette import LINE, standing_colour, use_theme
 from gcs.tui.themes import BACKGROUNDS, THEMES, Colour, ThemeName
-from tests.support.fake_station import SMALL, WIDE, FakeStation
+from tests.support.fake_station import SMALL, WIDE, FakeStation, comes_true
 
 READABLE = 4.5
 """WCAG 2.2, contrast of text, level AA."""
@@ -159,13 +159,9 @@ async def test_what_is_laid_over_the_panes_can_be_read(name, key, box):
     app = RollcallApp(FakeStation(live=True), graphics="blocks", theme=name)
     async with app.run_test(size=SMALL) as pilot:
         await pilot.press(key)
-        for _ in range(100):
-            await pilot.pause(0.02)
-            region = app.screen.query_one(box).region
-            if region.area:
-                break
+        assert await comes_true(pilot, lambda: app.screen.query(box) and app.screen.query_one(box).region.area > 0)
         await pilot.pause()
-        assert region.area > 0 and not unreadable(app, region)
+        assert not unreadable(app, app.screen.query_one(box).region)
 
 
 async def test_a_key_changes_the_theme_of_all_that_is_on_screen():

@@ -126,8 +126,8 @@ def test_a_disk_that_hangs_hangs_nobody_who_asks_or_closes(tmp_path, monkeypatch
     monkeypatch.setattr(append, "HANG_S", 0.05)
     disk, go_on = FaultyDisk(), threading.Event()
     file = AppendFile(tmp_path / "a.csv", disk=disk)
-    monkeypatch.setattr(disk, "write", lambda fd, data: go_on.wait(20) and len(data))
-    monkeypatch.setattr(disk, "fsync", lambda fd: go_on.wait(20))
+    monkeypatch.setattr(disk, "write", lambda fd, data: go_on.wait(120) and len(data))
+    monkeypatch.setattr(disk, "fsync", lambda fd: go_on.wait(120))
     threads = [threading.Thread(target=file.write, args=(b"1\n",)), threading.Thread(target=file.maintain)]
     for thread in threads:
         thread.start()

@@ -12,7 +12,7 @@ from infra.program_log import LogFile
 from tests.support.supervised_child import Begin, Do, Done
 
 PATIENCE_S = 0.3
-WITHIN_S = 20.0
+WITHIN_S = 120.0
 
 
 class Owner:
@@ -59,7 +59,7 @@ class Owner:
         self.failures.append(failure)
 
     def do(self, what):
-        self.supervisor.process.channel.send(Do(what), 1.0)
+        self.supervisor.process.channel.send(Do(what), WITHIN_S)
 
     def until(self, condition):
         stop_s = time.monotonic() + WITHIN_S

@@ -21,7 +21,7 @@ from vision.stream.stream import VideoStream
 from vision.stream.stream_worker import WAITING_PATIENCE_S
 from vision.video.video import VideoFile
 
-CLIP = 300
+CLIP = 1000
 
 
 class Watched:
@@ -40,8 +40,8 @@ class Watched:
     def __exit__(self, *args):
         self.stream.close()
 
-    def shows(self, n, within_s=15.0):
-        return until(lambda: len(self.rows) >= n, within_s)
+    def shows(self, n):
+        return until(lambda: len(self.rows) >= n)
 
     def film(self):
         """(index, number) of all recorded frames, after a look at their rows."""
@@ -82,17 +82,19 @@ def test_a_sender_that_returns_at_any_moment_is_recorded_within_a_group_of_frame
 
 def test_a_silent_sender_is_told_and_taken_back(tmp_path):
     with Watched(tmp_path) as watched:
-        with Sender(watched.port, coded(CLIP)[:50]):
-            assert watched.shows(45) and not watched.stream.stalled and watched.stream.connected
+        with Sender(watched.port, coded(CLIP)[:500]) as sender:
+            assert until(lambda: len(watched.rows) >= 45 and not watched.stream.stalled and watched.stream.connected)
+        count = sender.sent
+        assert watched.shows(count - 1)
         assert until(lambda: watched.stream.stalled)
         assert not watched.stream.connected
         # what the transport held back to the end is not news: it stays stalled until something comes
         assert not until(lambda: not watched.stream.stalled, 3)
-        with Sender(watched.port, coded(CLIP)[50:100]):
-            assert until(lambda: not watched.stream.stalled and len(watched.rows) > 60)
+        with Sender(watched.port, coded(CLIP)[500:]):
+            assert until(lambda: not watched.stream.stalled and len(watched.rows) > count + 10)
         assert watched.stream.restarts == 0 and watched.stream.recording_error == ""
     film, video = watched.film()
-    assert {number for _, number in film} >= {*range(45), *range(50, 60)} and video.missing == 0
+    assert {number for _, number in film} >= {*range(count - 1), *range(500, 510)} and video.missing == 0
     assert not (tmp_path / "video.1.mkv").exists()
 
 
@@ -106,7 +108,7 @@ def test_a_process_that_dies_or_hangs_is_started_again(tmp_path, number):
         assert "started again" in watched.stream.error
         before = len(watched.rows)
         assert watched.shows(before + 20) and watched.stream.process_id != victim
-        frame = watched.stream.latest(5.0)
+        frame = watched.stream.latest(60.0)
         assert frame is not None and frame.index >= before
     film, video = watched.film()
     numbers = [k for _, k in film]
@@ -147,9 +149,10 @@ def test_damage_on_the_way_is_counted_and_never_raises(tmp_path):
     with Watched(tmp_path) as watched:
         with Sender(watched.port, coded(CLIP)[:100], spoil=spoil) as sender:
             assert until(lambda: sender.sent == 100)
-        with Sender(watched.port, coded(CLIP)[100:]):
+        with Sender(watched.port, coded(CLIP)[100:]) as sender:
             before = len(watched.rows)
             assert watched.shows(before + 20)
+            assert until(lambda: sender.sent > 30 and watched.rows[-1][1] * 1e-6 > sender.stamps_s[30])
         assert watched.stream.damaged + watched.stream.undecoded > 0
         assert watched.stream.restarts == 0
     film, _ = watched.film()
@@ -182,7 +185,7 @@ def test_strangers_on_the_port_do_not_disturb(tmp_path):
 
 def test_a_server_that_never_answers_is_given_up_and_tried_again():
     with socket.create_server(("127.0.0.1", 0)) as server:
-        server.settimeout(15)
+        server.settimeout(60)
         with VideoStream(f"rtsp://127.0.0.1:{server.getsockname()[1]}/main") as stream:
             first, _ = server.accept()
             # a bound on waiting, not on speed: without it FFmpeg takes half a minute
@@ -204,16 +207,18 @@ def test_a_taken_port_is_told_and_had_once_it_is_free(tmp_path):
 
 
 def test_a_slow_consumer_sees_the_present(tmp_path):
-    """Lag is compared with the pace of the sender: frames that were sent after the one shown."""
+    """Frames that had come before the one shown was asked for, and are newer than it."""
     behind = []
     with Watched(tmp_path) as watched, Sender(watched.port, coded(CLIP)) as sender:
         while len(behind) < 25:
-            frame = watched.stream.latest(10.0)
-            assert frame is not None
-            behind.append(sender.sent - 1 - number_of(frame.image))
             time.sleep(0.1)
+            sent = sender.sent
+            assert watched.shows(sent - 2)
+            frame = watched.stream.latest(60.0)
+            assert frame is not None
+            behind.append(sent - 1 - number_of(frame.image))
     assert watched.stream.skipped > 25
-    # half a second; the first ones waited for the process to start
+    # half a second of film; the first ones waited for the process to start
     assert np.median(behind[5:]) <= FPS // 2
 
 
@@ -221,16 +226,16 @@ def test_times_are_those_of_the_time_stamps_when_the_pace_varies(tmp_path):
     times_ms = tuple(np.cumsum(np.random.default_rng(8).integers(10, 120, 60)).tolist())
     with Watched(tmp_path) as watched, Sender(watched.port, coded(60, times_ms), times_ms=times_ms) as sender:
         assert watched.shows(58)
-        until(lambda: sender.sent == 60)
+        assert until(lambda: sender.sent == 60)
     watched.stream.close()
     listed = np.array([t_us for _, t_us in watched.rows]) * 1e-6
     stamps = np.array(times_ms[: len(listed)]) * 1e-3
-    error = np.abs(np.diff(listed) - np.diff(stamps))[30:]
-    # a frame that comes sooner than all before it moves the clock a little
-    assert np.quantile(error, 0.9) < 2e-3
-    assert error.max() < 0.02
-    offset_s = listed - np.array(sender.stamps_s[: len(listed)])
-    assert np.abs(np.median(offset_s)) < 0.3
+    # a frame that comes sooner than all before it sets the clock back, and nothing sets it forward
+    assert (np.diff(listed) - np.diff(stamps)).max() < 2e-3
+    # and so by when the quickest so far was sent, however late the others were
+    quickest = np.minimum.accumulate(np.array(sender.stamps_s[: len(listed)]) - stamps)
+    offset_s = listed - stamps - quickest
+    assert offset_s.min() > -0.01 and np.median(offset_s) < 0.3
 
 
 def test_time_stamps_that_begin_anew_on_the_same_port_go_on_in_order(tmp_path):
@@ -243,7 +248,7 @@ def test_time_stamps_that_begin_anew_on_the_same_port_go_on_in_order(tmp_path):
     film, _ = watched.film()
     assert [number for _, number in film][:75] == [*range(40), *range(35)]
     times = np.diff([t_us for _, t_us in watched.rows])
-    assert times.max() < 1_000_000
+    assert times.max() < 1e6 * (1.0 + np.diff(sender.stamps_s).max())
 
 
 def test_a_process_may_be_stopped_by_many_threads_at_once(tmp_path):

@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 
 import psutil
 import pytest
@@ -16,6 +15,7 @@ from gcs.session.recorder import Recorder
 from mavlink.protocol.messages import VideoStreamInformation
 from tests.support.ports import free_port
 from tests.support.snapshots import ONE_UGV
+from tests.support.waiting import until
 from vision.errors import VideoError
 from vision.stream.secrets import conceal_in, concealed, secrets_of
 from vision.stream.source import parse_source
@@ -109,15 +109,13 @@ def test_a_flight_keeps_it_to_itself(tmp_path, given_by):
         *("-l", f"udpin:127.0.0.1:{free_port()}", "--sessions", tmp_path / "sessions"),
     ]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as flight:
-        killer = threading.Timer(180, flight.kill)
+        killer = threading.Timer(300, flight.kill)
         killer.start()
         told = lambda: "".join(p.read_text() for p in tmp_path.glob("sessions/*/events.jsonl"))  # noqa: E731
-        deadline = time.monotonic() + 120
-        while "cannot be opened" not in told() and time.monotonic() < deadline:
-            time.sleep(0.1)
+        until(lambda: "cannot be opened" in told(), 120.0)
         lines = list(command_lines(psutil.Process(flight.pid)))
         flight.send_signal(signal.SIGINT)
-        stdout, stderr = flight.communicate(timeout=30)
+        stdout, stderr = flight.communicate(timeout=120)
         killer.cancel()
     assert flight.returncode == 4, stderr  # nothing was named
     assert "cannot be opened" in told()

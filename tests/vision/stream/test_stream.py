@@ -43,7 +43,7 @@ def encode(target, n, *, kind=None, pace=False, bframes=0, stop=None, gop=10):
         container.mux(stream.encode(None))
 
 
-def frames(stream, within_s=20.0):
+def frames(stream, within_s=120.0):
     """What a file shows, to its end."""
     deadline = time.monotonic() + within_s
     while time.monotonic() < deadline:
@@ -60,7 +60,7 @@ def sender():
     """Starts a live MPEG-TS sender; gives its URL."""
     stop, threads = threading.Event(), []
 
-    def start(n=500, url=None, kind="mpegts"):
+    def start(n=1000, url=None, kind="mpegts"):
         url = url or f"udp://127.0.0.1:{free_port()}"
         out = f"{url}?pkt_size=1316" if kind == "mpegts" else url
         thread = threading.Thread(target=encode, args=(out, n), kwargs={"kind": kind, "pace": True, "stop": stop})
@@ -71,14 +71,14 @@ def sender():
     yield start
     stop.set()
     for thread in threads:
-        thread.join(5)
+        thread.join(60)
 
 
 def test_what_is_listed_is_what_is_recorded(tmp_path, sender, capfd):
     rows, shown, begin_us = [], [], time.time() * 1e6
     url = sender()
     stream = VideoStream(url, tmp_path / "video.mkv", on_frame=lambda index, t_us: rows.append((index, t_us)))
-    end = time.monotonic() + 19.0
+    end = time.monotonic() + 60.0
     while (len(rows) < 2 * FPS or len(shown) < FPS) and time.monotonic() < end:
         frame = stream.latest(0.2)
         if frame is not None:
@@ -92,8 +92,8 @@ def test_what_is_listed_is_what_is_recorded(tmp_path, sender, capfd):
     # a frame is known to be whole when the next one begins, so that the last one's time may be a little ahead
     assert begin_us < times[0] and times[-1] < end_us + 2e6 / FPS
     assert (np.diff(times) > 0).all()
-    # while the first ones are late on a busy machine, the clock still comes nearer
-    assert np.median(np.diff(times)) == pytest.approx(1e6 / FPS, abs=2000)
+    # even as the time stamps; while the first ones are late on a busy machine, the clock still comes nearer
+    assert np.diff(times).max() < 1e6 / FPS + 2000
     with VideoFile.open(tmp_path / "video.mkv", times) as video:
         assert (video.n, video.mismatch) == (len(rows), 0)
         recorded = {frame.index: (frame.t_us, number_of(frame.image)) for frame in video.frames()}
@@ -125,11 +125,11 @@ def test_rtp_is_received_as_well(tmp_path, encoder, key, source):
             container.mux(coded.encode(av.VideoFrame.from_ndarray(image(number), format="bgr24")))
         container.mux(coded.encode(None))
     assert until(lambda: len(rows) == 50)
-    frame = stream.latest(5.0)
+    frame = stream.latest(60.0)
     assert frame is not None and number_of(frame.image) == frame.index == 49
     stream.close()
     assert (stream.received, stream.damaged, stream.undecoded, stream.error) == (50, 0, 0, "")
-    assert np.median(np.diff([t_us for _, t_us in rows])) == pytest.approx(1e6 / FPS, abs=2000)
+    assert np.diff([t_us for _, t_us in rows]).max() < 1e6 / FPS + 2000
     with VideoFile.open(tmp_path / "video.mkv") as video:
         assert [number_of(frame.image) for frame in video.frames()] == list(range(50))
 
@@ -138,12 +138,13 @@ def test_a_slow_reader_gets_the_newest_and_the_rest_is_counted(tmp_path):
     encode(tmp_path / "clip.mp4", 40)
     rows = []
     with VideoStream(str(tmp_path / "clip.mp4"), on_frame=lambda index, _: rows.append(index)) as stream:
-        seen, behind = [], []
+        seen, behind, listed = [], [], 0
         for frame in frames(stream):
             assert number_of(frame.image) == frame.index
             seen.append(frame.index)
-            behind.append(len(rows) - frame.index)
+            behind.append(listed - frame.index)
             time.sleep(0.2)
+            listed = len(rows)  # before the next is asked for
         assert np.median(behind) <= FPS // 2
         assert stream.ended and not stream.stalled
         assert rows == list(range(40)) and seen == sorted(set(seen)) and seen[-1] == 39
@@ -174,10 +175,10 @@ def test_it_connects_again_and_goes_on_in_the_same_recording(tmp_path, sender):
     url = sender(n=40)
     rows = []
     stream = VideoStream(url, tmp_path / "video.mkv", on_frame=lambda index, t_us: rows.append((index, t_us)))
-    assert until(lambda: rows and stream.stalled, 20.0)
+    assert until(lambda: rows and stream.stalled)
     first = len(rows)
     assert first > 5
-    sender(n=500, url=url)
+    sender(url=url)
     assert until(lambda: stream.received >= first + 10)
     stream.close()
     assert reconnects(stream) == 1 and stream.received >= first + 10
@@ -191,10 +192,10 @@ def test_it_connects_again_and_goes_on_in_the_same_recording(tmp_path, sender):
 def test_silence_is_told_and_closing_does_not_wait_for_it(capfd):
     with VideoStream(f"udp://127.0.0.1:{free_port()}", stall_s=0.2) as stream:
         assert stream.latest(0.1) is None
-        time.sleep(0.2)
-        assert stream.stalled and not stream.connected
-        begin = time.monotonic()
-    assert time.monotonic() - begin < 20.0, "it waits for nobody"
+        assert until(lambda: stream.stalled)
+        assert not stream.connected
+        process = stream._supervisor.process
+    assert process._process.poll() == 0, "it waited for nobody, and was not killed"
     assert capfd.readouterr() == ("", "")
 
 
@@ -229,7 +230,7 @@ def test_after_a_kill_the_recording_plays_to_a_second_before(tmp_path):
     code = (
         "import sys, time; from pathlib import Path; from vision.stream.stream import VideoStream\n"
         "s = VideoStream(sys.argv[1], Path(sys.argv[2]), on_frame=lambda i, t: print(i, flush=True))\n"
-        "time.sleep(30)"
+        "time.sleep(600)"
     )
     command = [sys.executable, "-c", code, str(tmp_path / "clip.mp4"), str(tmp_path / "video.mkv")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:

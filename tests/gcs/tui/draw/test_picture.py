@@ -23,7 +23,7 @@ from gcs.tui.draw.pixels import Pixels, _inline_widget, _shows_inline, inline_im
 from gcs.tui.draw.terminal_kind import ask_version, finest_grain
 from gcs.tui.draw.video_canvas import video_cells
 from gcs.tui.draw.xterm_palette import FIRST, PALETTE, dithered, nearest
-from tests.support.fake_station import FakeStation, make_snapshot
+from tests.support.fake_station import FakeStation, comes_true, make_snapshot
 
 MODES = [PictureMode(grain=grain, palette=palette) for grain in ("halves", "sextants", "octants") for palette in (0, 1)]
 HIGH = {"halves": 2, "sextants": 3, "octants": 4}
@@ -220,8 +220,9 @@ async def test_the_inline_image_is_drawn_where_the_video_is(monkeypatch):
     pixels = Pixels(widget=_inline_widget(), cell_width=10, cell_height=20)
     monkeypatch.setattr(app_module, "pixel_images", lambda graphics: pixels)
     async with RollcallApp(FakeStation(), graphics="pixels").run_test(size=(100, 30)) as pilot:
-        await pilot.pause(0.3)
-        (coded,) = pilot.app.query_one("#pixels").children
+        pixels = pilot.app.query_one("#pixels")
+        assert await comes_true(pilot, lambda: pixels.children and pixels.children[0].size.area)
+        (coded,) = pixels.children
         *_, last = coded.render_lines(Region(0, 0, *coded.size))
         place, image, _ = (segment.text for segment in last)
         assert image.startswith("\x1b]1337;File=inline=1;")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from dataclasses import replace
 
 import cv2
@@ -13,7 +12,7 @@ from gcs.tui.keys import BINDINGS
 from gcs.tui.screens import marking
 from gcs.tui.screens.leaving import LeaveFlight
 from gcs.tui.screens.prompts import Prompt
-from tests.support.fake_station import START_US, FakeStation, polled, running, screen_text
+from tests.support.fake_station import START_US, FakeStation, comes_true, polled, running, screen_text
 
 
 async def test_a_mark_has_the_time_of_its_key_and_the_picked_vehicle():
@@ -53,11 +52,8 @@ async def test_a_mark_that_cannot_be_kept_says_why():
 
 async def still(pilot, folder):
     await pilot.press("s")
-    for _ in range(100):
-        if found := sorted(folder.rglob("*.png")):
-            return found
-        await asyncio.sleep(0.02)
-    raise AssertionError("no still")
+    assert await comes_true(pilot, lambda: list(folder.rglob("*.png")))
+    return sorted(folder.rglob("*.png"))
 
 
 async def test_a_still_of_a_flight_is_the_whole_frame_with_names_and_never_replaces_another(tmp_path):
@@ -90,10 +86,7 @@ async def test_a_still_that_cannot_be_written_or_has_no_frame_says_so(tmp_path):
     async with running(FakeStation(live=True)) as (app, pilot, station):
         station.folder = tmp_path / "gone"
         await pilot.press("s")
-        for _ in range(100):
-            if app._notifications:
-                break
-            await pilot.pause(0.02)
+        assert await comes_true(pilot, lambda: app._notifications)
         assert "not saved: No such file" in " ".join(notice.message for notice in app._notifications)
         station.snapshot = None
         app.snapshot = None
