@@ -13,6 +13,7 @@ import numpy as np
 
 from bench.latency.scenes import crowd
 from gcs.fold.pipeline import WAIT_US, Pipeline
+from gcs.playback import recorded_order
 from gcs.playback.analysis import Analysis
 from gcs.playback.recorded_order import PacketsInOrder
 from gcs.session.session import open_session
@@ -89,5 +90,6 @@ def _waits_us() -> Iterator[list[int]]:
         # it still waits for what never came in time
         waits.append(pipeline.wait_us if pipeline.awaits_telemetry(t_us, last_us) else last_us - taken_us)
 
-    with patch.object(PacketsInOrder, "awaited", timed):
+    # a recording has more patience than a flight
+    with patch.object(PacketsInOrder, "awaited", timed), patch.object(recorded_order, "PATIENCE_US", WAIT_US):
         yield waits

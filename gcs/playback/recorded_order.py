@@ -25,7 +25,7 @@ __all__ = ["GroundScale", "PacketsInOrder", "RecordedTurns"]
 
 _MOST_BETWEEN = 1000
 """Frames that a flight skips between two that it looks at, at most."""
-_PATIENCE_US = 3_000_000
+PATIENCE_US = 3_000_000
 """Frames of a recording wait so long for the UAV's pose: no screen waits for them."""
 _MOST_QUEUED_US = 5_000_000
 """A turn is made at most so long after a record that it has not taken in yet."""
@@ -48,7 +48,7 @@ class PacketsInOrder:
         """Those up to a frame's time, and those until the UAV's pose at that time is known, if it comes."""
         # a frame that is dated before it was taken came later than its date
         yield from self.until(max(t_us, pipeline.telemetry_time(t_us)))
-        while self._next is not None and pipeline.awaits_telemetry(t_us, self._next.t_us, most_us=_PATIENCE_US):
+        while self._next is not None and pipeline.awaits_telemetry(t_us, self._next.t_us, most_us=PATIENCE_US):
             yield self._next
             self._next = next(self._packets, None)
 
