@@ -5,8 +5,8 @@ import pytest
 
 from mavlink.fleet.fleet import Fleet
 from mavlink.protocol.encoder import MavlinkEncoder
-from tests.support.counting import calls_of
 from tests.support.flights import FIELD, SPEED, T0, S, World
+from tests.support.waiting import calls_of
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from mavlink.tlog.log import Tlog
 from mavlink.tlog.scan import Frames, find_frames
 from mavlink.tlog.summary import info
 from tests.support.bundled import ROOT
-from tests.support.counting import instructions_of
+from tests.support.waiting import instructions_of
 
 SWARM = ROOT / "sitl_logs" / "ardupilot-swarm" / "telemetry.tlog"
 SWARM_INDEX = build_index(np.frombuffer(SWARM.read_bytes(), dtype=np.uint8))

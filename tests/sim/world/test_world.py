@@ -11,7 +11,7 @@ from sim.world.presets import curved_road, nominal
 from sim.world.scenario import Scenario, ScenarioCamera, ScenarioFlight, ScenarioGround, Targets
 from sim.world.view import OCCLUDER
 from sim.world.world import LEAD_S, TAIL_S, World
-from tests.support.counting import calls_of
+from tests.support.waiting import calls_of
 
 CROWD = Targets(still=2, moving=1, persons=2, lookalikes=2, parked_lookalikes=1)
 KINDS = {
