@@ -70,7 +70,7 @@ class Noise:
     pixel_var: float
     """Variance that is assumed of a box's centre, px²."""
     height: float
-    """Of the camera above the ground as reported, metres."""
+    """Height of the camera above the ground as reported, metres."""
     increment_max: float
     """Most that one block may count for or against a pair, nats."""
     in_view_bonus: FloatArray

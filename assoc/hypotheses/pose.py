@@ -39,7 +39,7 @@ class PosePrior:
     log_share: float = 0.0
     """ln of its weight in the mixture."""
     at_once: bool = False
-    """Whether every update starts there too, until film and telemetry fit clearly."""
+    """True: every update starts at its mean too, until film and telemetry fit clearly."""
     others: tuple[PosePrior, ...] = ()
     """The other parts: errors that are rare and large."""
 

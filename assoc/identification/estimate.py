@@ -78,7 +78,7 @@ class Estimator:
         self.theta_std: FloatArray = np.full(THETA, np.nan)
         """(8,) 1σ of ``theta``, NaN before the first update."""
         self._other_height = False
-        """Whether the best of them has the height of another source."""
+        """True: the best hypothesis has the height that another source gives."""
         self._lock = SearchLock(params.lock)
         self.fit, self.gross = FleetFit(), GrossErrors()
         self._strangers = StrangerLimit()

@@ -59,7 +59,7 @@ _TOLL_MOST = 30.0
 """Most that all pairs together must bring, nats: what chance brings does not grow with time, and vehicles on straight
 lanes tell little more after a while."""
 _ALIKE = 0.3
-"""What a second brings to any pair that drives alike, nats: vehicles of two films on two roads do so for a while."""
+"""Evidence that a second brings to any pair that drives alike, nats: vehicles on two roads do so for a while."""
 _BETTER = 15.0
 """Evidence by which a fleet that is there explains the boxes better than chance, nats, however wrong the pose is."""
 _RARE = 3.0

@@ -101,7 +101,7 @@ class Vehicle:
         self.conditions = ConditionReports(self.rejections.count)
         self._duplicate_id = DuplicateIdDetector(limits, drives=drives, links=links, address=address)
         self._component_clocks: dict[int, VehicleClock] = {}
-        """Of components other than the autopilot."""
+        """Clocks of components other than the autopilot, by component id."""
         self.usual_delay_us = 0.0
         """By how much most messages come later than the quickest of them, µs: the 0.9 expectile of their delays."""
         self._drives, self._limits = drives, limits

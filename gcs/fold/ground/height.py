@@ -103,9 +103,9 @@ class GroundHeight:
         self._film: tuple[HeightSource, FloatArray] | None = None
         """The ground by the film, and where, once it contradicts all other sources."""
         self._news: list[str] = []
-        """What an operator should know of them."""
+        """Texts of warnings about them that were not told yet."""
         self._divided_told = self._jumps = False
-        """Whether it was told that the vehicles' altitudes differ; and whether the next ground is taken at once."""
+        """True: it was told that the vehicles' altitudes differ; and the next ground is taken at once."""
 
     def below(self, uav: UavState) -> GroundSurface:
         """The ground; the plane of the UAV's home while nothing else is known."""
