@@ -224,10 +224,10 @@ class GroundHeight:
 
     def _leave_out_above(self, uav: UavState) -> bool:
         """Leave out sources by which a UAV that flies is in the ground; whether there are any."""
-        uav_z = float(uav.p_enu[2])
+        uav_z, before = float(uav.p_enu[2]), len(self._left_out)
         if uav.height_m > FLYING_M:
             self._leave_out(lambda source: source.z > uav_z - LEAST_HEIGHT_M, uav_z - uav.height_m, TAKEOFF)
-        return self._jumps
+        return len(self._left_out) > before
 
     def _leave_out(self, is_wrong: Callable[[HeightSource], bool], z: float, witness: str) -> None:
         """Leave out sources, unless nothing would be left; ``z``: the ground by what contradicts them."""
