@@ -192,7 +192,7 @@ class Box:
     """One tracked vehicle in the frame."""
 
     track_id: int
-    """0 for a detection that no track took."""
+    """0 for a detection that no track took; with a name it is another part of the vehicle that has this name."""
     cx: float
     cy: float
     w: float

@@ -25,9 +25,12 @@ _RIGHT = 0.75
 for another reason, as where a detector's boxes vary."""
 _CERTAIN = 0.9
 """Probability of a name from which the box's length is learnt as the vehicle's."""
-_GROW_S, _SHRINK_S = 8.0, 0.5
+_GROW_S, _SHRINK_S, _PART_S = 8.0, 0.5, 4.0
 """Time constants with which a learnt length grows and shrinks, seconds: no box is shorter than its vehicle for long,
-while a common one may last for seconds. A vehicle twice as long as the others is named after 3.5 s."""
+while a common one may last for seconds. A vehicle twice as long as the others is named after 3.5 s. The last is for
+boxes that are so short that they may be round a part of the vehicle."""
+_PART = 0.72
+"""Share of its vehicle's length up to which a box may be round a part of it."""
 _LEAST_BOXES = 3
 """Boxes from which their median tells the length of vehicles that were not learnt yet."""
 _LONGEST_STEP_S = 0.5
@@ -59,7 +62,7 @@ class CommonBoxes:
         own = self._length_m[name[rows]]
         own = np.where(np.isnan(own), usual, own)
         common = rows[(length[rows] > _LONGER * own) & ~stated[rows]]
-        self._learn(t, name[rows], length[rows], np.fmin(own, length[rows]), p[rows, name[rows]] > _CERTAIN)
+        self._learn(t, name[rows], length[rows], own, p[rows, name[rows]] > _CERTAIN)
         if not len(common):
             return p
         p = p.copy()
@@ -79,5 +82,7 @@ class CommonBoxes:
         """Move the vehicles' lengths (k,) from what they were, ``own``, towards those seen, where names are sure."""
         step_s = min(max(t - self._t, 0.0), _LONGEST_STEP_S)
         self._t = t
-        time_s = np.where(seen > own, _GROW_S, _SHRINK_S)
+        part = seen < _PART * own
+        own = np.where(part, own, np.fmin(own, seen))
+        time_s = np.where(seen > own, _GROW_S, np.where(part, _PART_S, _SHRINK_S))
         self._length_m[vehicle[sure]] = (own + (seen - own) * -np.expm1(-step_s / time_s))[sure]

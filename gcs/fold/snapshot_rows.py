@@ -18,6 +18,7 @@ from mavlink.fleet.fleet import FleetState, VehicleStatus
 from mavlink.geodesy import LocalFrame
 from vision.camera.camera import ground
 from vision.detect.detections import Detections
+from vision.track.parts import Wholes
 from vision.track.tracks import Tracks
 
 __all__ = ["boxes_of", "vehicle_rows"]
@@ -32,6 +33,7 @@ EVIDENCE = (
 
 def boxes_of(
     detections: Detections,
+    wholes: Wholes,
     tracks: Tracks,
     identities: Identities | None,
     vehicle_uv: dict[int, FloatArray],
@@ -45,8 +47,11 @@ def boxes_of(
 ) -> tuple[Box, ...]:
     """Boxes of a frame: those that tracks took, with their names, then strong ones that no track took.
 
+    Where the boxes of a vehicle's front and rear were put together its track has the one, and the other has its name.
+
     Args:
         detections: Of this frame.
+        wholes: The same with the parts of vehicles put together, which tracks took.
         tracks: After this frame.
         identities: In the order of the tracks, None without a camera pose.
         vehicle_uv: Pixel (2,) of each vehicle's reported place by system id.
@@ -58,14 +63,17 @@ def boxes_of(
         score: Weaker boxes that no track took are not shown.
     """
     places = _places(detections)
-    rows = _tracked(tracks, places, identities)
+    # the last entry answers for -1, unseen
+    taken, others = (np.append(of, -1)[tracks.detection] for of in (wholes.first, wholes.second))
+    rows = _tracked(tracks, taken.tolist(), places, identities)
     for row in rows:
         name = row.get("system_id", 0)
         row["since_us"] = named_since(row["track_id"], name)
         row["stated"] = stated.get(row["track_id"]) == name
     for row, found in zip(rows, candidates, strict=False):
         row["candidates"] = found
-    untracked = sorted(set(np.flatnonzero(detections.score >= score).tolist()) - set(tracks.detection.tolist()))
+    rows += [rows[k] | places[other] | {"track_id": 0} for k, other in enumerate(others.tolist()) if other >= 0]
+    untracked = sorted(set(np.flatnonzero(detections.score >= score).tolist()) - {*taken.tolist(), *others.tolist()})
     rows += [places[k] | {"track_id": 0} for k in untracked]
     if view is not None and rows:
         centre = np.array([[row["cx"], row["cy"]] for row in rows])
@@ -97,9 +105,17 @@ def _places(source: Detections | Tracks) -> list[dict[str, Any]]:
     return _rows(source, ("cx", "cy", "w", "h", "angle", "heading", "score"))
 
 
-def _tracked(tracks: Tracks, detected: list[dict[str, Any]], identities: Identities | None) -> list[dict[str, Any]]:
-    """Boxes of the tracks: as detected in this frame, or as predicted when coasting; with names and evidence."""
-    seen = tracks.detection.tolist()
+def _tracked(
+    tracks: Tracks, seen: list[int], detected: list[dict[str, Any]], identities: Identities | None
+) -> list[dict[str, Any]]:
+    """Boxes of the tracks: as detected in this frame, or as predicted when coasting; with names and evidence.
+
+    Args:
+        tracks: After the frame.
+        seen: The row that each took among those that were detected, −1 none.
+        detected: The frame's boxes.
+        identities: In the order of the tracks, None without a camera pose.
+    """
     predicted = _places(tracks) if min(seen, default=0) < 0 else []
     places = [detected[at] if at >= 0 else predicted[k] for k, at in enumerate(seen)]
     state = _rows(tracks, ("track_id", "heading"))
@@ -132,7 +148,7 @@ def vehicle_rows(
         standing_since: Since when a vehicle has had a standing.
         lapsed: The last frame came so long ago that nothing is known of what the camera sees.
     """
-    by_name = {box.system_id: box for box in boxes if box.system_id}
+    by_name = {box.system_id: box for box in reversed(boxes) if box.system_id}
     rows = []
     for k, status in enumerate(state.vehicles):
         is_uav = k == 0
