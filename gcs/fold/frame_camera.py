@@ -34,6 +34,8 @@ class FrameCamera:
     """False: the UAV doubts its own position."""
     position_std_m: float = math.nan
     """1σ of its position per axis, level, where that is known to be coarse; else NaN."""
+    R_reported: FloatArray | None = None
+    """(3, 3) telemetry's rotation, where that of the pose is another; None: the same."""
     of_image_time: bool = False
     """The rotation is that of the frame's own moment, as its boxes show; else telemetry's, by telemetry's clock."""
 

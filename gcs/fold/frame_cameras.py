@@ -16,6 +16,7 @@ from gcs.fold.ground.height import GroundHeight
 from gcs.fold.ground.surface import Relief
 from gcs.fold.optics import Optics
 from gcs.fold.position_steps import StepFilter
+from gcs.fold.silent_zoom import SilentZoom, magnified
 from gcs.mission.mission import Mission
 from gcs.mission.terrain_file import TerrainFile
 from gcs.snapshot import Event
@@ -56,6 +57,7 @@ class FrameCameras:
         self._heights = GroundHeight()
         self._terrain, self._terrain_fault = _terrain_of(mission)
         self._optics = Optics(mission.camera, sized=sized)
+        self._zoom = SilentZoom()
         self._direction = CameraDirection(mission)
         self._fusion = AttitudeFusion()
         self._K: NDArray[np.float64] = np.zeros((3, 3))
@@ -84,6 +86,7 @@ class FrameCameras:
     def forget_places(self) -> None:
         """Take positions as they are reported again: they are given in another frame from now on."""
         self._steps, self._heights = StepFilter(), GroundHeight()
+        self._zoom.restart()
         self._fusion.restart()
 
     def follow_ground(self, state: FleetState, frame: LocalFrame | None) -> Sequence[Event]:
@@ -98,6 +101,8 @@ class FrameCameras:
         """
         relief = Relief(terrain=self._terrain, frame=frame) if self._terrain and frame else None
         events = list(self._heights.update(state, relief))
+        if self._heights.step_m:
+            self._zoom.restart()
         if self._terrain_fault:
             text, self._terrain_fault = self._terrain_fault, ""
             events.append(Event(t_us=state.t_us, level="warning", kind="camera", text=text, system_id=self._uav_id))
@@ -141,6 +146,14 @@ class FrameCameras:
         event = Event(t_us=state.t_us, level="warning", kind="vehicle", text=text, system_id=self._uav_id)
         return bool(anew_m), (event,)
 
+    def zoomed(self, t_us: int, camera: FrameCamera, detections: Detections) -> FrameCamera:
+        """The camera of a frame, zoomed if its boxes show that it was zoomed at once, which nothing reports."""
+        factor = self._zoom.jump(t_us, camera, detections)
+        if factor == 1.0:
+            return camera
+        self._optics.magnify(t_us, factor)
+        return magnified(camera, factor)
+
     def predicted(
         self, t_us: int, camera: FrameCamera, fleet: Fleet, motion: ImageMotion | None, *, yaw_error: float = 0.0
     ) -> FrameCamera:
@@ -164,6 +177,10 @@ class FrameCameras:
     def seen(self, t_us: int, camera: FrameCamera, detections: Detections, tracks: Tracks) -> FrameCamera:
         """The camera after the boxes of the frame that was predicted last."""
         assert self._reported is not None
+        factor = self._zoom.change(t_us, camera, detections, tracks)
+        if factor != 1.0:
+            self._optics.magnify(t_us, factor)
+            camera = magnified(camera, factor)
         found = np.flatnonzero(tracks.detection >= 0)
         boxes = tracks.detection[found]
         rays = camera.intrinsics.rays(detections.centre[boxes])
@@ -251,4 +268,6 @@ def _terrain_of(mission: Mission) -> tuple[TerrainFile | None, str]:
 
 
 def _turned(camera: FrameCamera, R_enu_cam: NDArray[np.float64]) -> FrameCamera:
-    return replace(camera, pose=replace(camera.pose, R_enu_cam=R_enu_cam), of_image_time=True)
+    reported = camera.pose.R_enu_cam if camera.R_reported is None else camera.R_reported
+    pose = replace(camera.pose, R_enu_cam=R_enu_cam)
+    return replace(camera, pose=pose, R_reported=reported, of_image_time=True)

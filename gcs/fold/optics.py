@@ -25,6 +25,8 @@ __all__ = ["Optics"]
 _SIZELESS = "nothing can be named: the recording does not have the size of its frames; give --frame-size"
 REPORTED_ZOOM = 0.03
 """Change of the focal length that is reported."""
+TOLD_ZOOM, SETTLED_US = 0.1, 1_500_000
+"""ln of the least zoom found that is told, and how long it must have ended for, µs."""
 
 
 class Optics:
@@ -41,6 +43,8 @@ class Optics:
         self._base = self._camera.intrinsics
         self._size: tuple[int, int] | None = None
         self._first_fov = math.nan
+        self._found, self._told_found, self._found_us, self._known = 1.0, 1.0, 0, math.nan
+        """Magnification that nothing reports, as told last, when it changed, and the one that is reported."""
         self._reported_source = ""
         self._reported_focal = math.nan
         self._refused = ""
@@ -83,9 +87,29 @@ class Optics:
             described, source = _of_report(report, size) if report else (None, "")
         if described is None:
             return None
-        intrinsics = zoomed(described, self._zoom(report))
+        zoom = self._zoom(report)
+        if not math.isclose(zoom, self._known, rel_tol=REPORTED_ZOOM):
+            # a report takes over
+            self._found, self._told_found, self._known = 1.0, 1.0, zoom
+        self._tell_found(t_us)
+        intrinsics = zoomed(described, zoom * self._found)
         self._report_changes(t_us, intrinsics, source)
         return intrinsics
+
+    def magnify(self, t_us: int, factor: float) -> None:
+        """Take in a zoom that the picture shows and nothing reports."""
+        self._found, self._found_us = self._found * factor, t_us
+        # it is told in other words
+        self._reported_focal *= factor
+
+    def _tell_found(self, t_us: int) -> None:
+        """An event once a zoom that nothing reports has ended."""
+        if self._found == self._told_found or t_us - self._found_us < SETTLED_US:
+            return
+        if abs(math.log(self._found / self._told_found)) > TOLD_ZOOM:
+            times = self._found / self._told_found
+            self._add(t_us, "warning", f"the camera zoomed {times:.1f} times, which it does not report")
+        self._told_found = self._found
 
     def _of_mission(self, t_us: int, size: tuple[int, int]) -> Intrinsics | None:
         assert self._base is not None

@@ -20,6 +20,7 @@ from gcs.fold.evidence import camera_of, observation_of, reports_of
 from gcs.fold.fences import Fences
 from gcs.fold.frame_camera import FrameCamera, camera_aim, expected_pixels, ground_warp, reported_pixels
 from gcs.fold.frame_cameras import FrameCameras
+from gcs.fold.ground.contact import pixel_lengths
 from gcs.fold.name_changes import NameChanges
 from gcs.fold.notice_events import NoticeEvents
 from gcs.fold.quarantine import limit_doubted, withhold_contested
@@ -39,6 +40,7 @@ from mavlink.protocol.packet import Auth, Packet
 from vision.camera.camera import footprint, ground_sampling
 from vision.detect.detections import Detections
 from vision.motion.image_motion import ImageMotion
+from vision.track.parts import Parts, Wholes
 from vision.track.tracker import Tracker
 from vision.track.tracks import Stitch, TrackerParams, Tracks
 
@@ -65,6 +67,9 @@ class _Look:
 
     t_us: int
     detections: Detections
+    """Of the frame, the parts of a vehicle apart."""
+    wholes: Wholes
+    """The same, put together."""
     tracks: Tracks
     found: Identities | None
     """None without a camera pose, and once names have begun anew."""
@@ -103,6 +108,7 @@ class Pipeline:
         )
         self._crowded, self._score = False, mission.detector.score
         self._tracker: Tracker | None = None
+        self._parts = Parts()
         self._params = IdentifierParams(threshold=mission.identity.threshold)
         if auto := mission.clock.video_offset_s == "auto":
             self._params = replace(self._params, time_offset_std_s=self._params.unknown_offset_std_s)
@@ -236,23 +242,26 @@ class Pipeline:
         telemetry_us = self.telemetry_time(t_us)
         if view is not None:
             moved, yaw_error = motion if self._view else None, float(self._identifier.pose_correction[YAW])
+            view = self._cameras.zoomed(t_us, view, detections.at_least(self._score))
             view = self._cameras.predicted(telemetry_us, view, self.fleet, moved, yaw_error=yaw_error)
         warp = ground_warp(self._view, view) if motion is None else motion.H
+        wholes = self._joined(t_us, detections, view)
         if self._tracker is None:
             self._tracker = Tracker(TrackerParams(new_score=self._score, frame_size=self._cameras.size))
         stitch, known, focal_px = self._stitch(t_us, view), self._known(state), view.intrinsics.fx if view else None
         expected_px = np.array(list((self._expected_px(state, view) or {}).values())).reshape(-1, 2)
         tracks = self._tracker.update(
-            *(detections, t_us), warp=warp, stitch=stitch, known=known, focal_px=focal_px, reported_px=expected_px
+            *(wholes.boxes, t_us), warp=warp, stitch=stitch, known=known, focal_px=focal_px, reported_px=expected_px
         )
         self._events += self._statements.apply(t_us, index, tracks, self._identifier)
-        view = self._cameras.seen(telemetry_us, view, detections, tracks) if view else None
+        view = self._cameras.seen(telemetry_us, view, wholes.boxes, tracks) if view else None
         self._view = view
         self._look = _Look(
             t_us=t_us,
             detections=detections,
+            wholes=wholes,
             tracks=tracks,
-            found=self._identify(t_us, detections, tracks, view),
+            found=self._identify(t_us, wholes.boxes, tracks, view),
             view=view,
             uv=reported_pixels(state, view),
         )
@@ -318,6 +327,14 @@ class Pipeline:
         self._events += events
         return camera
 
+    def _joined(self, t_us: int, detections: Detections, view: FrameCamera | None) -> Wholes:
+        """The boxes of a frame, one for each vehicle where it has two."""
+        if view is None:
+            pixel_m = np.ones(len(detections))
+        else:
+            pixel_m = pixel_lengths(view.intrinsics.rays(detections.centre), view)
+        return self._parts.joined(t_us, detections, pixel_m, self._score)
+
     def _stitch(self, t_us: int, view: FrameCamera | None) -> Stitch | None:
         """Algorithm 1, lines 15-22: a lost track goes on where its vehicle reports to be."""
         if view is None:
@@ -368,7 +385,7 @@ class Pipeline:
         look, boxes = self._look, tuple[Box, ...]()
         if look is not None and t_us - look.t_us <= HELD_US:
             boxes = boxes_of(
-                *(look.detections, look.tracks, identities, look.uv, look.view, self.fleet.origin),
+                *(look.detections, look.wholes, look.tracks, identities, look.uv, look.view, self.fleet.origin),
                 candidates=self._candidates.of(identities, state),
                 named_since=partial(self._named_since.update, t_us),
                 stated=self._statements.by_track,

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gcs.fold.frame_camera import FrameCamera
 
-__all__ = ["box_lengths", "contact_rays"]
+__all__ = ["box_lengths", "contact_rays", "ground_places", "pixel_lengths"]
 
 FloatArray = NDArray[np.float64]
 
@@ -56,6 +56,29 @@ def box_lengths(rays: FloatArray, long_px: FloatArray, view: FrameCamera) -> Flo
     unit, sine = _depressions(rays, view)
     depth_m = unit[:, 2] * (view.pose.p_enu[2] - view.ground_z) / np.maximum(sine, STEEP_SINE)
     return np.asarray(np.where((sine > STEEP_SINE) & (depth_m > 0.0), long_px * depth_m / view.intrinsics.fx, np.nan))
+
+
+def ground_places(rays: FloatArray, size_px: FloatArray, view: FrameCamera) -> tuple[FloatArray, FloatArray]:
+    """Where boxes are on the ground, and how large.
+
+    Args:
+        rays: (k, 3) through the middles of boxes, camera frame.
+        size_px: (k,) √(w h) of the boxes.
+        view: the camera.
+
+    Returns:
+        (k, 2) east and north of the camera, metres; (k,) ln of √(w h) at their distance, metres.
+    """
+    unit, sine = _depressions(rays, view)
+    range_m = (view.pose.p_enu[2] - view.ground_z) / np.maximum(sine, LEAST_SINE)
+    places = (unit @ view.pose.R_enu_cam.T)[:, :2] * range_m[:, None]
+    return places, np.log(np.maximum(size_px * range_m / view.intrinsics.fx, 1e-6))
+
+
+def pixel_lengths(rays: FloatArray, view: FrameCamera) -> FloatArray:
+    """(k,) metres that a pixel is long at rays' (k, 3) places on the ground, across the line of sight."""
+    _, sine = _depressions(rays, view)
+    return np.asarray((view.pose.p_enu[2] - view.ground_z) / np.maximum(sine, LEAST_SINE) / view.intrinsics.fx)
 
 
 def _depressions(rays: FloatArray, view: FrameCamera) -> tuple[FloatArray, FloatArray]:

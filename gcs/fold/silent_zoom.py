@@ -1,0 +1,192 @@
+"""A zoom that nothing reports: all boxes and their distances from one another grow together.
+
+A vehicle's box is as large on the ground as it ever was, and a fleet does not spread within a second. Where both change
+by one factor, for all tracks, the focal length has: places would be off by as much of their distance from the middle of
+the picture, and no name would fit.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.fold.frame_camera import FrameCamera
+from gcs.fold.ground.contact import ground_places
+from vision.camera.intrinsics import zoomed
+from vision.detect.detections import Detections
+from vision.track.tracks import Tracks
+
+__all__ = ["SilentZoom", "magnified"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+LEAST_TRACKS = 3
+"""Two vehicles may drive apart while a detector draws their boxes larger."""
+USUAL_S = 2.0
+"""Time constant with which the usual size of a box follows, s: what the height is off by changes more slowly."""
+LEAST_AGE_S = 0.5
+"""A track is compared once it has been seen for so long, s."""
+BEFORE_S = 1.0
+"""Places are compared with those of so long ago, s."""
+LEAST_CHANGE, LEAST_MORE, MORE_S = 0.08, 0.03, 1.0
+"""ln of the least change that counts as a zoom: less is within what boxes vary by, and the height takes it; and for so
+long after a change, s, the least by which it has gone on."""
+LEAST_JUMP = 0.2
+"""The same from one frame to the next, where tracks may have been lost by it."""
+LIKE_MOST, MOST_UNLIKE = 0.75, 0.5
+"""Share of the tracks that must have changed by the common factor, give or take this share of its ln."""
+ALIKE = 0.03
+"""... and this, which boxes vary by."""
+LEAST_SPREAD = 0.5
+"""Share of the change that their places must show: some drive towards one another meanwhile."""
+SAME_SIZE = 0.15
+"""Difference of the ln of its sizes up to which a box may be the same vehicle's."""
+REACH_M, REACH_MPS = 1.0, 6.0
+"""A vehicle is found again within the first distance, plus the second per second."""
+CUT = 0.7
+"""A box whose centre is within so many of its lengths from the border may be cut by it."""
+LEAST_FOUND, MOST_AS_BEFORE = 0.7, 0.3
+"""Share of the vehicles that must be found where a jump puts them; and most, against that, that are there without."""
+
+
+class SilentZoom:
+    """Finds by how much the image is magnified beyond what is known of the camera."""
+
+    def __init__(self) -> None:
+        self._t_us = 0
+        self._changed_us = 0
+        self._usual: dict[int, float] = {}
+        """ln of the usual size of each track's box on the ground, by track id."""
+        self._since_us: dict[int, int] = {}
+        self._looks: deque[tuple[int, IntArray, FloatArray]] = deque()
+        """Time, track ids and places of the looks of the last second."""
+        self._last: tuple[FloatArray, FloatArray] | None = None
+        """Places and ln sizes of the boxes of the last look."""
+
+    def restart(self) -> None:
+        """Take sizes as they are from now on: the camera or its height is known anew."""
+        self._usual.clear()
+        self._since_us.clear()
+        self._looks.clear()
+        self._last = None
+
+    def jump(self, t_us: int, view: FrameCamera, boxes: Detections) -> float:
+        """By how much the image was magnified at once since the last look, before its boxes have tracks; 1 not.
+
+        Args:
+            t_us: when the frame was taken.
+            view: its camera, as known so far.
+            boxes: the ones that count.
+        """
+        if self._last is None or min(len(boxes), len(self._last[0])) < LEAST_TRACKS:
+            return 1.0
+        now, before = _measured(view, boxes.select(_whole(view, boxes))), self._last
+        if len(now[1]) < LEAST_TRACKS:
+            return 1.0
+        change = float(np.median(now[1]) - np.median(before[1]))
+        if abs(change) < LEAST_JUMP:
+            return 1.0
+        factor = float(np.exp(change))
+        reach_m = REACH_M + REACH_MPS * (t_us - self._t_us) / 1e6
+        jumped = _measured(magnified(view, factor), boxes.select(_whole(view, boxes)))
+        found = _found_again(before, jumped, reach_m)
+        as_before = np.count_nonzero(_found_again(before, now, reach_m) >= 0)
+        again = np.flatnonzero(found >= 0)
+        least = max(LEAST_FOUND * min(len(now[1]), len(before[1])), LEAST_TRACKS)
+        if len(again) < least or as_before > MOST_AS_BEFORE * len(again):
+            return 1.0
+        # how far apart they are tells it better than how large they are
+        return factor * float(np.exp(_log_spread(jumped[0][again]) - _log_spread(before[0][found[again]])))
+
+    def change(self, t_us: int, view: FrameCamera, detections: Detections, tracks: Tracks) -> float:
+        """By how much the image is magnified beyond ``view``, by the tracks of a look; 1 not.
+
+        Args:
+            t_us: when the frame was taken.
+            view: its camera, as known so far.
+            detections: its boxes.
+            tracks: after them.
+        """
+        seen = np.flatnonzero(tracks.detection >= 0)
+        seen = seen[_whole(view, detections)[tracks.detection[seen]]]
+        boxes, ids = detections.select(tracks.detection[seen]), tracks.track_id[seen]
+        places, sizes = _measured(view, boxes)
+        keep = float(np.exp(-max(t_us - self._t_us, 0) / 1e6 / USUAL_S)) if self._t_us else 0.0
+        self._t_us = t_us
+        names = ids.tolist()
+        usual = np.array([self._usual.get(i, s) for i, s in zip(names, sizes.tolist(), strict=True)])
+        self._since_us = {i: self._since_us.get(i, t_us) for i in names}
+        old = np.array([t_us - self._since_us[i] >= LEAST_AGE_S * 1e6 for i in names], np.bool_)
+        goes_on = t_us - self._changed_us < MORE_S * 1e6
+        least = LEAST_MORE if goes_on else LEAST_CHANGE
+        change = _common((sizes - usual)[old], self._spread(ids, places), least)
+        if change:
+            self._changed_us = t_us
+            # by the new focal length
+            places, sizes = _measured(magnified(view, float(np.exp(change))), boxes)
+        self._last = places, sizes
+        self._looks.append((t_us, ids, places))
+        self._usual = dict(zip(names, (usual + (1.0 - keep) * (sizes - usual)).tolist(), strict=True))
+        return float(np.exp(change))
+
+    def _spread(self, ids: IntArray, places: FloatArray) -> float:
+        """ln of how much further apart the tracks are than a second ago; 0 unknown."""
+        while self._looks and self._t_us - self._looks[0][0] > BEFORE_S * 1e6:
+            self._looks.popleft()
+        if not self._looks:
+            return 0.0
+        _, before_ids, before = self._looks[0]
+        _, now_at, before_at = np.intersect1d(ids, before_ids, return_indices=True)
+        if len(now_at) < LEAST_TRACKS:
+            return 0.0
+        return _log_spread(places[now_at]) - _log_spread(before[before_at])
+
+
+def _whole(view: FrameCamera, boxes: Detections) -> BoolArray:
+    """(k,) boxes that the border does not cut: what comes into the picture seems to grow."""
+    x, y = boxes.centre.T
+    inside = np.minimum(np.minimum(x, view.intrinsics.width - x), np.minimum(y, view.intrinsics.height - y))
+    return np.asarray(inside > CUT * np.maximum(boxes.w, boxes.h))
+
+
+def magnified(view: FrameCamera, factor: float) -> FrameCamera:
+    """The camera with its image magnified further."""
+    return replace(view, intrinsics=zoomed(view.intrinsics, factor))
+
+
+def _measured(view: FrameCamera, boxes: Detections) -> tuple[FloatArray, FloatArray]:
+    """Places (k, 2) on the ground, and ln of the boxes' sizes there."""
+    return ground_places(view.intrinsics.rays(boxes.centre), np.sqrt(boxes.w * boxes.h), view)
+
+
+def _common(off: FloatArray, spread: float, least: float) -> float:
+    """ln of the factor by which boxes have grown; 0: they have not, or not together.
+
+    Args:
+        off: (k,) ln of the size of each over its usual one.
+        spread: ln of how much further apart they are.
+        least: ln of the least factor.
+    """
+    if len(off) < LEAST_TRACKS:
+        return 0.0
+    change = float(np.median(off))
+    alike = np.mean(np.abs(off - change) < MOST_UNLIKE * abs(change) + ALIKE)
+    together = alike >= LIKE_MOST and spread * np.sign(change) > LEAST_SPREAD * abs(change)
+    return change if abs(change) > least and together else 0.0
+
+
+def _log_spread(places: FloatArray) -> float:
+    """ln of the root mean square distance of places (k, 2) from their middle."""
+    return 0.5 * float(np.log(max(float(np.mean(np.sum((places - np.mean(places, axis=0)) ** 2, axis=1))), 1e-9)))
+
+
+def _found_again(before: tuple[FloatArray, FloatArray], now: tuple[FloatArray, FloatArray], reach_m: float) -> IntArray:
+    """(k,) the nearest box before that is within reach of each and was as large, −1 none; places and ln sizes."""
+    away = np.hypot(*np.moveaxis(now[0][:, None] - before[0][None], 2, 0))
+    same = (away < reach_m) & (np.abs(now[1][:, None] - before[1][None]) < SAME_SIZE)
+    return np.where(np.any(same, axis=1), np.argmin(np.where(same, away, np.inf), axis=1), -1)
