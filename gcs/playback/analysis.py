@@ -62,6 +62,7 @@ class Analysis:
         redetect: bool = False,
         open_detector: Callable[[DetectorChoice], Detector] | None = None,
         looking_threads: int = 2,
+        video_offset_s: float | None = None,
     ) -> None:
         """Open all files of a session.
 
@@ -70,6 +71,7 @@ class Analysis:
             redetect: Look at the video again even when the session has detections.
             open_detector: loads the mission's networks, for those who keep them; None: they are loaded anew.
             looking_threads: which look at the next frames meanwhile; 0: the one that folds looks, too.
+            video_offset_s: Video time minus telemetry time, s, instead of the mission's; None: as it says.
 
         Raises:
             SessionError, TlogError, VideoError, ModelError: a part that cannot be used.
@@ -79,10 +81,17 @@ class Analysis:
         self.faults = 0
         self.opened = opened = OpenedSession.open(session, redetect=redetect)
         self.mission, self.video, self.times_us = opened.mission, opened.video, opened.times_us
+        if video_offset_s is not None:
+            self.mission = replace(self.mission, clock=replace(self.mission.clock, video_offset_s=video_offset_s))
         self._log, self._looks, self._turns = opened.log, opened.looks, opened.turns
         self._frames_order_us = np.maximum.accumulate(self.times_us)
         self._stall_s = stall_after_s(self._frames_order_us)
         self.warnings = tuple(session_warnings(opened))
+
+    @property
+    def as_flown(self) -> bool:
+        """Whether the recording kept the order in which a flight folded it."""
+        return self._turns is not None
 
     def detector(self) -> Detector | None:
         """The mission's detector when frames have to be looked at."""

@@ -6,6 +6,7 @@ import contextlib
 import os
 import shutil
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,10 @@ if TYPE_CHECKING:
 
 __all__ = ["identify_session"]
 
+AGAIN_S = 0.3
+"""So far off the names of the first seconds wait until the video's clock is found, s."""
+SURE_S, SURE_FIT = 0.1, 0.99
+"""Largest 1σ of the offset, s, and least probability that film and telemetry belong together, with which it counts."""
 _FILES = (IDENTITY.name, IDENTITY_EVIDENCE, EVENTS)
 _NEVER_OVERWRITTEN = "exists already and is never overwritten; choose another place"
 
@@ -40,6 +45,8 @@ def identify_session(
     looking_threads: int = 2,
 ) -> RollCall:
     """Fold a session and write ``identity.csv``, ``identity.jsonl`` and ``events.jsonl``; same input, same bytes.
+
+    Where the video's clock proves to be far off it is done again with that known from the first frame on.
 
     The files are there when they are whole: what is broken off leaves none.
 
@@ -63,9 +70,19 @@ def identify_session(
     for name in _FILES:
         if os.path.lexists(out / name):
             raise SessionError(f"{out / name}: {_NEVER_OVERWRITTEN}")
+    opened = partial(Analysis, session, redetect=detect, open_detector=open_detector, looking_threads=looking_threads)
     with _aside(out) as folder:
-        analysis = Analysis(session, redetect=detect, open_detector=open_detector, looking_threads=looking_threads)
-        return _identify(analysis, folder, report, note)
+        analysis, notes = opened(), list[str]()
+        calls, last = _identify(analysis, folder, report, notes.append)
+        offset_s = _clock_found(analysis, last)
+        if offset_s is not None:
+            notes = [f"the video's clock is {_late(offset_s)} by the whole recording: named again with that taken out"]
+            for name in _FILES:
+                (folder / name).unlink()
+            calls, last = _identify(opened(video_offset_s=offset_s), folder, report, notes.append)
+        for text in notes:
+            note(text)
+        return calls
 
 
 @contextlib.contextmanager
@@ -91,9 +108,25 @@ def _as_session_error(out: Path) -> Iterator[None]:
         raise SessionError(f"{out}: cannot be written: {error.strerror}; choose another place") from error
 
 
+def _clock_found(analysis: Analysis, last: Snapshot) -> float | None:
+    """Video time minus telemetry time in the end, s, where it was so far off that names had to wait for it.
+
+    None where it was not, and for a flight that kept its order: that is named as it was seen.
+    """
+    health, declared = last.health, analysis.mission.clock.video_offset_s
+    off_s = health.time_offset_s - (0.0 if declared == "auto" else float(declared))
+    known = health.fit > SURE_FIT and health.time_offset_std_s < SURE_S
+    return health.time_offset_s if known and abs(off_s) > AGAIN_S and not analysis.as_flown else None
+
+
+def _late(offset_s: float) -> str:
+    return f"{abs(offset_s):.1f} s {'late' if offset_s > 0.0 else 'early'}"
+
+
 def _identify(
     analysis: Analysis, out: Path, report: Callable[[int, int], None], note: Callable[[str], None]
-) -> RollCall:
+) -> tuple[RollCall, Snapshot]:
+    """Name all frames; also what was known after the last one."""
     for text in analysis.warnings:
         note(text)
     calls = RollCall(analysis.mission)
@@ -116,7 +149,7 @@ def _identify(
         raise SessionError(f"{analysis.opened.session.path}: not one frame in it")
     for text in _doubts(last, calls, blind=blind):
         note(text)
-    return calls
+    return calls, last
 
 
 def _doubts(last: Snapshot, calls: RollCall, *, blind: bool) -> list[str]:

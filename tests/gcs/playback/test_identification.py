@@ -1,10 +1,15 @@
 """Identification as programs call it: files and a roll call, and not a word printed."""
 
+from dataclasses import replace
+
 import pytest
 
 from gcs.errors import SessionError
 from gcs.playback.identification import identify_session
+from gcs.report.score import score_files
 from gcs.session.session import open_session
+from sim.session import write_session
+from sim.world.scenario import Scenario
 from tests.support.bundled import CURVED_ROAD, shortened
 
 
@@ -49,3 +54,15 @@ def test_a_file_that_appears_meanwhile_is_not_overwritten(tmp_path):
         identify_session(session, tmp_path / "out", report=lambda *_: other.write_text("another's"))
     assert other.read_text() == "another's"
     assert not (tmp_path / "out" / "identity.csv").exists()
+
+
+@pytest.mark.parametrize("offset_s", [-3.0, 2.0])
+def test_a_film_dated_seconds_wrong_is_named_from_its_first_second_on(tmp_path, offset_s):
+    timing = replace(Scenario().timing, video_offset_s=offset_s, declared_offset="zero")
+    flown, notes = tmp_path / "flown", []
+    write_session(replace(Scenario(seed=5, duration_s=14.0, fps=5.0), timing=timing), flown)
+    identify_session(open_session(flown), tmp_path / "out", note=notes.append)
+    assert any(text.startswith(f"the video's clock is {abs(offset_s):.1f} s ") for text in notes), notes
+    assert not any("do not match" in text for text in notes), "what the first look said does not hold"
+    score = score_files(flown / "truth.csv", tmp_path / "out" / "identity.csv")
+    assert score.right > 0.95 and score.precision > 0.99
