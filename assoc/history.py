@@ -17,6 +17,12 @@ IntArray = NDArray[np.int64]
 
 _SPARE_COLUMNS = 8
 """Columns added when all are in use."""
+_VELOCITY_S, _LEAST_SPREAD_S2 = 0.8, 0.01
+"""Time over which a velocity is found, seconds, and the least Σ (t − t̄)² from which it can be."""
+_HOVERS_MPS = 1.0
+"""Speed that a camera seems to have which hovers, by what its positions err, m/s."""
+_FLIGHT_S = 2.0
+"""Time over which the speed of a flight is measured, seconds."""
 _MISSED_FRAMES = 2.0
 """Where frames are far apart: a gap longer than this many times the last frame interval ends a track."""
 
@@ -38,8 +44,12 @@ class TrackHistory:
         """(R,) time of each row, seconds."""
         self.R = np.zeros((rows, 3, 3))
         """(R, 3, 3) rotation from the camera frame to ENU."""
+        self.R_reported = np.zeros((rows, 3, 3))
+        """(R, 3, 3) the same as telemetry has it, where ``R`` was found by the image."""
         self.p = np.zeros((rows, 3))
         """(R, 3) camera position, ENU, metres."""
+        self.v = np.zeros((rows, 3))
+        """(R, 3) camera velocity, ENU, m/s: by how its positions went on: some report none, or zeros."""
         self.z = np.zeros(rows)
         """(R,) height of the ground, metres."""
         self.px_rad = np.zeros(rows)
@@ -74,6 +84,8 @@ class TrackHistory:
         row = self.n - 1
         self.t[row], self.z[row], self.px_rad[row] = t, camera.ground_z, camera.px_rad
         self.R[row], self.p[row] = camera.R_enu_cam, camera.p_enu
+        self.R_reported[row] = camera.R_enu_cam if camera.R_reported is None else camera.R_reported
+        self._follow_flight()
         self.of_image_time = camera.of_image_time
         seen = observation.gap_s <= 0.0
         broken = self._end_at_gaps(observation.track_id[seen], t)
@@ -83,6 +95,26 @@ class TrackHistory:
         self.front[row, columns[seen]] = observation.front_cam[seen]
         self.last_s[columns[seen]] = t
         return fresh
+
+    def _follow_flight(self) -> None:
+        """Find the velocity of the last moments, v = Σ (t − t̄) p / Σ (t − t̄)², which is that of their middle.
+
+        What a camera that hovers seems to fly is noise: v is reduced by max(0, 1 − (1 m/s / |v|)²).
+        """
+        since = self.first_row_since(self.t[self.n - 1] - _VELOCITY_S)
+        t = self.t[since : self.n] - np.mean(self.t[since : self.n])
+        spread = float(t @ t)
+        v = t @ self.p[since : self.n] / spread if spread > _LEAST_SPREAD_S2 else np.zeros(3)
+        self.v[(since + self.n) // 2 : self.n] = v * max(0.0, 1.0 - _HOVERS_MPS**2 / max(float(v @ v), 1e-9))
+
+    @property
+    def speed_mps(self) -> float:
+        """The most that the camera flew at, m/s, over times for which what its positions err hardly counts."""
+        rows = slice(0, self.n)
+        before = np.searchsorted(self.t[rows], self.t[rows] - _FLIGHT_S)
+        passed_s = self.t[rows] - self.t[before]
+        far = np.linalg.norm(self.p[rows] - self.p[before], axis=1)
+        return float(np.max(far[passed_s > 0.5 * _FLIGHT_S] / _FLIGHT_S, initial=0.0))
 
     def column_of(self, track_id: int) -> int:
         """Column in which a track goes on, −1 none."""
@@ -128,7 +160,7 @@ class TrackHistory:
     def _compact(self) -> None:
         """Move the newest rows to the front of the buffers."""
         source = slice(self.n - self._keep, self.n)
-        for name in ("t", "R", "p", "z", "px_rad", "ray", "front"):
+        for name in ("t", "R", "R_reported", "p", "v", "z", "px_rad", "ray", "front"):
             array = getattr(self, name)
             array[: self._keep] = array[source].copy()
         self.n = self._keep

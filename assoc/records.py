@@ -75,6 +75,8 @@ class CameraState:
     """Tangents of half the angle of view, across and along the image; NaN unknown."""
     of_image_time: bool = False
     """True: ``R_enu_cam`` is the rotation at the moment of the frame, whatever telemetry's clock is off by."""
+    R_reported: FloatArray | None = None
+    """(3, 3) the rotation as telemetry has it for the frame's time, where ``R_enu_cam`` is another; None: the same."""
     height_std_m: float = np.nan
     """1σ of the camera's height above the ground, metres; NaN: as the identifier assumes."""
     other_heights_m: tuple[float, ...] = ()

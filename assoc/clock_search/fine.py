@@ -38,6 +38,7 @@ IntArray = NDArray[np.int64]
 _OFFSET_STD_S = 0.6
 """Prior 1σ of what the offset is off the grid of the coarse search, seconds."""
 _FIXED_STD_S = 0.01
+_LAG_STD_S = 1e-3
 """The same where the offset is not to be moved."""
 _RECENTRE_S = 0.08
 """An offset that is moved further is looked at anew from there."""
@@ -186,7 +187,9 @@ def _context(history: TrackHistory, path: CameraPath, reports: ReportLog, yaw: f
     mean[YAW] = 0.0 if path.heading_known else yaw
     yaw_std = _KNOWN_YAW_STD if path.heading_known else _FREE_YAW_STD
     level, late = path.position_std_m, _OFFSET_STD_S if free else _FIXED_STD_S
-    std = np.array([yaw_std, _YAW_RATE_STD, path.tilt_std, path.tilt_std, level, level, path.height_std_m, late])
+    std = np.array(
+        [yaw_std, _YAW_RATE_STD, path.tilt_std, path.tilt_std, level, level, path.height_std_m, late, _LAG_STD_S]
+    )
     return UpdateContext(
         history=history,
         columns=columns,

@@ -65,11 +65,11 @@ class Blocks:
     box_var: FloatArray
     """(B, T) variance per axis of a box's place about the track's motion, m²."""
     jacobian: FloatArray
-    """(B, T, 2, 8) derivative of the mean residual by θ."""
+    """(B, T, 2, 9) derivative of the mean residual by θ."""
     heading: FloatArray
     """(T, n) heading log-likelihood ratio of the last seconds, 0 without headings."""
     theta: FloatArray
-    """(8,)."""
+    """(9,)."""
 
 
 def _nearest_seen(seen: BoolArray) -> tuple[IntArray, IntArray]:
@@ -135,7 +135,7 @@ def _near(place: FloatArray, samples: Samples, block: IntArray, n: int) -> BoolA
 def _by_block(
     tracks: GroundTracks, first: int, n_blocks: int, block_s: float, pixel_var: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Block means of the variance of boxes (B, T), of the Jacobian (B, T, 2, 8) and of the place (B, T, 2)."""
+    """Block means of the variance of boxes (B, T), of the Jacobian (B, T, 2, 9) and of the place (B, T, 2)."""
     n_tracks = tracks.p.shape[1]
     block = np.floor((tracks.t - tracks.theta[OFFSET]) / block_s).astype(np.int64) - first
     rows = np.flatnonzero((block >= 0) & (block < n_blocks))

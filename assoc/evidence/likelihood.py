@@ -45,6 +45,8 @@ _FIRST_LEAST = -30.0
 """Least that a pair's first comparison counts, nats: one outlier must not rule a pair out for good."""
 _NO_REPORT = 2.0
 """A block without reports makes a change of owner this many nats less likely than a look would cost."""
+_MOST_BORNE = 0.4
+"""Most that bearing with a receiver that wanders brings a pair in a block, nats: it keeps a name, and makes none."""
 _WIDER = 5.0
 """The wider part of N has so many bias variances more."""
 _LOG_NEAR, _LOG_WIDE = float(np.log(0.85)), float(np.log(0.15))
@@ -77,7 +79,7 @@ class Noise:
     """(n,) what each block adds for a vehicle that should be in view, nats: biases wander in ways that no model has."""
 
     def log_area_at(self, theta: FloatArray) -> float:
-        """ln of twice the ground area in view, m², under a pose correction (8,): where an unrelated report may be."""
+        """ln of twice the ground area in view, m², under a pose correction (9,): where an unrelated report may be."""
         height = max(self.height + float(theta[HEIGHT]), 1.0)
         return float(np.log(2.0 * min(max(_AREA_PER_HEIGHT2 * height**2, _LEAST_AREA_M2), _MOST_AREA_M2)))
 
@@ -150,7 +152,7 @@ def run_filter(
 
     Args:
         blocks: Residuals linearised near ``theta``.
-        theta: (8,) pose correction to evaluate at.
+        theta: (9,) pose correction to evaluate at.
         state: State before the first block.
         noise: Noise levels.
         log_switch: (B, T) ln chance that the track changed its owner in that block.
@@ -163,7 +165,7 @@ def run_filter(
     variance, constant = _constant(blocks, noise)
     has_all = blocks.count > 0
     decay, prior = noise.decay, noise.bias_std**2
-    null, null_later = _first_null(blocks, noise.log_area_at(theta)), blocks.log_null - noise.in_view_bonus
+    null, bonus = _first_null(blocks, noise.log_area_at(theta)), noise.in_view_bonus
     # each block as if it were the first of the pair
     log_p_first = constant + log_density(squared_magnitude(mean_r), prior + variance, np.asarray(prior))
     restart = np.clip(log_p_first - null, _FIRST_LEAST, noise.increment_max)
@@ -181,7 +183,10 @@ def run_filter(
         e = mean_r[b] - M
         s = V + variance[b]
         log_p = constant[b] + log_density(squared_magnitude(e), s, V)
-        later = np.minimum(np.maximum(log_p - null_later[b], -noise.increment_max), noise.increment_max)
+        gain_later = log_p - blocks.log_null[b]
+        # what receivers wander costs a pair less, and brings it nothing
+        gain_later = np.maximum(gain_later, np.minimum(gain_later + bonus, _MOST_BORNE))
+        later = np.minimum(np.maximum(gain_later, -noise.increment_max), noise.increment_max)
         first = np.maximum(log_p - null[b], _FIRST_LEAST)
         stay = np.where(seen, L + later, first)
         # the track may have been another vehicle until now: its evidence, the chance of a change, a first comparison

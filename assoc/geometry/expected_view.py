@@ -32,7 +32,7 @@ def chance_in_view(
         age_s: (n,) age of their reports, seconds.
         std_m: σ of a place, metres.
         camera: The camera as reported.
-        theta: (8,) its correction.
+        theta: (9,) its correction.
 
     Returns:
         (n,) chances; 0 where place or view are unknown.

@@ -1,8 +1,9 @@
 """Projection between image rays and the ground plane under a correction of the camera's pose.
 
-The correction θ = (yaw, yaw rate, pitch, roll, E, N, H, δ): radians, rad/s, radians, radians, metres ×3, seconds.
+The correction θ = (yaw, yaw rate, pitch, roll, E, N, H, δ, λ): radians, rad/s, radians, radians, metres ×3, seconds ×2.
 Yaw is clockwise, about the vertical; its rate counts from the newest frame; pitch turns about the image's horizontal
-right axis, roll about its horizontal forward axis; δ is video time minus telemetry time.
+right axis, roll about its horizontal forward axis; δ is video time minus telemetry time; λ is how old the camera's
+positions are beyond their time stamps.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from assoc.history import TrackHistory
 __all__ = [
     "EAST",
     "HEIGHT",
+    "LAG",
     "NORTH",
     "OFFSET",
     "PITCH",
@@ -34,14 +36,22 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-THETA = 8
+THETA = 9
 """Length of θ."""
-YAW, YAW_RATE, PITCH, ROLL, EAST, NORTH, HEIGHT, OFFSET = range(THETA)
+YAW, YAW_RATE, PITCH, ROLL, EAST, NORTH, HEIGHT, OFFSET, LAG = range(THETA)
 
 _DEPRESSION_SIN_MIN = 0.05
 """Rays flatter than this (sine of the angle below the horizon) are not projected: they hit the ground too far away."""
 _DELTA_S = 0.02
 """Step of the numerical derivative by δ, seconds: about half a frame."""
+
+
+_SAME_TIME_S = 0.6
+"""Offset of the clocks up to which a rotation found by the image holds, seconds: a UAV that speeds up meanwhile is
+decimetres elsewhere."""
+_AHEAD_S, _AHEAD_M = 0.25, 1.5
+"""A camera's position is extrapolated beyond its reports for so long, seconds, or so far, metres: a UAV that brakes
+hard is half a metre elsewhere by then."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,13 +63,13 @@ class GroundTracks:
     p: FloatArray
     """(F, T, 2) east and north, metres, NaN unseen."""
     jacobian: FloatArray
-    """(F, T, 2, 8) derivative of ``p`` by θ, without the motion of the track itself under δ."""
+    """(F, T, 2, 9) derivative of ``p`` by θ, without the motion of the track itself under δ."""
     heading: FloatArray
     """(F, T) clockwise from north, NaN unknown."""
     pixel_m: FloatArray
     """(F, T) ground length of one pixel, metres."""
     theta: FloatArray
-    """(8,) the correction that was applied."""
+    """(9,) the correction that was applied."""
 
 
 def _interpolation(times: FloatArray, query: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
@@ -70,21 +80,39 @@ def _interpolation(times: FloatArray, query: FloatArray) -> tuple[NDArray[np.int
     return k, np.clip((query - times[k]) / (times[k + 1] - times[k]), -1.0, 2.0)
 
 
-def _camera_at(history: TrackHistory, rows: slice, delta_s: float) -> tuple[FloatArray, FloatArray]:
-    """Camera rotation (F, 3, 3) and position (F, 3) of the rows, interpolated at telemetry time t − δ.
+def _rotations_at(history: TrackHistory, rows: slice, delta_s: float) -> FloatArray:
+    """Camera rotation (F, 3, 3) of the rows, interpolated at telemetry time t − δ.
 
     Rotations are blended linearly: between neighbouring rows they differ by a few degrees at most. Those that were
-    found by the image are of its time already.
+    found by the image are of its time already; but where the clocks differ by more than a moment they were found with
+    the camera elsewhere than it was, and the reported ones count.
     """
-    if delta_s == 0.0:
-        return history.R[rows], history.p[rows]
+    if delta_s == 0.0 or (history.of_image_time and abs(delta_s) < _SAME_TIME_S):
+        return history.R[rows]
+    R = history.R_reported if history.of_image_time else history.R
+    k, w = _interpolation(history.t[: history.n], history.t[rows] - delta_s)
+    after = np.minimum(k + 1, history.n - 1)
+    return np.asarray(R[k] * (1.0 - w)[:, None, None] + R[after] * w[:, None, None])
+
+
+def _positions_at(history: TrackHistory, rows: slice, late_s: float) -> FloatArray:
+    """Camera position (F, 3) of the rows as it is reported for their times and ``late_s`` = λ − δ more.
+
+    Interpolated; beyond what is known the camera is taken to have flown straight on, as far as that tells: where one
+    that flies fast was before the first frame, or is by then, nothing shows, NaN.
+    """
+    if late_s == 0.0:
+        return history.p[rows]
     times = history.t[: history.n]
-    k, w = _interpolation(times, history.t[rows] - delta_s)
+    t = history.t[rows] + late_s
+    k, w = _interpolation(times, np.clip(t, times[0], times[-1]))
     after = np.minimum(k + 1, history.n - 1)
     p = history.p[k] * (1.0 - w)[:, None] + history.p[after] * w[:, None]
-    if history.of_image_time:
-        return history.R[rows], p
-    return history.R[k] * (1.0 - w)[:, None, None] + history.R[after] * w[:, None, None], p
+    beyond_s = np.minimum(t - times[0], 0.0) + np.maximum(t - times[-1], 0.0)
+    on = beyond_s[:, None] * history.v[np.where(beyond_s > 0.0, history.n - 1, k)]
+    far = np.where(beyond_s > 0.0, np.hypot(on[:, 0], on[:, 1]), -beyond_s * history.speed_mps)
+    unknown = (np.abs(beyond_s) > _AHEAD_S) & (far > _AHEAD_M)
+    return np.where(unknown[:, None], np.nan, p + on)
 
 
 def _level_axes(R: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -124,7 +152,7 @@ def _points(
     history: TrackHistory, rows: slice, theta: FloatArray, rays: FloatArray, delta_s: float, sway: FloatArray | None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Ground points (F, K, 2) of rays (F, K, 3), camera rotations (F, 3, 3) and corrected camera positions (F, 3)."""
-    R, p = _camera_at(history, rows, delta_s)
+    R, p = _rotations_at(history, rows, delta_s), _positions_at(history, rows, float(theta[LAG]) - delta_s)
     yaw, pitch, roll = _yaw(history, rows, theta), theta[PITCH], theta[ROLL]
     if sway is not None:
         yaw, pitch, roll = yaw + sway[:, YAW], pitch + sway[:, PITCH], roll + sway[:, ROLL]
@@ -147,9 +175,9 @@ def ground_tracks(
     Args:
         history: Frames and rays.
         start: First row.
-        theta: (8,) pose correction.
+        theta: (9,) pose correction.
         columns: (T,) tracks wanted.
-        sway: (F, 8) what each frame's pose has beyond θ; None: nothing.
+        sway: (F, 9) what each frame's pose has beyond θ; None: nothing.
 
     Returns:
         Points, headings and derivatives by θ.
@@ -180,7 +208,14 @@ def ground_tracks(
     jacobian[..., 1, NORTH] = 1.0
     # H lifts the camera: ∂fall/∂H = −1
     jacobian[..., HEIGHT] = -u
-    jacobian[..., OFFSET] = (_points(history, rows, theta, rays, delta + _DELTA_S, sway)[0] - g) / _DELTA_S
+    # λ moves the camera along its flight
+    then, _ = _interpolation(history.t[: history.n], history.t[rows] + float(theta[LAG]) - delta)
+    velocity = history.v[then][:, None]
+    jacobian[..., LAG] = velocity[..., :2] - u * velocity[..., 2:]
+    # a moment earlier nothing may be known of the camera
+    jacobian[..., OFFSET] = np.nan_to_num(
+        (_points(history, rows, theta, rays, delta + _DELTA_S, sway)[0] - g) / _DELTA_S
+    )
     # a pixel covers range · px_rad across, and 1/sin(depression) times as much along the ray
     pixel = history.px_rad[rows][:, None] * np.abs(fall) * (1.0 + u[..., 0] ** 2 + u[..., 1] ** 2)
     return GroundTracks(
@@ -215,7 +250,7 @@ def angles_to_places(
         R_enu_cam: (3, 3).
         p_enu: (3,) camera position, metres.
         ground_z: Height of the ground, metres.
-        theta: (8,) correction; its δ is left out.
+        theta: (9,) correction; its δ and λ are left out.
 
     Returns:
         (m, n) radians.
@@ -238,7 +273,7 @@ def rays_to_ground(
         R_enu_cam: (3, 3).
         p_enu: (3,) camera position, metres.
         ground_z: Height of the ground, metres.
-        theta: (8,) correction; its δ is left out.
+        theta: (9,) correction; its δ and λ are left out.
 
     Returns:
         (m, 2) east and north, metres, NaN where a ray does not descend.
@@ -257,7 +292,7 @@ def ground_to_rays(
         R_enu_cam: (3, 3).
         p_enu: (3,) camera position, metres.
         ground_z: Height of the ground, metres.
-        theta: (8,) correction; its δ is left out.
+        theta: (9,) correction; its δ and λ are left out.
 
     Returns:
         (n, 3) camera frame, metres, to first order in pitch and roll.

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from assoc.geometry.ground import EAST, NORTH, PITCH, ROLL, THETA, YAW
 
-__all__ = ["FREE_TURNS", "TURNS", "Sway", "SwayPrior", "wander_of"]
+__all__ = ["FAST_MPS", "FREE_TURNS", "TURNS", "Sway", "SwayPrior", "wander_in_flight", "wander_of"]
 
 FloatArray = NDArray[np.float64]
 
@@ -45,6 +45,16 @@ def wander_of(position_std_m: float) -> SwayPrior:
     return SwayPrior(axes=(EAST, NORTH), std=std_m, length_s=_WANDER_S, counted=1.0)
 
 
+FAST_MPS = 4.0
+"""Speed from which a camera's places wander, m/s: filters smooth them and are late, more or less, in each turn."""
+_FLIGHT_S, _TURN_S = 0.12, 1.5
+
+
+def wander_in_flight(speed_mps: float) -> SwayPrior:
+    """What the places of a camera in fast flight are off by, beyond what they are late: as it flies in a tenth."""
+    return SwayPrior(axes=(EAST, NORTH), std=min(_FLIGHT_S * speed_mps, _MOST_WANDER_M), length_s=_TURN_S)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sway:
     """Some numbers of the pose over time, beyond those in θ."""
@@ -59,7 +69,7 @@ class Sway:
     """What its freedom costs the evidence for the film, nats: with it, some of what is not so fits as well."""
 
     def at(self, t: FloatArray) -> FloatArray:
-        """(N, 8) beyond θ at times (N,), straight between two knots, constant beyond the last."""
+        """(N, 9) beyond θ at times (N,), straight between two knots, constant beyond the last."""
         beyond = np.zeros((len(t), THETA))
         for axis, off in zip(self.prior.axes, self.off.T, strict=True):
             beyond[:, axis] = np.interp(t, self.t, off)

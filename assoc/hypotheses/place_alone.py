@@ -90,7 +90,14 @@ def limit_by_place(p: FloatArray, score: FloatArray, place: FloatArray, bias_std
 
 
 def log_odds_among_strangers(
-    p: FloatArray, score: FloatArray, bias: FloatArray, bias_std: float, view: FloatArray, log_area: float
+    p: FloatArray,
+    score: FloatArray,
+    bias: FloatArray,
+    bias_std: float,
+    view: FloatArray,
+    log_area: float,
+    *,
+    found: float = 1.0,
 ) -> FloatArray:
     """ln odds of each name against a stranger that stands where a vehicle without a box reports to be.
 
@@ -101,15 +108,16 @@ def log_odds_among_strangers(
         bias_std: σ_b, metres.
         view: (n,) probability of each vehicle to be in view.
         log_area: ln of twice the ground area in view, m².
+        found: Share of the vehicles in view that have a box; q is that, or less.
 
     Returns:
         (m,) of the likeliest name; inf where no strangers move like its vehicle, and for tracks that are none of ours.
     """
     name = np.argmax(p, axis=1)
     rows, strangers = np.flatnonzero(name < score.shape[1]), np.flatnonzero(name == score.shape[1])
-    found = np.full(len(p), np.inf)
+    odds_of = np.full(len(p), np.inf)
     if not len(rows) or not len(strangers):
-        return found
+        return odds_of
     vehicle = name[rows]
     alike = score[np.ix_(strangers, vehicle)] > _FAR_OFF
     M = bias[rows, vehicle]
@@ -117,11 +125,11 @@ def log_odds_among_strangers(
     beside = np.sum(alike & near, axis=0) / (np.pi * _NEAR_M**2)
     density = np.maximum(beside, np.sum(alike, axis=0) / (0.5 * np.exp(log_area)))
     var = np.full(len(rows), bias_std**2)
-    boxed = np.maximum(_FOUND * view[vehicle], np.finfo(float).tiny)
+    boxed = np.maximum(min(_FOUND, found) * view[vehicle], np.finfo(float).tiny)
     odds = np.log(boxed / (1.0 - boxed)) + log_density(np.sum(M * M, axis=1), var, var)
     some = density > 0.0
-    found[rows[some]] = odds[some] - np.log(density[some])
-    return found
+    odds_of[rows[some]] = odds[some] - np.log(density[some])
+    return odds_of
 
 
 class StrangerLimit:

@@ -1,7 +1,7 @@
 """The camera's pose correction: one Gauss–Newton step on the whitened residuals of matched pairs, with priors.
 
 The bias filters' gains do not depend on θ, so innovations are linear in it: one pass over the blocks carries the
-residual and its Jacobian together, as nine columns.
+residual and its Jacobian together, as ten columns.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ class PosePrior:
     """Gaussian, or with ``others`` a mixture of Gaussians of which this one has nearly all the weight."""
 
     std: FloatArray
-    """(8,) 1σ of θ."""
+    """(9,) 1σ of θ."""
     mean: FloatArray = field(default_factory=lambda: np.zeros(THETA))
-    """(8,)."""
+    """(9,)."""
     log_share: float = 0.0
     """ln of its weight in the mixture."""
     at_once: bool = False
@@ -64,11 +64,11 @@ class Whitened:
     e: FloatArray
     """(B, P, 2) at the blocks' θ; 0 where there is no sample."""
     jacobian: FloatArray
-    """(B, P, 2, 8)."""
+    """(B, P, 2, 9)."""
     samples: FloatArray
     """(P,) number of residuals of each pair."""
     theta: FloatArray
-    """(8,) where the Jacobian was taken."""
+    """(9,) where the Jacobian was taken."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,9 +76,9 @@ class Fitted:
     """A correction fitted to matched pairs."""
 
     theta: FloatArray
-    """(8,)."""
+    """(9,)."""
     std: FloatArray
-    """(8,) its 1σ, √diag (Λ + JᵀJ)⁻¹."""
+    """(9,) its 1σ, √diag (Λ + JᵀJ)⁻¹."""
     cost: float
     """½ ln|Λ| − ½ ln|Λ + JᵀJ|."""
 
@@ -179,7 +179,7 @@ def log_evidence(
         blocks: All residuals.
         tracks: (P,) columns.
         vehicles: (P,) vehicles.
-        theta: (8,) correction to evaluate at.
+        theta: (9,) correction to evaluate at.
         state: State of the bias filters before the first block; unknown biases start from the model's own prior.
         noise: Noise levels; its bias part is not used.
         models: C of them.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.evidence.likelihood import Noise
-from assoc.geometry.ground import HEIGHT, OFFSET, PITCH, THETA, YAW
+from assoc.geometry.ground import HEIGHT, LAG, OFFSET, PITCH, THETA, YAW
 from assoc.hypotheses.pose import PosePrior
 from assoc.params import IdentifierParams
 from assoc.records import CameraState
@@ -27,9 +27,16 @@ _GROSS: tuple[tuple[int, FloatArray, float, float], ...] = (
     (PITCH, np.deg2rad([15.0, -15.0]), float(np.deg2rad(5.0)), 1e-3),
     (OFFSET, np.array([0.4, -0.4]), 0.2, 1e-2),
     (OFFSET, np.array([1.0, 2.0, 3.0, 4.0, 5.0, -1.0, -2.0, -3.0, -4.0, -5.0]), 0.4, 1e-3),
+    (LAG, np.array([0.6, 1.2]), 0.3, 1e-2),
 )
 """Gross errors: which number of θ, about which means, with which 1σ, and the weight of each in the prior: cameras
-mounted turned, a gimbal's angle that is not told, video that is late or dated by another clock."""
+mounted turned, a gimbal's angle that is not told, video that is late or dated by another clock, positions that are
+older than they say."""
+_LAG_MEAN_S, _LAG_STD_S = 0.05, 0.12
+"""Mean and 1σ of the age of the UAV's positions beyond their time stamps, seconds: a receiver takes a tenth, of which
+autopilots take out most."""
+_LEAST_FLIGHT_MPS = 2.0
+"""Slower, no age of a position matters."""
 
 _OTHER_HEIGHT_STD_M, _OTHER_HEIGHT_SHARE = 6.0, 0.3
 """1σ of the height that another source gives, metres, and its weight in the prior: they are nearly on a par."""
@@ -68,8 +75,15 @@ def noise_of(
     )
 
 
-def prior_of(q: IdentifierParams, camera: CameraState, offset_std_s: float) -> PosePrior:
-    """Prior of θ for this camera; without attitude all headings are possible. ``offset_std_s``: 1σ of δ."""
+def prior_of(q: IdentifierParams, camera: CameraState, offset_std_s: float, speed_mps: float) -> PosePrior:
+    """Prior of θ for a camera; without attitude all headings are possible.
+
+    Args:
+        q: Numbers of the identifier.
+        camera: The newest frame's.
+        offset_std_s: 1σ of δ, seconds.
+        speed_mps: The most that the camera flew at in the window, m/s.
+    """
     free = not camera.attitude_known
     tilt = np.deg2rad(_FREE_TILT_STD_DEG if free and not camera.stabilized else q.tilt_std_deg)
     yaw, rate = (
@@ -81,10 +95,10 @@ def prior_of(q: IdentifierParams, camera: CameraState, offset_std_s: float) -> P
     if camera.position_known:
         level = camera.position_std_m if np.isfinite(camera.position_std_m) else q.position_std_m
     height = camera.height_std_m if np.isfinite(camera.height_std_m) else q.height_std_m
-    std = np.array([yaw, rate, tilt, tilt, level, level, height, offset_std_s], np.float64)
+    std = np.array([yaw, rate, tilt, tilt, level, level, height, offset_std_s, _LAG_STD_S], np.float64)
     # along a road an offset of seconds is a shift, and what does not fit of it would be taken for a sway
     sways = free and not camera.stabilized
-    others = [] if sways else list(_gross_errors(std, attitude_known=not free))
+    others = [] if sways else list(_gross_errors(std, attitude_known=not free, flies=speed_mps > _LEAST_FLIGHT_MPS))
     return PosePrior(std=std, others=(*_other_heights(std, camera.other_heights_m), *others))
 
 
@@ -98,10 +112,11 @@ def _other_heights(std: FloatArray, heights_m: tuple[float, ...]) -> Iterator[Po
             yield PosePrior(std=wider, mean=mean, log_share=float(np.log(share)), at_once=not off_m)
 
 
-def _gross_errors(std: FloatArray, *, attitude_known: bool) -> Iterator[PosePrior]:
+def _gross_errors(std: FloatArray, *, attitude_known: bool, flies: bool) -> Iterator[PosePrior]:
     """The rare parts of the prior: one quantity is far off, the others err as usual."""
     for index, means, wide, share in _GROSS:
-        if std[index] < wide and (attitude_known or index == OFFSET):
+        known = flies if index == LAG else attitude_known or index == OFFSET
+        if std[index] < wide and known:
             for mean in means:
                 off, wider = np.zeros(THETA), std.copy()
                 off[index], wider[index] = mean, wide

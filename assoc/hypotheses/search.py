@@ -43,7 +43,7 @@ _WIDE_OFFSET_S, _OFFSET_START_S = 0.2, 0.35
 """Where the prior 1σ of the clock offset exceeds the first, seconds, ± the second are starting offsets too."""
 _NEGLIGIBLE = 12.0
 """Hypotheses this far below the best, nats, carry no weight."""
-_RELINEARISE = np.array([0.03, 1e-3, 0.015, 0.015, np.inf, np.inf, 2.0, 0.1])
+_RELINEARISE = np.array([0.03, 1e-3, 0.015, 0.015, np.inf, np.inf, 2.0, 0.1, 0.15])
 """Residuals are linearised again when θ moved further than this (as θ); they are linear in east and north."""
 
 
@@ -99,7 +99,7 @@ class UpdateContext:
     """How the camera wanders about the pose that is reported; None: not known to."""
 
     def rows_under(self, theta: FloatArray) -> tuple[int, FloatArray | None]:
-        """The history's first row in the window under θ, and (F, 8) the sway from there on."""
+        """The history's first row in the window under θ, and (F, 9) the sway from there on."""
         since = self.first_block * self.block_s + theta[OFFSET] - self.gap_max_s
         start = min(self.history.first_row_since(since), self.history.n - 1)
         return start, None if self.sway is None else self.sway.at(self.history.t[start : self.history.n])
@@ -122,9 +122,9 @@ class Hypothesis:
     """A joint estimate of the assignment of tracks to vehicles and of the pose correction."""
 
     theta: FloatArray
-    """(8,)."""
+    """(9,)."""
     theta_std: FloatArray
-    """(8,) 1σ of θ if the assignment is right."""
+    """(9,) 1σ of θ if the assignment is right."""
     vehicle: IntArray
     """(m,) −1 none."""
     value: float
@@ -186,7 +186,7 @@ def refine(
 
     Args:
         context: What the update works on.
-        theta: (8,) to start from; the part of the prior that it belongs to holds.
+        theta: (9,) to start from; the part of the prior that it belongs to holds.
         vehicle: (m,) assignment to start from, if there is one already.
         blocks: Residuals that hold at ``theta``, if there are any already.
     """

@@ -57,7 +57,7 @@ def fit_sway(context: UpdateContext, hypothesis: Hypothesis, prior: SwayPrior) -
         prior: What may sway.
 
     Returns:
-        θ (8,) and the sway, which continues beyond the newest frame; None: too few vehicles, or none explains them.
+        θ (9,) and the sway, which continues beyond the newest frame; None: too few vehicles, or none explains them.
     """
     theta = hypothesis.theta
     rows, vehicles = (of[:_MOST_PAIRS] for of in posing_pairs(context, hypothesis.vehicle))

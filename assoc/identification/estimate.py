@@ -17,8 +17,8 @@ from assoc.evidence.likelihood import (
 )
 from assoc.evidence.motion import ReportLog
 from assoc.geometry.expected_view import chance_in_view
-from assoc.geometry.ground import HEIGHT, OFFSET, THETA, rays_to_ground
-from assoc.geometry.sway import FREE_TURNS, TURNS, Sway, wander_of
+from assoc.geometry.ground import EAST, HEIGHT, LAG, NORTH, OFFSET, THETA, rays_to_ground
+from assoc.geometry.sway import FAST_MPS, FREE_TURNS, TURNS, Sway, wander_in_flight, wander_of
 from assoc.history import TrackHistory
 from assoc.hypotheses.bias_memory import BiasMemory
 from assoc.hypotheses.bias_noise import learn_bias_noise
@@ -30,6 +30,7 @@ from assoc.hypotheses.sway_fit import fit_sway
 from assoc.identification.clutter import Clutter
 from assoc.identification.conflicts import ConflictMonitor
 from assoc.identification.fleet_fit import FleetFit
+from assoc.identification.found_share import FoundShare
 from assoc.identification.gross_errors import GrossErrors
 from assoc.identification.search_lock import SearchLock, SearchState
 from assoc.identification.stated_tracks import StatedTracks
@@ -76,7 +77,7 @@ class Estimator:
         self._sway: Sway | None = None
         """What the camera sways beyond them and beyond the pose that is reported."""
         self.theta_std: FloatArray = np.full(THETA, np.nan)
-        """(8,) 1σ of ``theta``, NaN before the first update."""
+        """(9,) 1σ of ``theta``, NaN before the first update."""
         self._other_height = False
         """True: the best hypothesis has the height that another source gives."""
         self._lock = SearchLock(params.lock)
@@ -95,7 +96,7 @@ class Estimator:
         self._bias_memory = BiasMemory(log.n_vehicles)
         self._bias_std, self._tau_s = params.bias_m, params.bias_tau_s
         self._bias_learnt_s = -np.inf
-        self._clutter = Clutter(params)
+        self._clutter, self._found = Clutter(params), FoundShare(log.n_vehicles)
         self._offset_prior = OffsetPrior(params)
         self._conflicts = ConflictMonitor()
 
@@ -111,11 +112,14 @@ class Estimator:
 
     @property
     def theta(self) -> FloatArray:
-        """(8,) pose correction of the best hypothesis, for the newest frame."""
+        """(9,) pose correction of the best hypothesis, for the newest frame: also by how far its position is behind."""
         theta = self._thetas[0] if self._thetas else np.zeros(THETA)
-        if self._sway is None:
+        newest = self._history.n - 1
+        if newest < 0:
             return theta
-        return np.asarray(theta + self._sway.at(self._history.t[self._history.n - 1 : self._history.n])[0])
+        theta = theta.copy()
+        theta[[EAST, NORTH, HEIGHT]] += theta[LAG] * self._history.v[newest]
+        return theta if self._sway is None else np.asarray(theta + self._sway.at(self._history.t[[newest]])[0])
 
     @property
     def height_error(self) -> tuple[float, float] | None:
@@ -204,6 +208,7 @@ class Estimator:
             return self._without_names(t, context, best, p)
         self._co_visibility.update(t, live[seen], self._places(live[seen], camera), p[seen, :n], self._params.close_m)
         self._learn(t, context, best, p)
+        self._found.update(t, context.view, best.vehicle[seen & (best.vehicle >= 0)])
         self._offset_prior.update(t, self.time_offset_s, locked=self.locked)
         score = np.max(best.score, axis=1)
         best_score = {int(c): float(s) for c, s, now in zip(live, score, seen, strict=True) if now}
@@ -214,10 +219,11 @@ class Estimator:
         p = limit_by_place(review.p, best.score, self._places(live, camera), self._bias_std)
         bias = best.final.mean[: len(live)]
         odds = log_odds_among_strangers(
-            p, best.score, bias, self._bias_std, context.view, context.noise.log_area_at(best.theta)
+            *(p, best.score, bias, self._bias_std, context.view, context.noise.log_area_at(best.theta)),
+            found=self._found.share,
         )
         p = self._strangers.limit(t, history.track_id[live], p, odds, stated)
-        return UpdateResult(live, p, review.vehicles)
+        return UpdateResult(live, self.fit.shown(p, stated), review.vehicles)
 
     def _follow_sway(self, context: UpdateContext, best: Hypothesis, camera: CameraState) -> None:
         """Fit the sway of a camera that is fixed to the body, or how one wanders whose places are coarse."""
@@ -226,6 +232,8 @@ class Estimator:
             fitted = fit_sway(context, best, TURNS if camera.attitude_known else FREE_TURNS)
         elif np.isfinite(camera.position_std_m):
             fitted = fit_sway(context, best, wander_of(camera.position_std_m))
+        elif self._history.speed_mps > FAST_MPS:
+            fitted = fit_sway(context, best, wander_in_flight(self._history.speed_mps))
         if fitted is None:
             self._sway = None
         else:
@@ -279,7 +287,7 @@ class Estimator:
             white_std_m=self._log.white_std_m,
             bias_std=self._bias_std,
             tau_s=self._tau_s,
-            in_view_bonus=q.in_view_bonus * view,
+            in_view_bonus=q.in_view_bonus * view * self._found.trust,
         )
         gap_s = t - self._history.last_s[live]
         window_s = q.locked_window_s if self.locked else q.window_s
@@ -299,12 +307,12 @@ class Estimator:
             heading_std=q.search.heading_std,
             state=bound_variance(select_tracks(self._state, columns), self._bias_std),
             noise=noise,
-            prior=prior_of(q, camera, self._offset_prior.std_s),
+            prior=prior_of(q, camera, self._offset_prior.std_s, self._history.speed_mps),
             log_switch=self._swaps.log_chances(self._first_block, last - self._first_block + 1, columns),
             log_odds=q.prior_log_odds,
             handover=self._handover[live],
             view=view,
-            in_view=q.in_view_log_odds * (2.0 * view - 1.0),
+            in_view=q.in_view_log_odds * (2.0 * view - 1.0) - self._found.log_odds_lost * view,
             clutter=self._clutter.chance(t, int(np.sum(gap_s <= 0.0)), view),
             age_s=t - self._history.first_s[live],
             fold=max(last - self._first_block - round(window_s / q.block_s), 0),

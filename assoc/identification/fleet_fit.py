@@ -84,6 +84,11 @@ _LOG_NEAR, _LOG_FAR, _FARTHER = float(np.log(0.9)), float(np.log(0.1)), 9.0
 _PLACE_SHARE = 10.0
 """What place alone must explain on top, nats: receivers seldom err like that, and films of the same formation show
 vehicles near the right places too."""
+_PLACED_S, _GROWN_S, _GROWTH = 1.0, 4.0, 6.0
+"""A fit rests on places alone for so long, seconds; on how vehicles drive once it explains so much more, nats, or for
+so long, seconds, as where few are in view."""
+_UNPROVEN = 0.89
+"""Most that a name can have until then: less than what counts as sure."""
 _LONGEST_STEP_S = 1.0
 """Time that counts between two updates, seconds: what was not seen speaks neither for nor against a fit."""
 
@@ -219,6 +224,8 @@ class FleetFit:
         self._tried = 0
         self._mean = np.zeros(THETA)
         self._told = 0.0
+        self._fits_since_s, self._by_place, self._grown = np.inf, 0.0, False
+        """Since when they fit, what was explained within the first moments of it, and whether more is by now."""
 
     @property
     def probability(self) -> float:
@@ -278,6 +285,18 @@ class FleetFit:
         # nor may one end the doubt because with it the fleet would be out of view
         self._told = max(told, self._told) if rare and not same else told
         self.add_evidence(t, better if news else 0.0, chance, self._told)
+        self._follow_growth(t)
+
+    def _follow_growth(self, t: float) -> None:
+        """Note whether the vehicles have driven like the tracks for some time, or have only been at their places."""
+        if not self.fits:
+            self._fits_since_s, self._by_place, self._grown = np.inf, 0.0, False
+            return
+        self._fits_since_s = min(self._fits_since_s, t)
+        if t - self._fits_since_s <= _PLACED_S:
+            self._by_place = max(self._by_place, self._evidence)
+        elif not self._grown:
+            self._grown = self._evidence > self._by_place + _GROWTH or t - self._fits_since_s > _GROWN_S
 
     def is_surpassed(self, context: UpdateContext, best: Hypothesis, evidence: float, log_share: float) -> bool:
         """Whether another camera than the mission's explains the boxes, clearly and far better.
@@ -315,6 +334,22 @@ class FleetFit:
             if now < 0.0 and chance is not None:
                 rate = told * float(np.clip(1.0 - (evidence - chance) / _BETTER, 0.0, 1.0)) / _BLIND_S
             self._log_ratio = max(now, now + (self._log_ratio - now) * float(np.exp(-dt * rate)))
+
+    def shown(self, p: FloatArray, stated: BoolArray) -> FloatArray:
+        """Marginals as they are told: until the evidence has grown no name is sure, unless the operator stated it.
+
+        Fleets in the same formation are at the same places for a moment, or as long as both drive straight on.
+
+        Args:
+            p: (m, n + 1), the last column "none of ours".
+            stated: (m,) tracks of which the operator stated anything.
+        """
+        if self._grown:
+            return p
+        top = np.max(p[:, :-1], axis=1, keepdims=True, initial=0.0)
+        share = np.where(stated[:, None], 1.0, np.minimum(1.0, _UNPROVEN / np.maximum(top, _UNPROVEN)))
+        named = p[:, :-1] * share
+        return np.concatenate([named, 1.0 - np.sum(named, axis=1, keepdims=True)], axis=1)
 
     def limited(self, p: FloatArray, stated: BoolArray) -> FloatArray:
         """Marginals in which names count as far as film and telemetry belong together, or the operator stated them.

@@ -29,7 +29,7 @@ def frame_masses(
         camera: The camera.
         p: (n, 2) reports extrapolated to the frame, NaN never received.
         heading: (n,) reported headings, NaN unknown.
-        theta: (8,) pose correction.
+        theta: (9,) pose correction.
 
     Returns:
         Three (m, n) matrices; vehicles that never reported have mass 0.

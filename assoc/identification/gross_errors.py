@@ -44,7 +44,7 @@ class GrossErrors:
         """Whether left and right of the picture proved to be the other way round."""
 
     def starts(self, prior: PosePrior, fit: FleetFit, *, at_once: bool) -> list[FloatArray]:
-        """(8,) each, where this update also starts.
+        """(9,) each, where this update also starts.
 
         Args:
             prior: Of this update.
@@ -83,7 +83,7 @@ def _is_mirrored(context: UpdateContext, fit: FleetFit) -> bool:
         fit: Whether film and telemetry fit as they are.
     """
     history = copy(context.history)
-    history.R = history.R * MIRROR
+    history.R, history.R_reported = history.R * MIRROR, history.R_reported * MIRROR
     mirrored = replace(context.without_memory(), history=history, handover=np.zeros_like(context.handover))
     starts = np.zeros((len(_MIRRORED_TURNS), THETA))
     starts[:, YAW] = _MIRRORED_TURNS

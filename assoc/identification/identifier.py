@@ -63,7 +63,7 @@ class Identifier:
 
     @property
     def pose_correction(self) -> FloatArray:
-        """(8,) θ = yaw, yaw rate, pitch, roll (radians, /s), E, N, H (metres), δ (seconds)."""
+        """(9,) θ = yaw, yaw rate, pitch, roll (radians, /s), E, N, H (metres), δ, λ (seconds)."""
         theta = self._estimator.theta.copy()
         if self._mirrored:
             # the level axes of R F point the other way
@@ -72,7 +72,7 @@ class Identifier:
 
     @property
     def pose_correction_std(self) -> FloatArray:
-        """(8,) its 1σ if the names are right, NaN before the first update."""
+        """(9,) its 1σ if the names are right, NaN before the first update."""
         return self._estimator.theta_std.copy()
 
     @property
@@ -246,12 +246,16 @@ class Identifier:
 
     def _as_seen(self, camera: CameraState) -> CameraState:
         """The camera, mirrored where its picture is."""
-        return replace(camera, R_enu_cam=camera.R_enu_cam * MIRROR) if self._mirrored else camera
+        if not self._mirrored:
+            return camera
+        reported = None if camera.R_reported is None else camera.R_reported * MIRROR
+        return replace(camera, R_enu_cam=camera.R_enu_cam * MIRROR, R_reported=reported)
 
     def _exchange_sides(self) -> None:
         """Begin anew with the same frames and reports, left and right of the picture exchanged."""
         self._mirrored = not self._mirrored
         self._history.R *= MIRROR
+        self._history.R_reported *= MIRROR
         self._begin_anew()
 
     def _begin_anew(self) -> None:

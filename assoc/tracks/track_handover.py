@@ -25,7 +25,7 @@ def replaced_tracks(t: float, history: TrackHistory, columns: IntArray, theta: F
         t: Time of the newest frame, seconds.
         history: Rays and camera poses.
         columns: (m,) columns of the tracks.
-        theta: (8,) pose correction.
+        theta: (9,) pose correction.
 
     Returns:
         (m,) whether each was replaced.

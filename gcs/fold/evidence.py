@@ -91,6 +91,7 @@ def camera_of(view: FrameCamera, stabilized: bool) -> CameraState:
         height_std_m=view.ground.std_m,
         other_heights_m=view.ground.other_heights_m,
         of_image_time=view.of_image_time,
+        R_reported=view.R_reported,
         px_rad=1.0 / lens.fx,
         attitude_known=view.attitude_known,
         position_known=view.position_sure,

@@ -1,5 +1,7 @@
 """The evidence of pairs, block by block, against densities worked out from all samples at once."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -135,3 +137,20 @@ def test_a_shift_of_the_camera_is_a_shift_of_the_residuals():
     shifted, _ = run_filter(Blocks(**values), theta, start, noise(), np.full((5, 1), NO_SWITCH))
     np.testing.assert_allclose(shifted.score, followed(moved).score)
     np.testing.assert_allclose(shifted.mean, followed(moved).mean)
+
+
+def test_bearing_with_receivers_that_wander_keeps_a_name_and_makes_none():
+    """A bonus for vehicles in view lessens what speaks against a pair, and adds nothing to what speaks for it."""
+    rng = np.random.default_rng(4)
+    blocks = blocks_of([[[rng.normal(0.0, 0.3, (4, 2))]] for _ in range(12)])
+
+    def score(log_null, bonus):
+        levels = noise(in_view_bonus=np.array([bonus]))
+        start, none = bound_variance(initial_state(1, 1), levels.bias_std), np.full((12, 1), NO_SWITCH)
+        foreseen = replace(blocks, log_null=np.full(blocks.count.shape, log_null))
+        return run_filter(foreseen, np.zeros(THETA), start, levels, none)[0].score[0, 0]
+
+    # the reports' own past explains them far worse, about as well, and better than the track does
+    well, even, badly = (score(null, 1.2) - score(null, 0.0) for null in (-12.0, -1.0, 1.0))
+    assert well == pytest.approx(0.0, abs=0.5)
+    assert 0.0 <= even <= 11 * 1.2 and badly == pytest.approx(11 * 1.2, abs=1.0)

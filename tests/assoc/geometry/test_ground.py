@@ -6,6 +6,7 @@ import pytest
 from assoc.geometry.ground import (
     EAST,
     HEIGHT,
+    LAG,
     NORTH,
     OFFSET,
     PITCH,
@@ -40,17 +41,19 @@ def test_true_pose_gives_true_places():
     np.testing.assert_allclose(tracks.pixel_m[0], 40.0 / 1200.0, rtol=0.5)
 
 
-@pytest.mark.parametrize("parameter", [YAW, PITCH, ROLL, EAST, NORTH, HEIGHT, OFFSET])
+@pytest.mark.parametrize("parameter", [YAW, PITCH, ROLL, EAST, NORTH, HEIGHT, OFFSET, LAG])
 @pytest.mark.parametrize("at", [0.0, 0.02])
 def test_jacobian_is_the_derivative(parameter, at):
     kept, _ = history()
-    theta = np.full(THETA, at) * (np.arange(THETA) != OFFSET)
+    theta = np.full(THETA, at) * (np.arange(THETA) < OFFSET)
     # δ is a difference over 20 ms by itself
-    h = 0.02 if parameter == OFFSET else 1e-5
+    h = 0.02 if parameter in (OFFSET, LAG) else 1e-5
     step = np.zeros(THETA)
     step[parameter] = h
     low, high = ground_tracks(kept, 0, theta, np.arange(4)), ground_tracks(kept, 0, theta + step, np.arange(4))
-    np.testing.assert_allclose((high.p - low.p) / h, low.jacobian[..., parameter], rtol=2e-2, atol=0.6)
+    # the camera's speed is known after a moment
+    derivative = ((high.p - low.p) / h)[10:]
+    np.testing.assert_allclose(derivative, low.jacobian[10:, ..., parameter], rtol=2e-2, atol=0.6)
 
 
 def test_yaw_turns_clockwise():
@@ -88,3 +91,37 @@ def test_history_keeps_a_window_and_thins():
     assert t[-1] == pytest.approx(599 / 30) and t[-1] - t[0] >= 2.0
     assert np.median(np.diff(t)) == pytest.approx(0.1, abs=0.01)
     assert kept.release(30.0).tolist() == [0, 1, 2, 3]
+
+
+def flown(seconds=6.0, speed_mps=6.0):
+    """A camera that flies to and fro above vehicles, and is reported half a second late."""
+    fleet, rng = Fleet(), np.random.default_rng(0)
+    kept = TrackHistory(20.0, 0.09, 0.6)
+    for k in range(round(seconds * 10)):
+        t = k / 10
+        place, late = (speed_mps * (3.0 - abs(3.0 - (s % 6.0))) for s in (t, t - 0.5))
+        seen = fleet.observation(t, camera(p=(place, 0.0, 40.0)), [1, 2, 3, 4], rng, pixel=0.0)
+        kept.append(t, seen, camera(p=(late, 0.0, 40.0)))
+    return kept, fleet
+
+
+def test_positions_that_are_late_are_moved_on():
+    kept, fleet = flown()
+    theta = np.zeros(THETA)
+    assert np.abs(ground_tracks(kept, 0, theta, np.arange(4)).p[20] - fleet.at(2.0)[0]).max() > 2.5
+    theta[LAG] = 0.5
+    tracks = ground_tracks(kept, 0, theta, np.arange(4))
+    np.testing.assert_allclose(tracks.p[20], fleet.at(2.0)[0], atol=1e-6)
+    np.testing.assert_allclose(tracks.p[45], fleet.at(4.5)[0], atol=1e-6)
+
+
+def test_where_the_camera_was_before_its_first_report_or_will_be_is_not_guessed():
+    kept, _ = flown()
+    theta = np.zeros(THETA)
+    theta[LAG] = 1.2
+    ahead = ground_tracks(kept, 0, theta, np.arange(4))
+    assert np.isfinite(ahead.p[:45]).all() and np.isnan(ahead.p[-5:]).all()
+    theta[LAG], theta[OFFSET] = 0.0, 2.0
+    before = ground_tracks(kept, 0, theta, np.arange(4))
+    assert np.isnan(before.p[:15]).all() and np.isfinite(before.p[25:]).all()
+    assert np.isfinite(before.jacobian[25:]).all()
