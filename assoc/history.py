@@ -114,7 +114,9 @@ class TrackHistory:
         before = np.searchsorted(self.t[rows], self.t[rows] - _FLIGHT_S)
         passed_s = self.t[rows] - self.t[before]
         far = np.linalg.norm(self.p[rows] - self.p[before], axis=1)
-        return float(np.max(far[passed_s > 0.5 * _FLIGHT_S] / _FLIGHT_S, initial=0.0))
+        # across a hole in the film or in telemetry nothing is known of its flight
+        usual = (passed_s > 0.5 * _FLIGHT_S) & (passed_s < 1.5 * _FLIGHT_S)
+        return float(np.max(far[usual] / passed_s[usual], initial=0.0))
 
     def column_of(self, track_id: int) -> int:
         """Column in which a track goes on, −1 none."""

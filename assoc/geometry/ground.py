@@ -111,7 +111,7 @@ def _positions_at(history: TrackHistory, rows: slice, late_s: float) -> FloatArr
     beyond_s = np.minimum(t - times[0], 0.0) + np.maximum(t - times[-1], 0.0)
     on = beyond_s[:, None] * history.v[np.where(beyond_s > 0.0, history.n - 1, k)]
     far = np.where(beyond_s > 0.0, np.hypot(on[:, 0], on[:, 1]), -beyond_s * history.speed_mps)
-    unknown = (np.abs(beyond_s) > _AHEAD_S) & (far > _AHEAD_M)
+    unknown = ((beyond_s > _AHEAD_S) | (beyond_s < -_SAME_TIME_S)) & (far > _AHEAD_M)
     return np.where(unknown[:, None], np.nan, p + on)
 
 

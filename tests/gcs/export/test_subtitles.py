@@ -89,8 +89,10 @@ def test_a_recording_has_its_names_beside_its_vehicles(flight, export_to, tmp_pa
     begins = np.array([start for start, _ in spans(tmp_path / "a.ass")])
     assert len(begins) == 40
     assert np.abs(begins - (times_us - times_us[0]) / 1000).max() < 11
-    first = [line for line in pysubs2.load(str(tmp_path / "a.ass")) if line.start == 0]
-    assert {line.plaintext.split()[0] for line in first} == {f"UGV-{k}" for k in range(11, 17)}
-    assert {each.text.split()[0] for each in webvtt.read(tmp_path / "a.vtt") if each.start == "00:00:00.000"} == {
-        f"UGV-{k}" for k in range(11, 17)
-    }
+    names = {f"UGV-{k}" for k in range(11, 17)}
+    lines = list(pysubs2.load(str(tmp_path / "a.ass")))
+    # not sure yet at first
+    last = max(line.start for line in lines)
+    assert names <= {line.plaintext.split()[0] for line in lines if line.start == last}
+    first = [each.text.split()[0] for each in webvtt.read(tmp_path / "a.vtt") if each.start == "00:00:00.000"]
+    assert {name.rstrip("?") for name in first} == names

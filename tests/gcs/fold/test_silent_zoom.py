@@ -6,17 +6,35 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from gcs.fold.frame_camera import FrameCamera
+from gcs.fold.ground.surface import GroundSurface
 from gcs.fold.optics import Optics
 from gcs.fold.silent_zoom import SilentZoom, magnified
 from gcs.mission.mission import Camera
-from tests.gcs.fold.ground.test_contact import BODIES, seen
-from tests.gcs.fold.test_optics import LENS, NUMBERS, report, texts
+from mavlink.fleet.fleet import CameraReport
+from vision.camera.camera import CameraPose
+from vision.camera.intrinsics import Intrinsics
 from vision.detect.detections import Detections
 
 HEIGHT_M, STEP_US = 60.0, 100_000
-VIEW = seen(-90.0, HEIGHT_M, BODIES["car"])[0]
+NUMBERS = {"width": 1920, "height": 1080, "fx": 1400.0, "fy": 1400.0, "cx": 960.0, "cy": 540.0}
+VIEW = FrameCamera(
+    intrinsics=Intrinsics(**NUMBERS),
+    pose=CameraPose(R_enu_cam=np.diag([1.0, -1.0, -1.0]), p_enu=np.array([0.0, 0.0, HEIGHT_M])),
+    ground=GroundSurface(at=np.zeros(2), z=0.0, slope=np.zeros(2), std_m=1.0),
+    attitude_known=True,
+    position_sure=True,
+)
 START = np.array([(-12.0, -6.0), (-4.0, 5.0), (3.0, -7.0), (9.0, 4.0), (14.0, -2.0), (-9.0, 8.0)])
 DRIFT = np.array([(0.8, 0.1), (0.9, -0.2), (0.7, 0.0), (1.0, 0.2), (0.8, -0.1), (0.9, 0.1)])
+
+
+def report(hfov_deg):
+    return CameraReport(width=0, height=0, hfov=np.radians(hfov_deg), vfov=np.nan, source="CAMERA_FOV_STATUS")
+
+
+def texts(optics):
+    return [event.text for event in optics.take_events()]
 
 
 def frame(t, zoom, rng, *, size_noise=0.05, missed=0.0, sizes=1.0):
@@ -114,8 +132,8 @@ def test_a_found_zoom_is_told_once_it_has_ended_and_a_report_takes_over():
     assert texts(optics) == []
     now = optics.intrinsics(3_000_000, report(60.0), None)
     assert texts(optics) == ["the camera zoomed 2.0 times, which it does not report"]
-    assert now.fx == pytest.approx(2.0 * LENS.fx)
+    assert now.fx == pytest.approx(2.0 * NUMBERS["fx"])
     # the camera tells it at last: what was found counts no more
     told = optics.intrinsics(4_000_000, report(2 * np.degrees(np.arctan(np.tan(np.radians(30.0)) / 2.0))), None)
-    assert told.fx == pytest.approx(2.0 * LENS.fx, rel=1e-6)
+    assert told.fx == pytest.approx(2.0 * NUMBERS["fx"], rel=1e-6)
     assert replace(VIEW, intrinsics=told).intrinsics.fx == told.fx
