@@ -49,7 +49,9 @@ class TrackHistory:
         self.p = np.zeros((rows, 3))
         """(R, 3) camera position, ENU, metres."""
         self.v = np.zeros((rows, 3))
-        """(R, 3) camera velocity, ENU, m/s: by how its positions went on: some report none, or zeros."""
+        """(R, 3) camera velocity, ENU, m/s, by how its positions went on: some report none, or zeros."""
+        self.speed_mps = 0.0
+        """The most that the camera flew at, m/s, over times for which what its positions err hardly counts."""
         self.z = np.zeros(rows)
         """(R,) height of the ground, metres."""
         self.px_rad = np.zeros(rows)
@@ -106,10 +108,10 @@ class TrackHistory:
         spread = float(t @ t)
         v = t @ self.p[since : self.n] / spread if spread > _LEAST_SPREAD_S2 else np.zeros(3)
         self.v[(since + self.n) // 2 : self.n] = v * max(0.0, 1.0 - _HOVERS_MPS**2 / max(float(v @ v), 1e-9))
+        self.speed_mps = self._most_flown()
 
-    @property
-    def speed_mps(self) -> float:
-        """The most that the camera flew at, m/s, over times for which what its positions err hardly counts."""
+    def _most_flown(self) -> float:
+        """The most that the camera flew at in the history, m/s."""
         rows = slice(0, self.n)
         before = np.searchsorted(self.t[rows], self.t[rows] - _FLIGHT_S)
         passed_s = self.t[rows] - self.t[before]

@@ -38,8 +38,9 @@ IntArray = NDArray[np.int64]
 _OFFSET_STD_S = 0.6
 """Prior 1σ of what the offset is off the grid of the coarse search, seconds."""
 _FIXED_STD_S = 0.01
-_LAG_STD_S = 1e-3
 """The same where the offset is not to be moved."""
+_LAG_STD_S = 1e-3
+"""Prior 1σ of the age of the camera's positions, seconds: a path has none, or it is part of the offset."""
 _RECENTRE_S = 0.08
 """An offset that is moved further is looked at anew from there."""
 _RECENTRES = 4

@@ -44,8 +44,6 @@ _DEPRESSION_SIN_MIN = 0.05
 """Rays flatter than this (sine of the angle below the horizon) are not projected: they hit the ground too far away."""
 _DELTA_S = 0.02
 """Step of the numerical derivative by δ, seconds: about half a frame."""
-
-
 _SAME_TIME_S = 0.6
 """Offset of the clocks up to which a rotation found by the image holds, seconds: a UAV that speeds up meanwhile is
 decimetres elsewhere."""

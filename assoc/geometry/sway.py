@@ -48,10 +48,17 @@ def wander_of(position_std_m: float) -> SwayPrior:
 FAST_MPS = 4.0
 """Speed from which a camera's places wander, m/s: filters smooth them and are late, more or less, in each turn."""
 _FLIGHT_S, _TURN_S = 0.12, 1.5
+"""Time of flight by which places are off, 1σ, and the correlation length of that, seconds: a turn."""
 
 
 def wander_in_flight(speed_mps: float) -> SwayPrior:
-    """What the places of a camera in fast flight are off by, beyond what they are late: as it flies in a tenth."""
+    """Prior of how reported places of a camera in fast flight wander, metres: as far as it flies in 0.12 s.
+
+    Filters smooth positions, so that they are late by more in one turn than in another.
+
+    Args:
+        speed_mps: Of the flight, m/s.
+    """
     return SwayPrior(axes=(EAST, NORTH), std=min(_FLIGHT_S * speed_mps, _MOST_WANDER_M), length_s=_TURN_S)
 
 

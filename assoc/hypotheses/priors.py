@@ -32,11 +32,11 @@ _GROSS: tuple[tuple[int, FloatArray, float, float], ...] = (
 """Gross errors: which number of θ, about which means, with which 1σ, and the weight of each in the prior: cameras
 mounted turned, a gimbal's angle that is not told, video that is late or dated by another clock, positions that are
 older than they say."""
-_LAG_MEAN_S, _LAG_STD_S = 0.05, 0.12
-"""Mean and 1σ of the age of the UAV's positions beyond their time stamps, seconds: a receiver takes a tenth, of which
+_LAG_STD_S = 0.12
+"""Prior 1σ of the age of the UAV's positions beyond their time stamps, seconds: a receiver takes a tenth, of which
 autopilots take out most."""
 _LEAST_FLIGHT_MPS = 2.0
-"""Slower, no age of a position matters."""
+"""Speed of a flight below which no age of a position matters, m/s."""
 
 _OTHER_HEIGHT_STD_M, _OTHER_HEIGHT_SHARE = 6.0, 0.3
 """1σ of the height that another source gives, metres, and its weight in the prior: they are nearly on a par."""

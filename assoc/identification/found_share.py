@@ -1,4 +1,4 @@
-"""How often a vehicle in view has a box, learnt from the flight.
+"""Share of the time in which a detector finds a vehicle that is in view, learnt from the flight.
 
 A detector finds nearly all vehicles, or seven in ten. Where it misses many, a box beside a vehicle's report is weak
 evidence that it is that vehicle's own: strangers drive there too. What counts is the vehicle in the middle: one whose
@@ -24,8 +24,8 @@ _IN_VIEW = 0.97
 _LEAST = 0.5
 """Lower bound: below it the camera sees something else."""
 _COUNTED, _NO_TRUST = 1.4, 3.0
-"""What each nat of those odds counts, since misses come in runs and one stands for many frames; and how many leave no
-trust."""
+"""Factor on the nats that the share takes off the odds, more than 1 since misses come in runs; and the nats that leave
+no trust."""
 _LONGEST_STEP_S = 1.0
 """Time that counts between two updates, seconds."""
 

@@ -67,9 +67,9 @@ class _Look:
 
     t_us: int
     detections: Detections
-    """Of the frame, the parts of a vehicle apart."""
+    """Boxes of the frame as the detector drew them: a vehicle in two parts has two."""
     wholes: Wholes
-    """The same, put together."""
+    """The same boxes, one for each vehicle."""
     tracks: Tracks
     found: Identities | None
     """None without a camera pose, and once names have begun anew."""

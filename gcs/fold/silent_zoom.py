@@ -85,7 +85,8 @@ class SilentZoom:
         """
         if self._last is None or min(len(boxes), len(self._last[0])) < LEAST_TRACKS:
             return 1.0
-        now, before = _measured(view, boxes.select(_whole(view, boxes))), self._last
+        boxes = boxes.select(_whole(view, boxes))
+        now, before = _measured(view, boxes), self._last
         if len(now[1]) < LEAST_TRACKS:
             return 1.0
         change = float(np.median(now[1]) - np.median(before[1]))
@@ -93,7 +94,7 @@ class SilentZoom:
             return 1.0
         factor = float(np.exp(change))
         reach_m = REACH_M + REACH_MPS * (t_us - self._t_us) / 1e6
-        jumped = _measured(magnified(view, factor), boxes.select(_whole(view, boxes)))
+        jumped = _measured(magnified(view, factor), boxes)
         found = _found_again(before, jumped, reach_m)
         as_before = np.count_nonzero(_found_again(before, now, reach_m) >= 0)
         again = np.flatnonzero(found >= 0)

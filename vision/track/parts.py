@@ -1,7 +1,7 @@
 """Boxes round the front and the rear of one vehicle, put together again.
 
 A detector that has learnt shorter vehicles sees two in a long one, now and then. Two boxes in one line that touch are
-one vehicle where together they are as long as vehicles here usually are, and each alone is not.
+one vehicle where together they are as long as many vehicles here.
 """
 
 from __future__ import annotations
@@ -28,10 +28,8 @@ ALIKE = 0.15
 LEAST_SHARE, LEAST_AGAINST_PARTS = 0.2, 0.35
 """Least share of all boxes that must be as long as the whole, and least ratio to those as long as a part: vehicles
 that are two boxes for a third of the time give as many of one as of the other."""
-LONGEST_PART = 0.72
-"""A part is at most this share of the whole."""
 GAP, ASIDE = 0.22, 0.3
-"""How far parts may be apart, or overlap, along the line, in their mean length; and off the line, in their width."""
+"""How far parts may be apart, or overlap, along the line, in their mean length; and off it, in the length of one."""
 TURNED = float(np.deg2rad(20.0))
 """How far a part may be turned from the line."""
 WIDTHS = 0.25
@@ -43,7 +41,7 @@ class Wholes:
     """The boxes of a frame, one for each two that are parts of one vehicle."""
 
     boxes: Detections
-    """(k,)"""
+    """(k,) in the order of their first parts."""
     first: Ints
     """(k,) row of each among the boxes of the frame; of one that was put together, of its one part ..."""
     second: Ints
@@ -124,7 +122,7 @@ def _touching(
     # a half may be wider than long: its box's axis is either side
     turned = np.maximum(*(_between(line[i, j], _axis(boxes)[k], length[k] / np.maximum(width[k], 1.0)) for k in (i, j)))
     aside = away[i, j] * np.sin(turned)
-    good = (turned < TURNED) & (aside < ASIDE * np.maximum(width[i], length[i]))
+    good = (turned < TURNED) & (aside < ASIDE * length[i])
     found, taken = [], set[int]()
     for k in np.argsort(away[i, j] + np.where(good, 0.0, np.inf), kind="stable").tolist():
         a, b = int(i[k]), int(j[k])

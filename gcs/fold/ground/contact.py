@@ -37,7 +37,7 @@ def contact_rays(rays: FloatArray, size_px: FloatArray, view: FrameCamera) -> Fl
     """
     unit, sine = _depressions(rays, view)
     above = view.pose.p_enu[2] - view.ground_z
-    range_m = above / np.maximum(sine, LEAST_SINE)
+    range_m = _ranges(sine, view)
     half_m = np.minimum(HALF_HEIGHT * size_px * range_m / view.intrinsics.fx, min(HIGHEST_M, 0.5 * max(above, 0.0)))
     # the middle is at s d with s d_z = h/2 − above; its place is h/2 lower
     down = range_m * (1.0 - half_m / max(above, 1e-9))
@@ -59,7 +59,7 @@ def box_lengths(rays: FloatArray, long_px: FloatArray, view: FrameCamera) -> Flo
 
 
 def ground_places(rays: FloatArray, size_px: FloatArray, view: FrameCamera) -> tuple[FloatArray, FloatArray]:
-    """Where boxes are on the ground, and how large.
+    """Places of boxes on the ground, metres, and ln of their sizes there.
 
     Args:
         rays: (k, 3) through the middles of boxes, camera frame.
@@ -70,7 +70,7 @@ def ground_places(rays: FloatArray, size_px: FloatArray, view: FrameCamera) -> t
         (k, 2) east and north of the camera, metres; (k,) ln of √(w h) at their distance, metres.
     """
     unit, sine = _depressions(rays, view)
-    range_m = (view.pose.p_enu[2] - view.ground_z) / np.maximum(sine, LEAST_SINE)
+    range_m = _ranges(sine, view)
     places = (unit @ view.pose.R_enu_cam.T)[:, :2] * range_m[:, None]
     return places, np.log(np.maximum(size_px * range_m / view.intrinsics.fx, 1e-6))
 
@@ -78,7 +78,12 @@ def ground_places(rays: FloatArray, size_px: FloatArray, view: FrameCamera) -> t
 def pixel_lengths(rays: FloatArray, view: FrameCamera) -> FloatArray:
     """(k,) metres that a pixel is long at rays' (k, 3) places on the ground, across the line of sight."""
     _, sine = _depressions(rays, view)
-    return np.asarray((view.pose.p_enu[2] - view.ground_z) / np.maximum(sine, LEAST_SINE) / view.intrinsics.fx)
+    return _ranges(sine, view) / view.intrinsics.fx
+
+
+def _ranges(sine: FloatArray, view: FrameCamera) -> FloatArray:
+    """(k,) metres along rays to the ground, by the sines of how far they point below the horizon."""
+    return np.asarray((view.pose.p_enu[2] - view.ground_z) / np.maximum(sine, LEAST_SINE))
 
 
 def _depressions(rays: FloatArray, view: FrameCamera) -> tuple[FloatArray, FloatArray]:
