@@ -42,11 +42,15 @@ class Observation:
     """(m,) detector score."""
     length_m: FloatArray | None = None
     """(m,) long side of a seen track's box on the ground, metres, NaN unseen or unknown; None: all unknown."""
+    extent_rad: FloatArray | None = None
+    """(m, 2) how wide and high the box of a track is in the picture, radians; None: unknown."""
 
     def __post_init__(self) -> None:
         m = len(self.track_id)
         if self.length_m is not None:
             _need("length_m", self.length_m, (m,))
+        if self.extent_rad is not None:
+            _need("extent_rad", self.extent_rad, (m, 2))
         _need("ray_cam", self.ray_cam, (m, 3))
         _need("front_cam", self.front_cam, (m, 3))
         _need("gap_s", self.gap_s, (m,))

@@ -83,7 +83,8 @@ def marginals(score: FloatArray) -> FloatArray:
             p[rows[0], columns[0]] = 1.0 / (1.0 + np.exp(-part[0, 0]))
         else:
             exact = min(part.shape) <= _EXACT_SIZE
-            p[np.ix_(rows, columns)] = (exact_marginals if exact else loopy_marginals)(part)[:, :-1]
+            found = exact_marginals(part) if exact else loopy_marginals(part)[0]
+            p[np.ix_(rows, columns)] = found[:, :-1]
     p[:, n] = np.maximum(1.0 - np.sum(p, axis=1), 0.0)
     return p
 
@@ -121,31 +122,35 @@ def exact_marginals(score: FloatArray) -> FloatArray:
     return np.asarray(p / np.sum(p, axis=1, keepdims=True))
 
 
-def loopy_marginals(score: FloatArray) -> FloatArray:
+def loopy_marginals(score: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The same approximately, by loopy belief propagation: exact without loops, overconfident with short ones.
 
     Reference: Williams and Lau, "Approximate evaluation of marginal association probabilities with belief
     propagation", IEEE TAES 50(4), 2014.
 
     Args:
-        score: (m, n) log ratios against "unrelated"; −inf forbids.
+        score: (..., m, n) log ratios against "unrelated"; −inf forbids.
 
     Returns:
-        (m, n + 1); the last column is "none of ours", rows sum to 1.
+        (..., m, n + 1); the last column is "none of ours". (...) ln of the sum over all assignments, Bethe's.
     """
-    m, n = score.shape
+    *many, m, n = score.shape
     if m == 0 or n == 0:
-        return np.concatenate([np.zeros((m, n)), np.ones((m, 1))], axis=1)
+        return np.concatenate([np.zeros((*many, m, n)), np.ones((*many, m, 1))], axis=-1), np.zeros(many)
     a = np.maximum(score, -1e4)
-    down = np.zeros((m, n))
+    down = np.zeros_like(a)
     for _ in range(_ROUNDS):
         # μ_ij = ψ_ij / (1 + Σ_{k≠j} ψ_ik ν_ik);  ν_ij = 1 / (1 + Σ_{l≠i} μ_lj)
-        up = a - np.logaddexp(0.0, _log_sum_others(a + down, axis=1))
-        after = -np.logaddexp(0.0, _log_sum_others(up, axis=0))
+        up = a - np.logaddexp(0.0, _log_sum_others(a + down, axis=-1))
+        after = -np.logaddexp(0.0, _log_sum_others(up, axis=-2))
         change = float(np.max(np.abs(np.exp(after) - np.exp(down))))
         down = after
         if change < _CONVERGED:
             break
-    b = np.concatenate([a + down, np.zeros((m, 1))], axis=1)
-    b = np.exp(b - np.max(b, axis=1, keepdims=True))
-    return np.asarray(b / np.sum(b, axis=1, keepdims=True))
+    b = np.concatenate([a + down, np.zeros((*many, m, 1))], axis=-1)
+    # ln Z = Σ_i ln (1 + Σ_j ψ_ij ν_ij) + Σ_j ln (1 + Σ_i μ_ij) − Σ_ij ln (1 + ν_ij μ_ij)
+    rows = np.sum(np.logaddexp.reduce(b, axis=-1), axis=-1)
+    columns = np.sum(np.logaddexp(0.0, np.logaddexp.reduce(up, axis=-2)), axis=-1)
+    total = rows + columns - np.sum(np.logaddexp(0.0, up + down), axis=(-2, -1))
+    b = np.exp(b - np.max(b, axis=-1, keepdims=True))
+    return np.asarray(b / np.sum(b, axis=-1, keepdims=True)), np.asarray(total)

@@ -177,7 +177,11 @@ class ConflictMonitor:
                 and context.gap_s[row] <= 0.0
             ):
                 found.add(self._last_vehicle[key])
-        self._last_vehicle = {key: vehicle for key, vehicle in self._last_vehicle.items() if key in ids}
+        # a vehicle that is surely another track since was never this one
+        now = {v: ids[row] for row, v in enumerate(choice.tolist()) if v >= 0 and p[row, v] > _CONFIDENT}
+        self._last_vehicle = {
+            key: vehicle for key, vehicle in self._last_vehicle.items() if key in ids and now.get(vehicle, key) == key
+        }
         # a vehicle that is occluded or out of the image does not contradict, nor does a moment of doubt
         self._gone_since = {v: self._gone_since.get(v, t) for v in found - set(choice.tolist())}
         return {v for v, since in self._gone_since.items() if t - since >= _LASTING_S}

@@ -19,6 +19,7 @@ from assoc.history import TrackHistory
 from assoc.identification.common_boxes import CommonBoxes
 from assoc.identification.estimate import Estimator
 from assoc.identification.gross_errors import MIRROR
+from assoc.identification.near_horizon import NearHorizon
 from assoc.identification.output import Beliefs, CandidateCache, MassCache, compose_identities, empty_beliefs
 from assoc.identification.stated_tracks import NONE_OF_OURS, StatedTracks
 from assoc.methods.reattach import reattach_gated
@@ -55,6 +56,7 @@ class Identifier:
         self._estimator: Estimator
         self._beliefs: Beliefs
         self._stated = StatedTracks(self._params.stated, -float(np.log(self._params.switch_rate_leap)))
+        self._near_horizon: NearHorizon
         self._common_boxes: CommonBoxes
         self._residual_m: dict[int, float]
         self._mirrored: bool
@@ -86,6 +88,8 @@ class Identifier:
     @property
     def fit_probability(self) -> float:
         """Probability that film and telemetry belong together, NaN while nothing was compared."""
+        if self._near_horizon.active:
+            return self._near_horizon.probability
         return self._estimator.fit.probability
 
     @property
@@ -231,6 +235,11 @@ class Identifier:
         begun = self._history.append(t, observation, usable)
         self._t = t
         self._estimator.begin_tracks(t, begun)
+        if self._near_horizon.looks_there(t, observation, usable):
+            stated = self._stated.scores(observation.track_id, len(self._ids))
+            p = self._near_horizon.names(t, observation, usable, self._log, stated)
+            self._beliefs = self._beliefs.updated(observation.track_id, p, ())
+            return
         if t - self._last_update_s < self._interval_s(t, len(begun) > 0) - _ROUNDING_S:
             return
         self._last_update_s = t
@@ -304,6 +313,7 @@ class Identifier:
         self._estimator = Estimator(self._history, self._log, q, self._stated)
         self._beliefs = empty_beliefs(n)
         self._mirrored = False
+        self._near_horizon = NearHorizon(n, q)
         self._common_boxes = CommonBoxes(n)
         self._residual_m = {}
         self._masses, self._candidates = MassCache(), CandidateCache()

@@ -12,6 +12,7 @@ from assoc.history import TrackHistory
 
 __all__ = ["NONE_OF_OURS", "StatedTracks"]
 
+FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
@@ -42,6 +43,17 @@ class StatedTracks:
     def among(self, track_id: IntArray) -> BoolArray:
         """(m,) of which tracks anything is stated."""
         return np.isin(track_id, list(self._vehicle))
+
+    def scores(self, track_id: IntArray, n: int) -> FloatArray:
+        """(m, n) what the statements count for each vehicle, nats."""
+        score = np.zeros((len(track_id), n))
+        for row, key in enumerate(track_id.tolist()):
+            vehicle = self._vehicle.get(key)
+            if vehicle == NONE_OF_OURS:
+                score[row] = -self._nats
+            elif vehicle is not None:
+                score[row, vehicle] = self._nats
+        return score
 
     def with_statements(self, state: PairState, columns: IntArray, history: TrackHistory) -> PairState:
         """The state in which the statements on the tracks of some columns count, once more."""

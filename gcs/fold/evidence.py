@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from assoc.records import CameraState, Observation, VehicleReports
 from gcs.fold.frame_camera import FrameCamera
@@ -52,7 +53,14 @@ def observation_of(
         gap_s=np.where(seen, 0.0, tracks.gap_s),
         score=tracks.score,
         length_m=length_m,
+        extent_rad=_extents(tracks) / np.array([lens.fx, lens.fy]),
     )
+
+
+def _extents(tracks: Tracks) -> NDArray[np.float64]:
+    """(m, 2) how wide and high the tracks' boxes are in the picture, px."""
+    c, s = np.abs(np.cos(tracks.angle)), np.abs(np.sin(tracks.angle))
+    return np.column_stack([tracks.w * c + tracks.h * s, tracks.w * s + tracks.h * c])
 
 
 def reports_of(reports: Reports, ugv_ids: Sequence[int], view: FrameCamera | None, state: FleetState) -> VehicleReports:

@@ -106,7 +106,7 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         level="alarm",
         kind="vehicle",
         text="position lost",
-        meaning=f"heartbeats come, and no position for more than {LOST_S:g} s",
+        meaning=f"heartbeats come, and no position for more than {LOST_S:g} s, and four times as long as usual",
         advice="check its stream rates and its receiver; it cannot be named meanwhile",
         condition=lambda row, _: row.position_state == "lost" and row.heartbeat_age_s < SPEAKS_S,
         kept_while=lambda row, _: _silent(row) and row.position_state == "lost",

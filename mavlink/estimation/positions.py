@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import statistics
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -111,6 +113,8 @@ _ALTITUDE_M = -1000.0, 20_000.0
 _STDS = 3.0
 """Position errors up to this many σ are no jump."""
 
+_GAPS, _LEAST_GAPS = 5, 3
+"""Of how many last gaps between reports the middle one is the usual one, from so many on: one outage counts nothing."""
 _STALE_S = 1.0
 """Radios are a few tenths of a second late: younger positions are never stale."""
 _PERIOD_GAIN = 0.1
@@ -259,7 +263,9 @@ class Positions:
 
     def __init__(self, limits: VehicleLimits, *, drives: bool) -> None:
         self.period_s = math.nan
-        """Usual time between reports."""
+        """Usual time between reports, at most three seconds."""
+        self._gaps_s: deque[float] = deque(maxlen=_GAPS)
+        """The last times between reports."""
         self._limits = limits
         self._drives = drives
         self._fixes: SampleBuffer[Fix] = SampleBuffer()
@@ -369,20 +375,23 @@ class Positions:
     def state(self, estimate: PositionEstimate | None, rejected_for: str) -> PositionState:
         """How far an estimate may be relied on: stale after a second and twice the usual period, lost after three.
 
+        Where reports usually come seconds apart it is lost after four usual gaps.
+
         Args:
             estimate: from :meth:`at`.
             rejected_for: why the last report was not used, empty where it was or is long ago.
         """
         if estimate is None:
             return "refused" if rejected_for and rejected_for not in NOT_YET else "never"
-        due_s = _STALE_S if math.isnan(self.period_s) else 2.0 * self.period_s
+        gap_s = statistics.median(self._gaps_s) if len(self._gaps_s) >= _LEAST_GAPS else 0.0
+        due_s = _STALE_S if math.isnan(self.period_s) else 2.0 * max(self.period_s, gap_s)
         if estimate.bracketed or estimate.age_s <= due_s:
             return "ok"
         if rejected_for:
             return "refused"
         if estimate.age_s <= _STALE_S:
             return "ok"
-        return "stale" if estimate.age_s <= LOST_S else "lost"
+        return "stale" if estimate.age_s <= max(LOST_S, 4.0 * gap_s) else "lost"
 
     def _is_jump(self, boot_us: int, fix: Fix, since: tuple[int, Fix]) -> bool:
         gap_m = horizontal_distance_m(fix, since[1])
@@ -415,5 +424,6 @@ class Positions:
     def _learn_period(self, boot_us: int, newest: tuple[int, Fix] | None) -> None:
         if newest is None or boot_us <= newest[0]:
             return
-        gap_s = min((boot_us - newest[0]) * 1e-6, LOST_S)
+        self._gaps_s.append((boot_us - newest[0]) * 1e-6)
+        gap_s = min(self._gaps_s[-1], LOST_S)
         self.period_s = gap_s if math.isnan(self.period_s) else self.period_s + _PERIOD_GAIN * (gap_s - self.period_s)

@@ -140,9 +140,11 @@ def _identity(row: VehicleRow) -> Cell:
     return named(standing_word(row.standing), row.confidence, stated=row.stated), standing_colour(row.standing)
 
 
-def _height(row: VehicleRow, rows: Sequence[VehicleRow]) -> Cell:
-    """In the UAV's row: how far above the middle of the fleet it is."""
-    below = [float(each.p_enu[2]) for each in rows if each.role == "ugv" and math.isfinite(each.p_enu[2])]
+def _height(row: VehicleRow, snapshot: Snapshot) -> Cell:
+    """In the UAV's row: how far above the ground it is, or without a camera above the middle of the fleet."""
+    below = [float(each.p_enu[2]) for each in snapshot.vehicles if each.role == "ugv" and math.isfinite(each.p_enu[2])]
+    if snapshot.camera is not None:
+        below = [snapshot.camera.ground_z]
     up = float(row.p_enu[2]) - statistics.median(below) if below else math.nan
     text = f"{number(up, 'm', 0)} up" if math.isfinite(up) else UNKNOWN
     return aged(text, INK, row.position_age_s, IDENTITY_CELLS)
@@ -240,7 +242,7 @@ class FleetPane(Pane):
         at = next((index for index, row in enumerate(rows) if row.system_id == self.selected), self._first)
         self._first = max(0, min(max(self._first, at - height + 1), at, len(rows) - height))
         columns = self._columns(width)
-        return [self._row(row, rows, columns, width) for row in rows[self._first : self._first + height]]
+        return [self._row(row, self.snapshot, columns, width) for row in rows[self._first : self._first + height]]
 
     def _columns(self, width: int) -> tuple[Column, ...]:
         if self.snapshot is None:
@@ -248,17 +250,17 @@ class FleetPane(Pane):
         more, keyed = condition_columns(self.snapshot), bool(self.snapshot.health.keys)
         return columns_for(width, self.snapshot.vehicles, keyed=keyed, more=more)
 
-    def _row(self, row: VehicleRow, rows: Sequence[VehicleRow], columns: Sequence[Column], width: int) -> Strip:
+    def _row(self, row: VehicleRow, snapshot: Snapshot, columns: Sequence[Column], width: int) -> Strip:
         picked = bool(self.selected) and row.system_id == self.selected
-        held = self.snapshot.held_s if self.snapshot else 0.0
+        held = snapshot.held_s
         paper = PICKED if picked else PANEL
         parts: list[Part] = [("▸" if picked else " ", ink(ACCENT, paper))]
         for index, column in enumerate(columns):
             aloft = row.role == "uav" and column.title == IDENTITY
-            text, colour = _height(row, rows) if aloft else column.aged_cell(row)
+            text, colour = _height(row, snapshot) if aloft else column.aged_cell(row)
             if held and row.track_id and column.title == IDENTITY:
                 text, colour = f"{certainty(row.confidence)} {age(held)} ago", FAINT
-            elif self.snapshot and self.snapshot.provisional and column.title == IDENTITY:
+            elif snapshot.provisional and column.title == IDENTITY:
                 colour = FAINT
             text = name_or_id(text, row.system_id, column.width) if column.title == NAME.title else text
             space = " " if index else ""

@@ -41,7 +41,7 @@ def test_near_ties_are_not_decided_by_belief_propagation():
     """Two by two and tight, belief propagation is sure of the better of two nearly equal assignments."""
     score = np.array([[12.2, 12.4], [11.5, 12.3]])
     right = 1.0 / (1.0 + np.exp((12.4 + 11.5) - (12.2 + 12.3)))
-    assert loopy_marginals(score)[0, 0] > 0.95
+    assert loopy_marginals(score)[0][0, 0] > 0.95
     np.testing.assert_allclose(marginals(score)[0, 0], right, atol=1e-3)
 
 

@@ -264,3 +264,18 @@ def test_heading_must_agree_with_the_attitude():
     assert math.isnan(positions.check_heading(report(heading=1.0), 2.0))
     assert positions.check_heading(report(heading=6.2), -0.1) == 6.2
     assert math.isnan(positions.check_heading(report(heading=NAN), 0.0))
+
+
+@pytest.mark.parametrize(
+    ("every_s", "age_s", "state"),
+    [(0.2, 1.5, "stale"), (0.2, 4.0, "lost"), (10.0, 15.0, "ok"), (10.0, 25.0, "stale"), (10.0, 45.0, "lost")],
+)
+def test_a_position_is_lost_by_how_often_it_comes(every_s, age_s, state):
+    positions = Positions(LIMITS, drives=True)
+    seconds = [k * every_s for k in range(8)]
+    # one outage does not make a slow sender
+    seconds += [seconds[-1] + 40.0, seconds[-1] + 40.0 + every_s]
+    for second in seconds:
+        positions.add(int(second * 1e6), fix_at(second), (second, 0.0))
+    newest_us = int(seconds[-1] * 1e6)
+    assert positions.state(positions.at(newest_us + int(age_s * 1e6)), "") == state

@@ -1,0 +1,333 @@
+"""Names near the horizon, from angles: a box tells the direction of its vehicle well and its distance hardly.
+
+A pixel of a camera 20 m up is 10 m long along the line of sight at 500 m, and a degree of tilt moves the place by half
+of the distance. So boxes and reports are compared as the camera sees them, by bearing and by depression. Per pair and
+angle, measured less expected,
+
+    together: a(t) = φ + b(t) + noise,      apart: a(t) = c + r t + b(t) + noise,
+
+φ what the camera's heading and tilt are off by, the same for all pairs; b a Gauss–Markov error (where in the box the
+antenna is, bias, lens); c and r the offset and drift of two things that have nothing to do with each other. All are
+Gaussian and enter linearly: a filter of b whitens a, 1 and t together, and with the Gram matrix G of the three
+
+    ln p(together)/p(apart) = φ G_1a − φ² G_11/2 − bᵀA⁻¹b/2 + ln(|A|/|Λ|)/2,    A = G_[1,t] + Λ,  b = G_[1,t],a,
+
+Λ the prior precision of (c, r). The names' marginals are averaged over a grid of φ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit, logsumexp
+
+from assoc.evidence.motion import ReportLog
+from assoc.hypotheses.marginals import loopy_marginals
+from assoc.identification.fleet_fit import log_assignments
+from assoc.params import IdentifierParams
+from assoc.records import CameraState, Observation
+
+__all__ = ["FLAT_SINE", "NearHorizon", "depression_sines"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+FLAT_SINE = 0.05
+"""Sine of the depression, 3°, below which a ray tells no place on the ground."""
+_LOOK_S, _MOSTLY = 2.0, 0.5
+"""Time constant with which a look counts, seconds, and the share of flat rays from which the camera looks there."""
+_EVERY_S = 0.5
+"""Least time between two comparisons, seconds: what is closer has the same errors."""
+_MEMORY_S = 120.0
+"""Time constant with which comparisons lose weight, seconds."""
+_LOST_S = 10.0
+"""A track that has not been seen for so long, seconds, is forgotten."""
+_BIAS_TAU_S = 60.0
+"""Correlation time of b, seconds."""
+_BIAS_M, _LENS_RAD = 5.0, float(np.deg2rad(0.5))
+"""1σ of b: of a position across the line of sight, metres, and of the camera's angles."""
+_JITTER_PX, _JITTER_SHARE = 1.5, 0.02
+"""1σ of a box's middle: pixels, and a share of its extent."""
+_SPEED_STD_MPS = 0.5
+"""1σ of the speed with which a report is extrapolated, m/s."""
+_OLDEST_S = 90.0
+"""Older reports are not extrapolated, seconds."""
+_APART_MPS = 4.0
+"""1σ of how fast two unrelated things move against each other, m/s."""
+_LEAST_DRIFT = 1e-4
+"""Least 1σ of the drift of two unrelated things, rad/s."""
+_LEAST_RANGE_M = 10.0
+"""Nearer vehicles are taken to be so far away, metres."""
+_YAW_RAD = np.deg2rad(np.arange(-15.0, 15.01, 0.5))
+_TILT_RAD = np.deg2rad(np.arange(-6.0, 6.01, 0.75))
+"""The grid of φ."""
+_MARGIN_RAD = float(np.deg2rad(3.0))
+"""How far beyond the border a vehicle may be in view, as the camera's heading is not known exactly."""
+_USUAL_HALF_VIEW = 0.5
+"""Half the angle of view where it is unknown, radians."""
+_HAS_BOX = 0.7
+"""What is added for each pair, nats: a vehicle in view has a box more often than not."""
+_LIKELY_NATS, _MOST_CELLS = 10.0, 150
+"""Cells of the grid are left out that are so much less likely, nats, and beyond so many."""
+_TILT_STD_RAD = float(np.deg2rad(2.0))
+"""Least prior 1σ of the tilt: near the horizon it is hardly ever calibrated."""
+_SURE, _UNPROVEN = 9.0, 0.89
+"""ln odds that film and telemetry belong together from which a name may be sure, and the most that one is until then:
+three boxes are in the directions of three of eight vehicles by chance."""
+_LEAST = -30.0
+"""Least that a pair counts, nats: less than an operator's statement."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Pairs:
+    """Comparisons of m tracks with n vehicles. Axes: track, vehicle, angle (bearing, depression)."""
+
+    mean: FloatArray
+    """(m, n, 2, 3) filtered b of the columns a, 1, t; t counts from the newest comparison."""
+    var: FloatArray
+    """(m, n, 2) its variance, rad²."""
+    gram: FloatArray
+    """(m, n, 2, 3, 3) G."""
+
+    def select(self, rows: IntArray) -> _Pairs:
+        """Those of some tracks; −1: of one without comparisons."""
+        blank = _no_pairs(1, self.var.shape[1])
+        return _Pairs(
+            np.concatenate([self.mean, blank.mean])[rows],
+            np.concatenate([self.var, blank.var])[rows],
+            np.concatenate([self.gram, blank.gram])[rows],
+        )
+
+    def later(self, dt: float) -> _Pairs:
+        """The same, with t counted from dt seconds later, and with less weight."""
+        shift = np.eye(3)
+        shift[2, 1] = -dt
+        gram = shift @ self.gram @ shift.T * np.exp(-dt / _MEMORY_S)
+        return _Pairs(self.mean @ shift.T, self.var, gram)
+
+
+def _no_pairs(m: int, n: int) -> _Pairs:
+    """Nothing compared yet."""
+    return _Pairs(np.zeros((m, n, 2, 3)), np.full((m, n, 2), np.inf), np.zeros((m, n, 2, 3, 3)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Expected:
+    """Where n vehicles should be seen."""
+
+    angle: FloatArray
+    """(n, 2) bearing and depression, radians, NaN unknown."""
+    away_m: FloatArray
+    """(n,) metres."""
+    age_s: FloatArray
+    """(n,) of their reports."""
+    drift: FloatArray
+    """(n, 2) 1σ of r, rad/s."""
+    in_view: int
+    """How many of them are about where the camera looks."""
+    spread: FloatArray
+    """(2,) 1σ of c, radians: half the view's width; how far depressions of the vehicles differ."""
+
+
+def depression_sines(rays: FloatArray, camera: CameraState) -> FloatArray:
+    """(m,) sines of the angles by which rays (m, 3) point below the horizon."""
+    return np.asarray(-(rays @ camera.R_enu_cam[2]) / np.linalg.norm(rays, axis=1))
+
+
+def _angles(d: FloatArray) -> FloatArray:
+    """(k, 2) clockwise from north and below the horizon, radians, of directions (k, 3) east, north, up."""
+    return np.column_stack([np.arctan2(d[:, 0], d[:, 1]), np.arctan2(-d[:, 2], np.hypot(d[:, 0], d[:, 1]))])
+
+
+class NearHorizon:
+    """The comparisons of the tracks so far."""
+
+    def __init__(self, n: int, params: IdentifierParams) -> None:
+        self._params = params
+        self._track_id: IntArray = np.empty(0, np.int64)
+        self._seen_s = np.empty(0)
+        self._pairs = _no_pairs(0, n)
+        self._t = -np.inf
+        self._flat, self._looked_s = 0.0, -np.inf
+        self.active = False
+        """Whether the camera looks there now."""
+        self.log_ratio = np.nan
+        """ln odds that film and telemetry belong together, NaN before anything was compared."""
+
+    def looks_there(self, t: float, observation: Observation, camera: CameraState) -> bool:
+        """Whether most of the tracks of the last seconds were so near the horizon that angles tell who they are.
+
+        Args:
+            t: Time of the frame, seconds.
+            observation: Its tracks.
+            camera: The camera.
+        """
+        seen = observation.gap_s <= 0.0
+        if camera.attitude_known and np.any(seen):
+            flat = float(np.mean(depression_sines(observation.ray_cam[seen], camera) < FLAT_SINE))
+            weight = float(np.exp((self._looked_s - t) / _LOOK_S))
+            self._flat, self._looked_s = weight * self._flat + (1.0 - weight) * flat, t
+            self.active = self._flat > _MOSTLY
+        return self.active
+
+    @property
+    def probability(self) -> float:
+        """That film and telemetry belong together; NaN before anything was compared."""
+        return float(expit(self.log_ratio))
+
+    def names(
+        self, t: float, observation: Observation, camera: CameraState, log: ReportLog, stated: FloatArray
+    ) -> FloatArray:
+        """Take in a frame.
+
+        Args:
+            t: Its time, seconds.
+            observation: Its tracks.
+            camera: The camera.
+            log: Reports up to then.
+            stated: (m, n) what operators' statements count, nats.
+
+        Returns:
+            (m, n + 1) marginals of the tracks; the last column is "none of ours".
+        """
+        expected = _expected(t, camera, log)
+        if t - self._t >= _EVERY_S or np.any(~np.isin(observation.track_id, self._track_id)):
+            self._compare(t, observation, camera, expected)
+        place = {key: row for row, key in enumerate(self._track_id.tolist())}
+        rows = np.array([place.get(key, -1) for key in observation.track_id.tolist()], np.int64)
+        p, total = _marginals(self._pairs.select(rows), expected, stated, float(np.deg2rad(self._params.yaw_std_deg)))
+        self.log_ratio = total
+        most = 1.0 if total > _SURE else _UNPROVEN
+        named = p[:, :-1] * expit(total)
+        named *= np.minimum(1.0, most / np.maximum(np.max(named, axis=1, keepdims=True, initial=0.0), most))
+        return np.concatenate([named, 1.0 - np.sum(named, axis=1, keepdims=True)], axis=1)
+
+    def _compare(self, t: float, observation: Observation, camera: CameraState, expected: _Expected) -> None:
+        """Compare the tracks that are seen with all reports."""
+        dt = t - self._t if np.isfinite(self._t) else 0.0
+        self._t = t
+        seen = np.flatnonzero(observation.gap_s <= 0.0)
+        kept = self._seen_s > t - _LOST_S
+        kept |= np.isin(self._track_id, observation.track_id[seen])
+        place = {key: row for row, key in enumerate(self._track_id.tolist())}
+        begun = [key for key in observation.track_id[seen].tolist() if key not in place]
+        rows = np.concatenate([np.flatnonzero(kept), np.full(len(begun), -1)]).astype(np.int64)
+        self._track_id = np.concatenate([self._track_id[kept], np.array(begun, np.int64)])
+        self._seen_s = np.concatenate([self._seen_s[kept], np.full(len(begun), t)])
+        pairs = self._pairs.select(rows).later(dt)
+        place = {key: row for row, key in enumerate(self._track_id.tolist())}
+        at = np.array([place[key] for key in observation.track_id[seen].tolist()], np.int64)
+        self._seen_s[at] = t
+        extent = np.full((len(seen), 2), camera.px_rad)
+        if observation.extent_rad is not None:
+            extent = observation.extent_rad[seen]
+        angle = _angles(observation.ray_cam[seen] @ camera.R_enu_cam.T)
+        self._pairs = _filtered(pairs, at, dt, angle, extent, camera.px_rad, expected)
+
+
+def _expected(t: float, camera: CameraState, log: ReportLog) -> _Expected:
+    """Where the vehicles should be seen at a time, seconds."""
+    p, age = log.extrapolated(t, _OLDEST_S)
+    to = np.column_stack([p, np.full(len(p), camera.ground_z)]) - camera.p_enu
+    away = np.maximum(np.nan_to_num(np.hypot(to[:, 0], to[:, 1])), _LEAST_RANGE_M)
+    angle = np.where((np.abs(age) <= _OLDEST_S)[:, None], _angles(to), np.nan)
+    drift = _APART_MPS / away
+    height = max(float(camera.p_enu[2]) - camera.ground_z, 0.0)
+    ahead = camera.R_enu_cam[:, 2]
+    front = np.isfinite(angle[:, 0]) & (to[:, :2] @ ahead[:2] > 0.0)
+    depressions = float(np.std(angle[front, 1])) if np.count_nonzero(front) > 1 else 0.0
+    half = float(np.arctan(camera.half_view[0])) if np.isfinite(camera.half_view[0]) else _USUAL_HALF_VIEW
+    axis = np.arctan2(ahead[0], ahead[1])
+    aside = np.abs(np.arctan2(np.sin(angle[:, 0] - axis), np.cos(angle[:, 0] - axis)))
+    return _Expected(
+        angle=angle,
+        in_view=int(np.count_nonzero(aside < half + _MARGIN_RAD)),
+        away_m=away,
+        age_s=np.abs(age),
+        drift=np.maximum(np.column_stack([drift, drift * height / away]), _LEAST_DRIFT),
+        spread=np.array([half, depressions]),
+    )
+
+
+def _filtered(
+    pairs: _Pairs,
+    at: IntArray,
+    dt: float,
+    angle: FloatArray,
+    extent: FloatArray,
+    px_rad: float,
+    expected: _Expected,
+) -> _Pairs:
+    """The comparisons with one more.
+
+    Args:
+        pairs: Those before.
+        at: (k,) rows of the tracks that are seen.
+        dt: Seconds since the last one.
+        angle: (k, 2) their bearings and depressions, radians.
+        extent: (k, 2) how wide and high their boxes are, radians.
+        px_rad: Radians per pixel.
+        expected: Where the vehicles should be.
+    """
+    away, known = expected.away_m[None, :, None], np.isfinite(expected.angle[:, 0])[None, :, None]
+    # the antenna is anywhere in the box: σ² = w²/12
+    prior = extent[:, None, :] ** 2 / 12.0 + _LENS_RAD**2 + (_BIAS_M / away * _along(expected)) ** 2
+    white = (_JITTER_SHARE * extent[:, None, :] + _JITTER_PX * px_rad) ** 2
+    # b⁻ = λ b;  what a report is extrapolated by wanders with its age: d(σ_v age)² = 2 σ_v² age dt
+    decay = np.exp(-dt / _BIAS_TAU_S)
+    age_s = np.minimum(expected.age_s, _OLDEST_S)[None, :, None]
+    aged = 2.0 * (_SPEED_STD_MPS / away * _along(expected)) ** 2 * age_s * dt
+    mean, var = decay * pairs.mean[at], pairs.var[at]
+    var = np.where(np.isfinite(var), decay**2 * np.where(np.isfinite(var), var, 0.0) + (1.0 - decay**2) * prior, prior)
+    var = var + aged
+    a = angle[:, None, :] - np.nan_to_num(expected.angle)[None]
+    a[..., 0] = np.arctan2(np.sin(a[..., 0]), np.cos(a[..., 0]))
+    e = np.stack([a, np.ones_like(a), np.zeros_like(a)], axis=-1) - mean
+    s = var + white
+    gain = np.where(known, var / s, 0.0)
+    out = _Pairs(pairs.mean.copy(), pairs.var.copy(), pairs.gram.copy())
+    out.mean[at] = mean + gain[..., None] * e
+    out.var[at] = var - gain * var
+    out.gram[at] += np.where(known, 1.0 / s, 0.0)[..., None, None] * e[..., :, None] * e[..., None, :]
+    return out
+
+
+def _along(expected: _Expected) -> FloatArray:
+    """(1, n, 2) how much of a length on the ground counts in each angle: all in bearing, sin δ of it in depression."""
+    return np.column_stack([np.ones(len(expected.away_m)), np.nan_to_num(np.sin(np.abs(expected.angle[:, 1])))])[None]
+
+
+def _marginals(pairs: _Pairs, expected: _Expected, stated: FloatArray, yaw_std: float) -> tuple[FloatArray, float]:
+    """Marginals (m, n + 1) over the grid of φ, and ln odds of the fleet against chance."""
+    m, n = pairs.var.shape[:2]
+    if not m or not n:
+        return np.concatenate([np.zeros((m, n)), np.ones((m, 1))], axis=1), 0.0
+    G = pairs.gram
+    offset = np.maximum(expected.spread[None, None], np.sqrt(np.where(np.isfinite(pairs.var), pairs.var, 1.0)))
+    scale = np.stack([np.broadcast_to(offset, (m, n, 2)), np.broadcast_to(expected.drift[None], (m, n, 2))], axis=-1)
+    # with regressors in units of their prior 1σ, Λ = I
+    A = G[..., 1:, 1:] * scale[..., :, None] * scale[..., None, :] + np.eye(2)
+    b = G[..., 1:, 0] * scale
+    apart = 0.5 * np.linalg.slogdet(A)[1] - 0.5 * np.sum(b * np.linalg.solve(A, b[..., None])[..., 0], axis=-1)
+    cells = []
+    for k, grid in enumerate((_YAW_RAD, _TILT_RAD)):
+        phi = grid[:, None, None]
+        cells.append(phi * G[..., k, 1, 0] - 0.5 * phi**2 * G[..., k, 1, 1] + apart[..., k])
+    compared = G[..., 0, 1, 1] > 0.0
+    score = cells[0][:, None] + cells[1][None]
+    score = np.where(compared | (stated > 0.0), np.maximum(score, _LEAST) + stated + _HAS_BOX, -1e4).reshape(-1, m, n)
+    prior = -0.5 * ((_YAW_RAD / yaw_std) ** 2)[:, None] - 0.5 * ((_TILT_RAD / _TILT_STD_RAD) ** 2)[None]
+    prior = (prior - logsumexp(prior)).ravel()
+    # with the best vehicle of each track whoever else has it: at least the total
+    bound = prior + np.sum(np.logaddexp(0.0, logsumexp(score, axis=2)), axis=1)
+    likely = np.argsort(-bound)[:_MOST_CELLS]
+    likely = likely[bound[likely] > bound[likely[0]] - _LIKELY_NATS]
+    found, total = loopy_marginals(score[likely])
+    value = prior[likely] + total
+    weight = np.exp(value - logsumexp(value))
+    # each assignment had its share before anything was seen
+    chance = log_assignments(np.full(expected.in_view, _HAS_BOX), m)
+    return np.asarray(np.einsum("c,cij->ij", weight, found)), float(logsumexp(value)) - chance
