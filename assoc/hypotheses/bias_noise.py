@@ -37,7 +37,8 @@ def learn_bias_noise(
 ) -> tuple[float, float]:
     """Move σ_b and τ one smoothed step towards the candidates of largest posterior probability.
 
-    ln p(σ, τ) = −Σ ln s − ½ Σ e² over the pairs' innovations − ½ w (ln σ/1.2)² / 0.7² − ½ w (ln τ/60)²
+    ln p(σ, τ) = −Σ ln s − ½ Σ e² over the pairs' innovations − Σ ln (σ² + V) − ½ Σ |M|²/(σ² + V) over the biases that
+    were known before the window − ½ w (ln σ/1.2)² / 0.7² − ½ w (ln τ/60)²
 
     Args:
         context: The update's context.
@@ -57,6 +58,11 @@ def learn_bias_noise(
     start = select_tracks(state, context.columns)
     value = log_evidence(best.blocks, tracks, vehicles, best.theta, start, context.noise, models)
     value = value.reshape(len(BIAS_STD_M), len(BIAS_TAU_S))
+    # what was seen before the window: each bias that is known by then is a sample of N(0, σ² + V)
+    M, V = start.mean[tracks, vehicles], start.var[tracks, vehicles]
+    known = np.isfinite(V)
+    total = BIAS_STD_M[:, None] ** 2 + V[known]
+    value += np.sum(-np.log(total) - np.sum(M[known] ** 2, axis=1) / (2.0 * total), axis=1)[:, None]
     value -= 0.5 * _WEIGHT * (np.log(BIAS_STD_M / _MEDIAN_M) / _SPREAD)[:, None] ** 2
     value -= 0.5 * _WEIGHT * (np.log(BIAS_TAU_S / _MEDIAN_TAU_S) / _TAU_SPREAD)[None, :] ** 2
     best_std, best_tau = np.unravel_index(int(np.argmax(value)), value.shape)
