@@ -103,6 +103,10 @@ class ConflictMonitor:
         vehicles = tuple(sorted({v for pair in lasting for v in pair} | gone))
         return ConflictReview(p, vehicles, rejected_since)
 
+    def former(self, track_id: IntArray) -> IntArray:
+        """(m,) vehicle that each track surely was last, −1 none."""
+        return np.array([self._last_vehicle.get(key, -1) for key in track_id.tolist()], np.int64)
+
     def _update_doubles(
         self, t: float, context: UpdateContext, best: Hypothesis, choice: IntArray, elsewhere: BoolArray
     ) -> None:

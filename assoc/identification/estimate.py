@@ -34,6 +34,7 @@ from assoc.identification.found_share import FoundShare
 from assoc.identification.gross_errors import GrossErrors
 from assoc.identification.search_lock import SearchLock, SearchState
 from assoc.identification.stated_tracks import StatedTracks
+from assoc.identification.unaccounted import Fleet, shared_with_missing
 from assoc.params import MANY_PAIRS, IdentifierParams
 from assoc.records import CameraState, Observation
 from assoc.tracks.co_visibility import CoVisibility
@@ -205,7 +206,7 @@ class Estimator:
         p = self.fit.limited(p, stated)
         if not self.fit.fits:
             self.gross.look_mirrored(context, self.fit, camera)
-            return self._without_names(t, context, best, p)
+            return self._without_names(t, context, best, self._told(t, context, best, p, elsewhere, camera))
         self._co_visibility.update(t, live[seen], self._places(live[seen], camera), p[seen, :n], self._params.close_m)
         self._learn(t, context, best, p)
         self._found.update(t, context.view, best.vehicle[seen & (best.vehicle >= 0)])
@@ -223,7 +224,26 @@ class Estimator:
             found=self._found.share,
         )
         p = self._strangers.limit(t, history.track_id[live], p, odds, stated)
-        return UpdateResult(live, self.fit.shown(p, stated), review.vehicles)
+        p = self._told(t, context, best, self.fit.shown(p, stated), elsewhere, camera)
+        return UpdateResult(live, p, review.vehicles)
+
+    def _told(
+        self,
+        t: float,
+        context: UpdateContext,
+        best: Hypothesis,
+        p: FloatArray,
+        elsewhere: BoolArray,
+        camera: CameraState,
+    ) -> FloatArray:
+        """Marginals as they are told: none is surely a stranger while one of ours is not accounted for."""
+        log, live = self._log, context.columns[: context.live]
+        age = np.where(np.isfinite(log.rejected_since) | log.too_uncertain, np.inf, t - self.time_offset_s - log.last_t)
+        fleet = Fleet(place=log.last_p, age_s=age, view=context.view, last_t=log.last_t)
+        ids, first_s = self._history.track_id[live], self._history.first_s[live]
+        stated, former = self._stated.among(ids), self._conflicts.former(ids)
+        shared = shared_with_missing(p, self._places(live, camera), first_s, best.score, elsewhere, former, fleet)
+        return np.where(stated[:, None], p, shared)
 
     def _follow_sway(self, context: UpdateContext, best: Hypothesis, camera: CameraState) -> None:
         """Fit the sway of a camera that is fixed to the body, or how one wanders whose places are coarse."""

@@ -9,6 +9,7 @@ Boxes of the log are matched to true boxes frame by frame (nearest centres, one 
     IDF1      = 2 IDTP / (2 IDTP + IDFP + IDFN)                     (Ristani et al. 2016, arXiv 1609.01775)
                 of the names, a vehicle's own id being the only one that counts; and of the bare tracks, each paired
                 with the vehicle it followed longest, where a vehicle that left and came back counts against the track
+    false strangers = boxes of ours / boxes said to be none of ours at confidence ≥ 0.9
     ECE       = Σ_bins share · |mean confidence - share right|      over named boxes, 10 bins (Guo et al. 2017)
 """
 
@@ -72,6 +73,8 @@ class Score:
     ece: float
     wrong_sure_s: float
     """Vehicle-seconds with a wrong name at confidence ≥ 0.9."""
+    false_strangers: float
+    """Of boxes said to be none of ours at confidence ≥ 0.9 the share that is ours."""
     skipped: int = 0
     """Rows of either file that could not be used."""
 
@@ -157,6 +160,7 @@ def score(m: Matched) -> Score:
     wrong = named & ~right
     false = m.truth <= 0
     sure = wrong & (m.confidence >= 0.9)
+    stranger = (m.named == 0) & (m.confidence >= 0.9)
     return Score(
         frames=len(np.unique(m.frame)),
         ours=int(ours.sum()),
@@ -171,6 +175,7 @@ def score(m: Matched) -> Score:
         track_idf1=_track_idf1(m),
         ece=_ece(m.confidence[named], right[named]),
         wrong_sure_s=float(sure.sum()) * _frame_period_s(m),
+        false_strangers=_share(ours & stranger, stranger),
     )
 
 

@@ -43,6 +43,7 @@ def print_score(result: Score) -> None:
         ("IDF1", f"{result.idf1:.2%}", f"of the names; {result.track_idf1:.2%} of the bare tracks"),
         ("ECE", f"{result.ece:.4f}", "expected calibration error of the confidence"),
         ("wrong, sure", f"{result.wrong_sure_s:.1f} s", "vehicle-seconds wrong at confidence ≥ 0.9"),
+        ("strangers", f"{result.false_strangers:.2%}", "of boxes called none of ours at confidence ≥ 0.9, ours"),
     )
     print_lines(f"{result.frames} frames, {result.ours} boxes of ours, {result.named} named")
     print_table(("figure", "value", "what it is"), rows, right=("value",), head=False)

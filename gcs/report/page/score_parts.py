@@ -25,6 +25,7 @@ def score_parts(matched: Matched) -> str:
         ("boxes of ours with the right name (right)", fixed(100 * s.right, 2, "%")),
         ("boxes of strangers that got no name", fixed(100 * s.fper, 2, "%")),
         ("wrong and sure (confidence 0.9 and more)", fixed(s.wrong_sure_s, 1, "s")),
+        ("surely called strangers, and ours", fixed(100 * s.false_strangers, 2, "%")),
         ("names that changed", str(s.switches)),
         ("expected calibration error", fixed(s.ece, 4)),
     ]

@@ -213,7 +213,7 @@ def test_silence_keeps_the_name_of_an_unbroken_track():
         answer = identifier.update(fleet.observation(t, camera(), [1, 2, 3, 4], rng), camera(), r)
         confidence.append(answer.confidence.min())
         assert t < 2.0 or answer.system_id.tolist() == list(IDS)
-    assert confidence[-1] <= max(confidence[:100])
+    assert confidence[-1] <= max(confidence[:100]) + 1e-3
 
 
 def test_a_copied_vehicle_is_not_named_but_listed():

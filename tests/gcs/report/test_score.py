@@ -49,6 +49,11 @@ def test_every_share_by_hand():
     assert result.ece == pytest.approx((0.75 + 0.8) / 4)
 
 
+def test_boxes_of_ours_that_were_surely_called_strangers():
+    result = score(matched([(k, truth, 0, 1, sure) for k, (truth, sure) in enumerate([(2, 0.95), (2, 0.8), (0, 1.0)])]))
+    assert result.false_strangers == pytest.approx(1 / 2)
+
+
 def test_track_idf1_pairs_whole_tracks():
     # Vehicle 2 is track 1 for three frames and track 2 for one: 3 in common, 4 true, 4 tracked.
     result = score(matched([(k, 2, 2, 1 if k < 3 else 2, 0.9) for k in range(4)]))
