@@ -19,7 +19,7 @@ from assoc.history import TrackHistory
 from assoc.identification.common_boxes import CommonBoxes
 from assoc.identification.estimate import Estimator
 from assoc.identification.gross_errors import MIRROR
-from assoc.identification.near_horizon import NearHorizon
+from assoc.identification.near_horizon import EVERY_S, NearHorizon
 from assoc.identification.output import Beliefs, CandidateCache, MassCache, compose_identities, empty_beliefs
 from assoc.identification.stated_tracks import NONE_OF_OURS, StatedTracks
 from assoc.methods.reattach import reattach_gated
@@ -236,6 +236,9 @@ class Identifier:
         self._t = t
         self._estimator.begin_tracks(t, begun)
         if self._near_horizon.looks_there(t, observation, usable):
+            if not len(begun) and t - self._last_update_s < EVERY_S - _ROUNDING_S:
+                return
+            self._last_update_s = t
             stated = self._stated.scores(observation.track_id, len(self._ids))
             p = self._near_horizon.names(t, observation, usable, self._log, stated)
             self._beliefs = self._beliefs.updated(observation.track_id, p, ())

@@ -26,21 +26,20 @@ from scipy.special import expit, logsumexp
 from assoc.evidence.motion import ReportLog
 from assoc.hypotheses.marginals import loopy_marginals
 from assoc.identification.fleet_fit import log_assignments
-from assoc.params import IdentifierParams
+from assoc.params import MANY_PAIRS, IdentifierParams
 from assoc.records import CameraState, Observation
 
-__all__ = ["FLAT_SINE", "NearHorizon", "depression_sines"]
+__all__ = ["EVERY_S", "NearHorizon"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
-FLAT_SINE = 0.05
+_FLAT_SINE = 0.05
 """Sine of the depression, 3°, below which a ray tells no place on the ground."""
 _LOOK_S, _MOSTLY = 2.0, 0.5
 """Time constant with which a look counts, seconds, and the share of flat rays from which the camera looks there."""
-_EVERY_S = 0.5
-"""Least time between two comparisons, seconds: what is closer has the same errors."""
+EVERY_S = 0.5
+"""Time between two comparisons, seconds: what is closer has the same errors."""
 _MEMORY_S = 120.0
 """Time constant with which comparisons lose weight, seconds."""
 _LOST_S = 10.0
@@ -61,9 +60,11 @@ _LEAST_DRIFT = 1e-4
 """Least 1σ of the drift of two unrelated things, rad/s."""
 _LEAST_RANGE_M = 10.0
 """Nearer vehicles are taken to be so far away, metres."""
-_YAW_RAD = np.deg2rad(np.arange(-15.0, 15.01, 0.5))
-_TILT_RAD = np.deg2rad(np.arange(-6.0, 6.01, 0.75))
+_YAW_RAD = np.deg2rad(np.linspace(-15.0, 15.0, 61))
+_TILT_RAD = np.deg2rad(np.linspace(-6.0, 6.0, 17))
 """The grid of φ."""
+_COARSER = 2
+"""Of many pairs every second value of each is tried."""
 _MARGIN_RAD = float(np.deg2rad(3.0))
 """How far beyond the border a vehicle may be in view, as the camera's heading is not known exactly."""
 _USUAL_HALF_VIEW = 0.5
@@ -73,7 +74,7 @@ _HAS_BOX = 0.7
 _LIKELY_NATS, _MOST_CELLS = 10.0, 150
 """Cells of the grid are left out that are so much less likely, nats, and beyond so many."""
 _TILT_STD_RAD = float(np.deg2rad(2.0))
-"""Least prior 1σ of the tilt: near the horizon it is hardly ever calibrated."""
+"""Prior 1σ of the tilt: near the horizon it is hardly ever calibrated."""
 _SURE, _UNPROVEN = 9.0, 0.89
 """ln odds that film and telemetry belong together from which a name may be sure, and the most that one is until then:
 three boxes are in the directions of three of eight vehicles by chance."""
@@ -132,11 +133,6 @@ class _Expected:
     """(2,) 1σ of c, radians: half the view's width; how far depressions of the vehicles differ."""
 
 
-def depression_sines(rays: FloatArray, camera: CameraState) -> FloatArray:
-    """(m,) sines of the angles by which rays (m, 3) point below the horizon."""
-    return np.asarray(-(rays @ camera.R_enu_cam[2]) / np.linalg.norm(rays, axis=1))
-
-
 def _angles(d: FloatArray) -> FloatArray:
     """(k, 2) clockwise from north and below the horizon, radians, of directions (k, 3) east, north, up."""
     return np.column_stack([np.arctan2(d[:, 0], d[:, 1]), np.arctan2(-d[:, 2], np.hypot(d[:, 0], d[:, 1]))])
@@ -167,7 +163,9 @@ class NearHorizon:
         """
         seen = observation.gap_s <= 0.0
         if camera.attitude_known and np.any(seen):
-            flat = float(np.mean(depression_sines(observation.ray_cam[seen], camera) < FLAT_SINE))
+            ray = observation.ray_cam[seen]
+            sine = -(ray @ camera.R_enu_cam[2]) / np.linalg.norm(ray, axis=1)
+            flat = float(np.mean(sine < _FLAT_SINE))
             weight = float(np.exp((self._looked_s - t) / _LOOK_S))
             self._flat, self._looked_s = weight * self._flat + (1.0 - weight) * flat, t
             self.active = self._flat > _MOSTLY
@@ -181,7 +179,7 @@ class NearHorizon:
     def names(
         self, t: float, observation: Observation, camera: CameraState, log: ReportLog, stated: FloatArray
     ) -> FloatArray:
-        """Take in a frame.
+        """Take in a frame; at most every ``EVERY_S``, or when a track begins.
 
         Args:
             t: Its time, seconds.
@@ -194,12 +192,12 @@ class NearHorizon:
             (m, n + 1) marginals of the tracks; the last column is "none of ours".
         """
         expected = _expected(t, camera, log)
-        if t - self._t >= _EVERY_S or np.any(~np.isin(observation.track_id, self._track_id)):
-            self._compare(t, observation, camera, expected)
+        self._compare(t, observation, camera, expected)
         place = {key: row for row, key in enumerate(self._track_id.tolist())}
         rows = np.array([place.get(key, -1) for key in observation.track_id.tolist()], np.int64)
         p, total = _marginals(self._pairs.select(rows), expected, stated, float(np.deg2rad(self._params.yaw_std_deg)))
-        self.log_ratio = total
+        if len(rows):
+            self.log_ratio = total
         most = 1.0 if total > _SURE else _UNPROVEN
         named = p[:, :-1] * expit(total)
         named *= np.minimum(1.0, most / np.maximum(np.max(named, axis=1, keepdims=True, initial=0.0), most))
@@ -312,14 +310,15 @@ def _marginals(pairs: _Pairs, expected: _Expected, stated: FloatArray, yaw_std: 
     A = G[..., 1:, 1:] * scale[..., :, None] * scale[..., None, :] + np.eye(2)
     b = G[..., 1:, 0] * scale
     apart = 0.5 * np.linalg.slogdet(A)[1] - 0.5 * np.sum(b * np.linalg.solve(A, b[..., None])[..., 0], axis=-1)
-    cells = []
-    for k, grid in enumerate((_YAW_RAD, _TILT_RAD)):
+    cells, every = [], 1 if m * n <= MANY_PAIRS else _COARSER
+    yaw, tilt = _YAW_RAD[::every], _TILT_RAD[::every]
+    for k, grid in enumerate((yaw, tilt)):
         phi = grid[:, None, None]
         cells.append(phi * G[..., k, 1, 0] - 0.5 * phi**2 * G[..., k, 1, 1] + apart[..., k])
     compared = G[..., 0, 1, 1] > 0.0
     score = cells[0][:, None] + cells[1][None]
     score = np.where(compared | (stated > 0.0), np.maximum(score, _LEAST) + stated + _HAS_BOX, -1e4).reshape(-1, m, n)
-    prior = -0.5 * ((_YAW_RAD / yaw_std) ** 2)[:, None] - 0.5 * ((_TILT_RAD / _TILT_STD_RAD) ** 2)[None]
+    prior = -0.5 * ((yaw / yaw_std) ** 2)[:, None] - 0.5 * ((tilt / _TILT_STD_RAD) ** 2)[None]
     prior = (prior - logsumexp(prior)).ravel()
     # with the best vehicle of each track whoever else has it: at least the total
     bound = prior + np.sum(np.logaddexp(0.0, logsumexp(score, axis=2)), axis=1)

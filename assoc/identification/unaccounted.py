@@ -82,9 +82,10 @@ def shared_with_missing(
     if not unseen.any() or not free.any():
         return p
     far = np.linalg.norm(place[:, None] - fleet.place[None], axis=2)
-    reach = _START_M + _SPEED_MPS * np.where(reports, 0.0, np.nan_to_num(fleet.age_s, posinf=np.inf))
-    compared = ~reports[None] & (first_s[:, None] < fleet.last_t[None] - _BEGUN_S) & (score < _CONTRADICTED)
-    may = missing[None] & free[:, None] & ~elsewhere & ~compared & ~(~reports[None] & (far > reach[None]))
+    # what one told before it fell silent was right
+    compared = (first_s[:, None] < fleet.last_t[None] - _BEGUN_S) & (score < _CONTRADICTED)
+    elsewhere = elsewhere | ~reports[None] & (compared | (far > _START_M + _SPEED_MPS * fleet.age_s[None]))
+    may = missing[None] & free[:, None] & ~elsewhere
     # one that reports to be elsewhere now may lie
     may |= free[:, None] & unseen[None] & (former[:, None] == np.arange(n))
     share = np.clip(_FOUND / (np.count_nonzero(may, axis=0) + 1.0), _LEAST_SHARE, _MOST_SHARE)
