@@ -34,7 +34,7 @@ from assoc.identification.found_share import FoundShare
 from assoc.identification.gross_errors import GrossErrors
 from assoc.identification.search_lock import SearchLock, SearchState
 from assoc.identification.stated_tracks import StatedTracks
-from assoc.identification.unaccounted import Fleet, shared_with_missing
+from assoc.identification.unaccounted import Whereabouts, shared_with_missing
 from assoc.params import MANY_PAIRS, IdentifierParams
 from assoc.records import CameraState, Observation
 from assoc.tracks.co_visibility import CoVisibility
@@ -239,7 +239,7 @@ class Estimator:
         """Marginals as they are told: none is surely a stranger while one of ours is not accounted for."""
         log, live = self._log, context.columns[: context.live]
         age = np.where(np.isfinite(log.rejected_since) | log.too_uncertain, np.inf, t - self.time_offset_s - log.last_t)
-        fleet = Fleet(place=log.last_p, age_s=age, view=context.view, last_t=log.last_t)
+        fleet = Whereabouts(place=log.last_p, age_s=age, view=context.view, last_t=log.last_t)
         ids, first_s = self._history.track_id[live], self._history.first_s[live]
         stated, former = self._stated.among(ids), self._conflicts.former(ids)
         shared = shared_with_missing(p, self._places(live, camera), first_s, best.score, elsewhere, former, fleet)

@@ -83,7 +83,7 @@ _LEAST = -30.0
 
 
 @dataclass(frozen=True, slots=True)
-class _Pairs:
+class _Comparisons:
     """Comparisons of m tracks with n vehicles. Axes: track, vehicle, angle (bearing, depression)."""
 
     mean: FloatArray
@@ -93,26 +93,26 @@ class _Pairs:
     gram: FloatArray
     """(m, n, 2, 3, 3) G."""
 
-    def select(self, rows: IntArray) -> _Pairs:
+    def select(self, rows: IntArray) -> _Comparisons:
         """Those of some tracks; −1: of one without comparisons."""
         blank = _no_pairs(1, self.var.shape[1])
-        return _Pairs(
+        return _Comparisons(
             np.concatenate([self.mean, blank.mean])[rows],
             np.concatenate([self.var, blank.var])[rows],
             np.concatenate([self.gram, blank.gram])[rows],
         )
 
-    def later(self, dt: float) -> _Pairs:
+    def later(self, dt: float) -> _Comparisons:
         """The same, with t counted from dt seconds later, and with less weight."""
         shift = np.eye(3)
         shift[2, 1] = -dt
         gram = shift @ self.gram @ shift.T * np.exp(-dt / _MEMORY_S)
-        return _Pairs(self.mean @ shift.T, self.var, gram)
+        return _Comparisons(self.mean @ shift.T, self.var, gram)
 
 
-def _no_pairs(m: int, n: int) -> _Pairs:
+def _no_pairs(m: int, n: int) -> _Comparisons:
     """Nothing compared yet."""
-    return _Pairs(np.zeros((m, n, 2, 3)), np.full((m, n, 2), np.inf), np.zeros((m, n, 2, 3, 3)))
+    return _Comparisons(np.zeros((m, n, 2, 3)), np.full((m, n, 2), np.inf), np.zeros((m, n, 2, 3, 3)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,14 +251,14 @@ def _expected(t: float, camera: CameraState, log: ReportLog) -> _Expected:
 
 
 def _filtered(
-    pairs: _Pairs,
+    pairs: _Comparisons,
     at: IntArray,
     dt: float,
     angle: FloatArray,
     extent: FloatArray,
     px_rad: float,
     expected: _Expected,
-) -> _Pairs:
+) -> _Comparisons:
     """The comparisons with one more.
 
     Args:
@@ -286,7 +286,7 @@ def _filtered(
     e = np.stack([a, np.ones_like(a), np.zeros_like(a)], axis=-1) - mean
     s = var + white
     gain = np.where(known, var / s, 0.0)
-    out = _Pairs(pairs.mean.copy(), pairs.var.copy(), pairs.gram.copy())
+    out = _Comparisons(pairs.mean.copy(), pairs.var.copy(), pairs.gram.copy())
     out.mean[at] = mean + gain[..., None] * e
     out.var[at] = var - gain * var
     out.gram[at] += np.where(known, 1.0 / s, 0.0)[..., None, None] * e[..., :, None] * e[..., None, :]
@@ -298,7 +298,9 @@ def _along(expected: _Expected) -> FloatArray:
     return np.column_stack([np.ones(len(expected.away_m)), np.nan_to_num(np.sin(np.abs(expected.angle[:, 1])))])[None]
 
 
-def _marginals(pairs: _Pairs, expected: _Expected, stated: FloatArray, yaw_std: float) -> tuple[FloatArray, float]:
+def _marginals(
+    pairs: _Comparisons, expected: _Expected, stated: FloatArray, yaw_std: float
+) -> tuple[FloatArray, float]:
     """Marginals (m, n + 1) over the grid of φ, and ln odds of the fleet against chance."""
     m, n = pairs.var.shape[:2]
     if not m or not n:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Fleet", "shared_with_missing"]
+__all__ = ["Whereabouts", "shared_with_missing"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -37,7 +37,7 @@ _LEAST_SHARE, _MOST_SHARE = 0.11, 0.45
 
 
 @dataclass(frozen=True, slots=True)
-class Fleet:
+class Whereabouts:
     """What is known of n vehicles at a frame."""
 
     place: FloatArray
@@ -57,7 +57,7 @@ def shared_with_missing(
     score: FloatArray,
     elsewhere: BoolArray,
     former: IntArray,
-    fleet: Fleet,
+    fleet: Whereabouts,
 ) -> FloatArray:
     """Marginals in which "none of ours" leaves a share to vehicles that are not accounted for.
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from assoc.identification.unaccounted import Fleet, shared_with_missing
+from assoc.identification.unaccounted import Whereabouts, shared_with_missing
 
 N = 3
 STRANGER = [0.0, 0.0, 0.0, 1.0]
@@ -17,7 +17,7 @@ def fleet(**changes):
         "view": np.ones(N),
         "last_t": np.full(N, 100.0),
     }
-    return Fleet(**(values | changes))
+    return Whereabouts(**(values | changes))
 
 
 def told(p, who=None, *, place=None, first_s=200.0, score=-20.0, elsewhere=False, former=-1):

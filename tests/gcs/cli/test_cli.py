@@ -62,6 +62,7 @@ def test_score_prints_every_figure(named):
         "IDF # #%  of the names; #% of the bare tracks",
         "ECE #  expected calibration error of the confidence",
         "wrong, sure # s  vehicle-seconds wrong at confidence ≥ #",
+        "strangers #%  of boxes called none of ours at confidence ≥ #, ours",
     ]
 
 
