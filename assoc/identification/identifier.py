@@ -19,7 +19,7 @@ from assoc.history import TrackHistory
 from assoc.identification.common_boxes import CommonBoxes
 from assoc.identification.estimate import Estimator
 from assoc.identification.gross_errors import MIRROR
-from assoc.identification.near_horizon import EVERY_S, NearHorizon
+from assoc.identification.near_horizon import NearHorizon
 from assoc.identification.output import Beliefs, CandidateCache, MassCache, compose_identities, empty_beliefs
 from assoc.identification.stated_tracks import NONE_OF_OURS, StatedTracks
 from assoc.methods.reattach import reattach_gated
@@ -35,6 +35,8 @@ _MARGIN_S = 2.0
 """Frames and reports are kept this much longer than the window, seconds: clocks differ, and only whole blocks count."""
 _HEADING_KNOWN = 0.35
 """1σ of the estimated heading, radians, below which it stands for one that is not reported."""
+_BY_PLACES_EVERY_S = 5.0
+"""Time between two looks at places on the ground, seconds, while vehicles are named by their directions."""
 _ROUNDING_S = 1e-6
 """Tolerance of due times, seconds: time stamps are whole microseconds."""
 
@@ -57,6 +59,8 @@ class Identifier:
         self._beliefs: Beliefs
         self._stated = StatedTracks(self._params.stated, -float(np.log(self._params.switch_rate_leap)))
         self._near_horizon: NearHorizon
+        self._by_angles: bool
+        self._by_places_s: float
         self._common_boxes: CommonBoxes
         self._residual_m: dict[int, float]
         self._mirrored: bool
@@ -88,7 +92,7 @@ class Identifier:
     @property
     def fit_probability(self) -> float:
         """Probability that film and telemetry belong together, NaN while nothing was compared."""
-        if self._near_horizon.active:
+        if self._by_angles:
             return self._near_horizon.probability
         return self._estimator.fit.probability
 
@@ -235,13 +239,9 @@ class Identifier:
         begun = self._history.append(t, observation, usable)
         self._t = t
         self._estimator.begin_tracks(t, begun)
-        if self._near_horizon.looks_there(t, observation, usable):
-            if not len(begun) and t - self._last_update_s < EVERY_S - _ROUNDING_S:
-                return
-            self._last_update_s = t
-            stated = self._stated.scores(observation.track_id, len(self._ids))
-            p = self._near_horizon.names(t, observation, usable, self._log, stated)
-            self._beliefs = self._beliefs.updated(observation.track_id, p, ())
+        flat = self._near_horizon.looks_there(t, observation, usable)
+        if flat and self._by_angles and t - self._by_places_s < _BY_PLACES_EVERY_S:
+            self._name_by_angles(t, observation, usable)
             return
         if t - self._last_update_s < self._interval_s(t, len(begun) > 0) - _ROUNDING_S:
             return
@@ -255,6 +255,17 @@ class Identifier:
         # without tracks no contradiction can appear or be resolved
         conflict = result.conflict if len(result.columns) else self._beliefs.conflict
         self._beliefs = self._beliefs.updated(ids, result.p[seen], conflict)
+        # where places on the ground tell who is who, boxes in the distance are no reason to look at directions alone
+        self._by_places_s, self._by_angles = t, flat and not self._estimator.fit.fits
+        if self._by_angles:
+            self._name_by_angles(t, observation, usable)
+
+    def _name_by_angles(self, t: float, observation: Observation, camera: CameraState) -> None:
+        """Take the names that directions alone give, as far as they are due."""
+        if self._near_horizon.is_due(t, observation):
+            stated = self._stated.scores(observation.track_id, len(self._ids))
+            p = self._near_horizon.names(t, observation, camera, self._log, stated)
+            self._beliefs = self._beliefs.updated(observation.track_id, p, ())
 
     def _as_seen(self, camera: CameraState) -> CameraState:
         """The camera, mirrored where its picture is."""
@@ -316,7 +327,7 @@ class Identifier:
         self._estimator = Estimator(self._history, self._log, q, self._stated)
         self._beliefs = empty_beliefs(n)
         self._mirrored = False
-        self._near_horizon = NearHorizon(n, q)
+        self._near_horizon, self._by_angles, self._by_places_s = NearHorizon(n, q), False, -np.inf
         self._common_boxes = CommonBoxes(n)
         self._residual_m = {}
         self._masses, self._candidates = MassCache(), CandidateCache()

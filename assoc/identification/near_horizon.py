@@ -29,7 +29,7 @@ from assoc.identification.fleet_fit import log_assignments
 from assoc.params import MANY_PAIRS, IdentifierParams
 from assoc.records import CameraState, Observation
 
-__all__ = ["EVERY_S", "NearHorizon"]
+__all__ = ["NearHorizon"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -38,7 +38,7 @@ _FLAT_SINE = 0.05
 """Sine of the depression, 3°, below which a ray tells no place on the ground."""
 _LOOK_S, _MOSTLY = 2.0, 0.5
 """Time constant with which a look counts, seconds, and the share of flat rays from which the camera looks there."""
-EVERY_S = 0.5
+_EVERY_S = 0.5
 """Time between two comparisons, seconds: what is closer has the same errors."""
 _MEMORY_S = 120.0
 """Time constant with which comparisons lose weight, seconds."""
@@ -148,8 +148,6 @@ class NearHorizon:
         self._pairs = _no_pairs(0, n)
         self._t = -np.inf
         self._flat, self._looked_s = 0.0, -np.inf
-        self.active = False
-        """Whether the camera looks there now."""
         self.log_ratio = np.nan
         """ln odds that film and telemetry belong together, NaN before anything was compared."""
 
@@ -168,8 +166,11 @@ class NearHorizon:
             flat = float(np.mean(sine < _FLAT_SINE))
             weight = float(np.exp((self._looked_s - t) / _LOOK_S))
             self._flat, self._looked_s = weight * self._flat + (1.0 - weight) * flat, t
-            self.active = self._flat > _MOSTLY
-        return self.active
+        return self._flat > _MOSTLY
+
+    def is_due(self, t: float, observation: Observation) -> bool:
+        """Whether there is anything new at a time, seconds: a while has passed, or a track has begun."""
+        return t - self._t >= _EVERY_S or not np.isin(observation.track_id, self._track_id).all()
 
     @property
     def probability(self) -> float:
@@ -179,7 +180,7 @@ class NearHorizon:
     def names(
         self, t: float, observation: Observation, camera: CameraState, log: ReportLog, stated: FloatArray
     ) -> FloatArray:
-        """Take in a frame; at most every ``EVERY_S``, or when a track begins.
+        """Take in a frame.
 
         Args:
             t: Its time, seconds.
