@@ -241,7 +241,8 @@ class Identifier:
         self._estimator.begin_tracks(t, begun)
         flat = self._near_horizon.looks_there(t, observation, usable)
         if flat and self._by_angles and t - self._by_places_s < _BY_PLACES_EVERY_S:
-            self._name_by_angles(t, observation, usable)
+            if self._near_horizon.is_due(t, observation):
+                self._name_by_angles(t, observation, usable)
             return
         if t - self._last_update_s < self._interval_s(t, len(begun) > 0) - _ROUNDING_S:
             return
@@ -261,11 +262,10 @@ class Identifier:
             self._name_by_angles(t, observation, usable)
 
     def _name_by_angles(self, t: float, observation: Observation, camera: CameraState) -> None:
-        """Take the names that directions alone give, as far as they are due."""
-        if self._near_horizon.is_due(t, observation):
-            stated = self._stated.scores(observation.track_id, len(self._ids))
-            p = self._near_horizon.names(t, observation, camera, self._log, stated)
-            self._beliefs = self._beliefs.updated(observation.track_id, p, ())
+        """Take the names that directions alone give."""
+        stated = self._stated.scores(observation.track_id, len(self._ids))
+        p = self._near_horizon.names(t, observation, camera, self._log, stated)
+        self._beliefs = self._beliefs.updated(observation.track_id, p, ())
 
     def _as_seen(self, camera: CameraState) -> CameraState:
         """The camera, mirrored where its picture is."""

@@ -83,7 +83,7 @@ def named(reporting, filmed, who, seconds, yaw_deg=2.0, tilt_deg=-0.8):
 
 def test_ships_are_named_by_their_directions():
     who, share = np.array([1, 4, 6]), []
-    for seed in range(12):
+    for seed in range(6):
         ships = Ships(seed)
         got, sure, identifier = named(ships, ships, who, 60.0)
         right = got == 11 + who
@@ -95,9 +95,19 @@ def test_ships_are_named_by_their_directions():
     assert np.median(share) == 1.0
 
 
+def test_names_stay_at_ten_frames_a_second():
+    ships, who = Ships(1), np.array([1, 4, 6])
+    identifier = Identifier(range(11, 19))
+    lost = 0
+    for t in np.arange(0.0, 26.0, 0.1):
+        answer = identifier.update(ships.seen(t, who, 2.0, -0.8), camera(), ships.reports(t))
+        lost += np.count_nonzero(answer.system_id != 11 + who) if t > 10.0 else 0
+    assert lost == 0
+
+
 def test_no_ship_of_another_place_is_surely_named():
     who, share = np.array([1, 4, 6]), []
-    for seed in range(12):
+    for seed in range(6):
         got, sure, _ = named(Ships(seed), Ships(100 + seed), who, 60.0, yaw_deg=0.0)
         assert not np.any((got > 0) & (sure > 0.9))
         share.append(np.mean(got > 0))
