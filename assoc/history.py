@@ -51,7 +51,7 @@ class TrackHistory:
         self.v = np.zeros((rows, 3))
         """(R, 3) camera velocity, ENU, m/s, by how its positions went on: some report none, or zeros."""
         self.speed_mps = 0.0
-        """The most that the camera flew at, m/s, over times for which what its positions err hardly counts."""
+        """Largest speed of the camera, m/s, measured over seconds, for which errors of its positions hardly count."""
         self.z = np.zeros(rows)
         """(R,) height of the ground, metres."""
         self.px_rad = np.zeros(rows)

@@ -171,9 +171,11 @@ class ConflictMonitor:
         age = t - context.log.last_t
         ids = context.history.track_id[context.columns[: context.live]].tolist()
         found: set[int] = set()
+        track_of: dict[int, int] = {}
         for row, key in enumerate(ids):
             if choice[row] >= 0 and p[row, choice[row]] > _CONFIDENT:
                 self._last_vehicle[key] = int(choice[row])
+                track_of[int(choice[row])] = key
             elif (
                 key in self._last_vehicle
                 and p[row, -1] > _CONFIDENT
@@ -182,9 +184,10 @@ class ConflictMonitor:
             ):
                 found.add(self._last_vehicle[key])
         # a vehicle that is surely another track since was never this one
-        now = {v: ids[row] for row, v in enumerate(choice.tolist()) if v >= 0 and p[row, v] > _CONFIDENT}
         self._last_vehicle = {
-            key: vehicle for key, vehicle in self._last_vehicle.items() if key in ids and now.get(vehicle, key) == key
+            key: vehicle
+            for key, vehicle in self._last_vehicle.items()
+            if key in ids and track_of.get(vehicle, key) == key
         }
         # a vehicle that is occluded or out of the image does not contradict, nor does a moment of doubt
         self._gone_since = {v: self._gone_since.get(v, t) for v in found - set(choice.tolist())}

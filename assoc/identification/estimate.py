@@ -204,10 +204,11 @@ class Estimator:
         self.fit.update(t, context, best, steady=camera.attitude_known and camera.stabilized)
         stated = self._stated.among(history.track_id[live])
         p = self.fit.limited(p, stated)
+        places = self._places(live, camera)
         if not self.fit.fits:
             self.gross.look_mirrored(context, self.fit, camera)
-            return self._without_names(t, context, best, self._told(t, context, best, p, elsewhere, camera))
-        self._co_visibility.update(t, live[seen], self._places(live[seen], camera), p[seen, :n], self._params.close_m)
+            return self._without_names(t, context, best, self._told(t, context, best, p, elsewhere, places))
+        self._co_visibility.update(t, live[seen], places[seen], p[seen, :n], self._params.close_m)
         self._learn(t, context, best, p)
         self._found.update(t, context.view, best.vehicle[seen & (best.vehicle >= 0)])
         self._offset_prior.update(t, self.time_offset_s, locked=self.locked)
@@ -217,14 +218,14 @@ class Estimator:
         review = self._conflicts.review(t, context, best, p, elsewhere)
         self._log.rejected_since = review.rejected_since
         self._fold(context, best)
-        p = limit_by_place(review.p, best.score, self._places(live, camera), self._bias_std)
+        p = limit_by_place(review.p, best.score, places, self._bias_std)
         bias = best.final.mean[: len(live)]
         odds = log_odds_among_strangers(
             *(p, best.score, bias, self._bias_std, context.view, context.noise.log_area_at(best.theta)),
             found=self._found.share,
         )
         p = self._strangers.limit(t, history.track_id[live], p, odds, stated)
-        p = self._told(t, context, best, self.fit.shown(p, stated), elsewhere, camera)
+        p = self._told(t, context, best, self.fit.shown(p, stated), elsewhere, places)
         return UpdateResult(live, p, review.vehicles)
 
     def _told(
@@ -234,15 +235,15 @@ class Estimator:
         best: Hypothesis,
         p: FloatArray,
         elsewhere: BoolArray,
-        camera: CameraState,
+        places: FloatArray,
     ) -> FloatArray:
         """Marginals as they are told: none is surely a stranger while one of ours is not accounted for."""
         log, live = self._log, context.columns[: context.live]
-        age = np.where(np.isfinite(log.rejected_since) | log.too_uncertain, np.inf, t - self.time_offset_s - log.last_t)
+        _, age = log.extrapolated(t - self.time_offset_s)
         fleet = Whereabouts(place=log.last_p, age_s=age, view=context.view, last_t=log.last_t)
         ids, first_s = self._history.track_id[live], self._history.first_s[live]
         stated, former = self._stated.among(ids), self._conflicts.former(ids)
-        shared = shared_with_missing(p, self._places(live, camera), first_s, best.score, elsewhere, former, fleet)
+        shared = shared_with_missing(p, places, first_s, best.score, elsewhere, former, fleet)
         return np.where(stated[:, None], p, shared)
 
     def _follow_sway(self, context: UpdateContext, best: Hypothesis, camera: CameraState) -> None:

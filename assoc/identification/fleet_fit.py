@@ -36,7 +36,7 @@ from assoc.geometry.ground import OFFSET, THETA
 from assoc.hypotheses.search import Hypothesis, UpdateContext, refine
 from assoc.hypotheses.sway_fit import fit_sway
 
-__all__ = ["FleetFit", "evidence_of", "log_assignments"]
+__all__ = ["FleetFit", "evidence_of", "log_assignments", "unproven", "weighed"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -177,6 +177,18 @@ def _log_place(blocks: Blocks, noise: Noise, theta: FloatArray, block_s: float) 
     far = _LOG_FAR - e2 / (2 * _FARTHER * s) - np.log(2 * np.pi * _FARTHER * s)
     ratio = np.logaddexp(near, far) + noise.log_area_at(theta)
     return np.asarray(np.sum(ratio, axis=0, where=blocks.count[:, :, 0] > 0.0) * block_s / _PLACE_TAU_S)
+
+
+def weighed(p: FloatArray, share: FloatArray | float) -> FloatArray:
+    """Marginals (m, n + 1) whose names count by a share, one number or (m, 1); the rest is "none of ours"."""
+    named = p[:, :-1] * share
+    return np.concatenate([named, 1.0 - np.sum(named, axis=1, keepdims=True)], axis=1)
+
+
+def unproven(p: FloatArray) -> FloatArray:
+    """Marginals (m, n + 1) in which no name is sure: 0.89 at most."""
+    top = np.max(p[:, :-1], axis=1, keepdims=True, initial=0.0)
+    return weighed(p, np.minimum(1.0, _UNPROVEN / np.maximum(top, _UNPROVEN)))
 
 
 def decoy_evidence(context: UpdateContext, number: int) -> FitEvidence:
@@ -346,10 +358,7 @@ class FleetFit:
         """
         if self._grown:
             return p
-        top = np.max(p[:, :-1], axis=1, keepdims=True, initial=0.0)
-        share = np.where(stated[:, None], 1.0, np.minimum(1.0, _UNPROVEN / np.maximum(top, _UNPROVEN)))
-        named = p[:, :-1] * share
-        return np.concatenate([named, 1.0 - np.sum(named, axis=1, keepdims=True)], axis=1)
+        return np.where(stated[:, None], p, unproven(p))
 
     def limited(self, p: FloatArray, stated: BoolArray) -> FloatArray:
         """Marginals in which names count as far as film and telemetry belong together, or the operator stated them.
@@ -358,5 +367,4 @@ class FleetFit:
             p: (m, n + 1), the last column "none of ours".
             stated: (m,) tracks of which the operator stated anything.
         """
-        named = p[:, :-1] * np.where(stated, 1.0, self.probability)[:, None]
-        return np.concatenate([named, 1.0 - np.sum(named, axis=1, keepdims=True)], axis=1)
+        return weighed(p, np.where(stated, 1.0, self.probability)[:, None])

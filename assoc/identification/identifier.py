@@ -60,7 +60,6 @@ class Identifier:
         self._stated = StatedTracks(self._params.stated, -float(np.log(self._params.switch_rate_leap)))
         self._near_horizon: NearHorizon
         self._by_angles: bool
-        self._by_places_s: float
         self._common_boxes: CommonBoxes
         self._residual_m: dict[int, float]
         self._mirrored: bool
@@ -240,7 +239,7 @@ class Identifier:
         self._t = t
         self._estimator.begin_tracks(t, begun)
         flat = self._near_horizon.looks_there(t, observation, usable)
-        if flat and self._by_angles and t - self._by_places_s < _BY_PLACES_EVERY_S:
+        if flat and self._by_angles and t - self._last_update_s < _BY_PLACES_EVERY_S:
             if self._near_horizon.is_due(t, observation):
                 self._name_by_angles(t, observation, usable)
             return
@@ -257,7 +256,7 @@ class Identifier:
         conflict = result.conflict if len(result.columns) else self._beliefs.conflict
         self._beliefs = self._beliefs.updated(ids, result.p[seen], conflict)
         # where places on the ground tell who is who, boxes in the distance are no reason to look at directions alone
-        self._by_places_s, self._by_angles = t, flat and not self._estimator.fit.fits
+        self._by_angles = flat and not self._estimator.fit.fits
         if self._by_angles:
             self._name_by_angles(t, observation, usable)
 
@@ -327,7 +326,7 @@ class Identifier:
         self._estimator = Estimator(self._history, self._log, q, self._stated)
         self._beliefs = empty_beliefs(n)
         self._mirrored = False
-        self._near_horizon, self._by_angles, self._by_places_s = NearHorizon(n, q), False, -np.inf
+        self._near_horizon, self._by_angles = NearHorizon(n, q), False
         self._common_boxes = CommonBoxes(n)
         self._residual_m = {}
         self._masses, self._candidates = MassCache(), CandidateCache()

@@ -10,7 +10,7 @@ angle, measured less expected,
 antenna is, bias, lens); c and r the offset and drift of two things that have nothing to do with each other. All are
 Gaussian and enter linearly: a filter of b whitens a, 1 and t together, and with the Gram matrix G of the three
 
-    ln p(together)/p(apart) = φ G_1a − φ² G_11/2 − bᵀA⁻¹b/2 + ln(|A|/|Λ|)/2,    A = G_[1,t] + Λ,  b = G_[1,t],a,
+    ln p(together)/p(apart) = φ G_1a − φ² G_11/2 − hᵀA⁻¹h/2 + ln(|A|/|Λ|)/2,    A = G_[1,t] + Λ,  h = G_[1,t],a,
 
 Λ the prior precision of (c, r). The names' marginals are averaged over a grid of φ.
 """
@@ -25,7 +25,7 @@ from scipy.special import expit, logsumexp
 
 from assoc.evidence.motion import ReportLog
 from assoc.hypotheses.marginals import loopy_marginals
-from assoc.identification.fleet_fit import log_assignments
+from assoc.identification.fleet_fit import log_assignments, unproven, weighed
 from assoc.params import MANY_PAIRS, IdentifierParams
 from assoc.records import CameraState, Observation
 
@@ -62,22 +62,22 @@ _LEAST_RANGE_M = 10.0
 """Nearer vehicles are taken to be so far away, metres."""
 _YAW_RAD = np.deg2rad(np.linspace(-15.0, 15.0, 61))
 _TILT_RAD = np.deg2rad(np.linspace(-6.0, 6.0, 17))
-"""The grid of φ."""
+"""Grid of φ, radians: errors of the camera's heading and of its tilt that are tried."""
 _COARSER = 2
-"""Of many pairs every second value of each is tried."""
+"""Step through that grid among more pairs than ``MANY_PAIRS``: costs fall to a quarter."""
 _MARGIN_RAD = float(np.deg2rad(3.0))
-"""How far beyond the border a vehicle may be in view, as the camera's heading is not known exactly."""
+"""Margin beyond the picture's border within which a vehicle counts as in view, radians: the heading may be off."""
 _USUAL_HALF_VIEW = 0.5
 """Half the angle of view where it is unknown, radians."""
 _HAS_BOX = 0.7
-"""What is added for each pair, nats: a vehicle in view has a box more often than not."""
+"""Prior ln odds of each pair of track and vehicle: one in view has a box more often than not."""
 _LIKELY_NATS, _MOST_CELLS = 10.0, 150
 """Cells of the grid are left out that are so much less likely, nats, and beyond so many."""
 _TILT_STD_RAD = float(np.deg2rad(2.0))
 """Prior 1σ of the tilt: near the horizon it is hardly ever calibrated."""
-_SURE, _UNPROVEN = 9.0, 0.89
-"""ln odds that film and telemetry belong together from which a name may be sure, and the most that one is until then:
-three boxes are in the directions of three of eight vehicles by chance."""
+_SURE = 9.0
+"""ln odds that film and telemetry belong together from which a name may be sure: three boxes are in the directions of
+three of eight vehicles by chance."""
 _LEAST = -30.0
 """Least that a pair counts, nats: less than an operator's statement."""
 
@@ -117,7 +117,7 @@ def _no_pairs(m: int, n: int) -> _Comparisons:
 
 @dataclass(frozen=True, slots=True)
 class _Expected:
-    """Where n vehicles should be seen."""
+    """Expected directions of n vehicles as the camera sees them, by their reports."""
 
     angle: FloatArray
     """(n, 2) bearing and depression, radians, NaN unknown."""
@@ -128,7 +128,7 @@ class _Expected:
     drift: FloatArray
     """(n, 2) 1σ of r, rad/s."""
     in_view: int
-    """How many of them are about where the camera looks."""
+    """Number of vehicles whose bearing lies within the view or near its border."""
     spread: FloatArray
     """(2,) 1σ of c, radians: half the view's width; how far depressions of the vehicles differ."""
 
@@ -194,31 +194,30 @@ class NearHorizon:
         """
         expected = _expected(t, camera, log)
         self._compare(t, observation, camera, expected)
-        place = {key: row for row, key in enumerate(self._track_id.tolist())}
-        rows = np.array([place.get(key, -1) for key in observation.track_id.tolist()], np.int64)
+        rows = self._rows(observation.track_id)
         p, total = _marginals(self._pairs.select(rows), expected, stated, float(np.deg2rad(self._params.yaw_std_deg)))
         if len(rows):
             self.log_ratio = total
-        most = 1.0 if total > _SURE else _UNPROVEN
-        named = p[:, :-1] * expit(total)
-        named *= np.minimum(1.0, most / np.maximum(np.max(named, axis=1, keepdims=True, initial=0.0), most))
-        return np.concatenate([named, 1.0 - np.sum(named, axis=1, keepdims=True)], axis=1)
+        p = weighed(p, float(expit(total)))
+        return p if total > _SURE else unproven(p)
+
+    def _rows(self, track_id: IntArray) -> IntArray:
+        """(m,) rows of tracks in the table, −1 unknown."""
+        row_of = {key: row for row, key in enumerate(self._track_id.tolist())}
+        return np.array([row_of.get(key, -1) for key in track_id.tolist()], np.int64)
 
     def _compare(self, t: float, observation: Observation, camera: CameraState, expected: _Expected) -> None:
         """Compare the tracks that are seen with all reports."""
         dt = t - self._t if np.isfinite(self._t) else 0.0
         self._t = t
         seen = np.flatnonzero(observation.gap_s <= 0.0)
-        kept = self._seen_s > t - _LOST_S
-        kept |= np.isin(self._track_id, observation.track_id[seen])
-        place = {key: row for row, key in enumerate(self._track_id.tolist())}
-        begun = [key for key in observation.track_id[seen].tolist() if key not in place]
-        rows = np.concatenate([np.flatnonzero(kept), np.full(len(begun), -1)]).astype(np.int64)
-        self._track_id = np.concatenate([self._track_id[kept], np.array(begun, np.int64)])
+        ids = observation.track_id[seen]
+        kept = np.flatnonzero((self._seen_s > t - _LOST_S) | np.isin(self._track_id, ids))
+        begun = ids[~np.isin(ids, self._track_id)]
+        pairs = self._pairs.select(np.concatenate([kept, np.full(len(begun), -1)])).later(dt)
+        self._track_id = np.concatenate([self._track_id[kept], begun])
         self._seen_s = np.concatenate([self._seen_s[kept], np.full(len(begun), t)])
-        pairs = self._pairs.select(rows).later(dt)
-        place = {key: row for row, key in enumerate(self._track_id.tolist())}
-        at = np.array([place[key] for key in observation.track_id[seen].tolist()], np.int64)
+        at = self._rows(ids)
         self._seen_s[at] = t
         extent = np.full((len(seen), 2), camera.px_rad)
         if observation.extent_rad is not None:
@@ -228,7 +227,7 @@ class NearHorizon:
 
 
 def _expected(t: float, camera: CameraState, log: ReportLog) -> _Expected:
-    """Where the vehicles should be seen at a time, seconds."""
+    """Directions in which the camera should see the vehicles at a time, seconds."""
     p, age = log.extrapolated(t, _OLDEST_S)
     to = np.column_stack([p, np.full(len(p), camera.ground_z)]) - camera.p_enu
     away = np.maximum(np.nan_to_num(np.hypot(to[:, 0], to[:, 1])), _LEAST_RANGE_M)
@@ -280,8 +279,7 @@ def _filtered(
     age_s = np.minimum(expected.age_s, _OLDEST_S)[None, :, None]
     aged = 2.0 * (_SPEED_STD_MPS / away * _along(expected)) ** 2 * age_s * dt
     mean, var = decay * pairs.mean[at], pairs.var[at]
-    var = np.where(np.isfinite(var), decay**2 * np.where(np.isfinite(var), var, 0.0) + (1.0 - decay**2) * prior, prior)
-    var = var + aged
+    var = np.where(np.isfinite(var), decay**2 * var + (1.0 - decay**2) * prior, prior) + aged
     a = angle[:, None, :] - np.nan_to_num(expected.angle)[None]
     a[..., 0] = np.arctan2(np.sin(a[..., 0]), np.cos(a[..., 0]))
     e = np.stack([a, np.ones_like(a), np.zeros_like(a)], axis=-1) - mean
@@ -311,8 +309,8 @@ def _marginals(
     scale = np.stack([np.broadcast_to(offset, (m, n, 2)), np.broadcast_to(expected.drift[None], (m, n, 2))], axis=-1)
     # with regressors in units of their prior 1σ, Λ = I
     A = G[..., 1:, 1:] * scale[..., :, None] * scale[..., None, :] + np.eye(2)
-    b = G[..., 1:, 0] * scale
-    apart = 0.5 * np.linalg.slogdet(A)[1] - 0.5 * np.sum(b * np.linalg.solve(A, b[..., None])[..., 0], axis=-1)
+    h = G[..., 1:, 0] * scale
+    apart = 0.5 * np.linalg.slogdet(A)[1] - 0.5 * np.sum(h * np.linalg.solve(A, h[..., None])[..., 0], axis=-1)
     cells, every = [], 1 if m * n <= MANY_PAIRS else _COARSER
     yaw, tilt = _YAW_RAD[::every], _TILT_RAD[::every]
     for k, grid in enumerate((yaw, tilt)):

@@ -45,7 +45,7 @@ class StatedTracks:
         return np.isin(track_id, list(self._vehicle))
 
     def scores(self, track_id: IntArray, n: int) -> FloatArray:
-        """(m, n) what the statements count for each vehicle, nats."""
+        """(m, n) nats that the statements count for, or below 0 against, each vehicle."""
         score = np.zeros((len(track_id), n))
         for row, key in enumerate(track_id.tolist()):
             vehicle = self._vehicle.get(key)

@@ -25,25 +25,25 @@ _REPORTING_S = 3.0
 _OUT_OF_VIEW = 0.05
 """Chance below which a vehicle that reports is out of view."""
 _BEGUN_S = 1.0
-"""A track that was seen for so long while a vehicle reported, seconds, was compared with it."""
+"""Time, seconds, for which a track must have been seen while a vehicle reported to have been compared with it."""
 _CONTRADICTED = -5.0
 """ln ratio below which that comparison says that the two are not one."""
 _START_M, _SPEED_MPS = 10.0, 12.0
-"""A vehicle is at most so far from where it reported to be, metres, and per second since."""
+"""Farthest that a silent vehicle is from its last reported place: metres at once, and metres per second since."""
 _FOUND = 0.9
-"""Chance that a vehicle which is looked for is one of the boxes that it may be, or one that is not seen, ..."""
+"""Chance that a missing vehicle is one of u boxes that it may be or an unseen one, divided equally among u + 1."""
 _LEAST_SHARE, _MOST_SHARE = 0.11, 0.45
-"""... divided among them, and the least and most for each: with a vehicle missing nobody is surely a stranger."""
+"""Limits of a box's share in a missing vehicle: while one is missing nobody is a stranger with 0.9."""
 
 
 @dataclass(frozen=True, slots=True)
 class Whereabouts:
-    """What is known of n vehicles at a frame."""
+    """Last known places of n vehicles at a frame."""
 
     place: FloatArray
-    """(n, 2) where each reported to be last, east and north, metres, NaN never."""
+    """(n, 2) last reported place, east and north, metres, NaN never."""
     age_s: FloatArray
-    """(n,) since then, seconds; inf where its reports are not believed."""
+    """(n,) age of that report, seconds; inf where a vehicle's reports are not believed."""
     view: FloatArray
     """(n,) chance to be in view by that report."""
     last_t: FloatArray

@@ -114,7 +114,7 @@ _STDS = 3.0
 """Position errors up to this many σ are no jump."""
 
 _GAPS, _LEAST_GAPS = 5, 3
-"""Of how many last gaps between reports the middle one is the usual one, from so many on: one outage counts nothing."""
+"""Number of last gaps between reports whose median is the usual gap, and the least for one: outages count nothing."""
 _STALE_S = 1.0
 """Radios are a few tenths of a second late: younger positions are never stale."""
 _PERIOD_GAIN = 0.1

@@ -142,9 +142,8 @@ def _identity(row: VehicleRow) -> Cell:
 
 def _height(row: VehicleRow, snapshot: Snapshot) -> Cell:
     """In the UAV's row: how far above the ground it is, or without a camera above the middle of the fleet."""
-    below = [float(each.p_enu[2]) for each in snapshot.vehicles if each.role == "ugv" and math.isfinite(each.p_enu[2])]
-    if snapshot.camera is not None:
-        below = [snapshot.camera.ground_z]
+    heights = [float(each.p_enu[2]) for each in snapshot.vehicles if each.role == "ugv"]
+    below = [snapshot.camera.ground_z] if snapshot.camera is not None else [z for z in heights if math.isfinite(z)]
     up = float(row.p_enu[2]) - statistics.median(below) if below else math.nan
     text = f"{number(up, 'm', 0)} up" if math.isfinite(up) else UNKNOWN
     return aged(text, INK, row.position_age_s, IDENTITY_CELLS)
