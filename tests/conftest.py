@@ -1,10 +1,12 @@
 """Sockets and receiving processes that end with their test, and property tests that judge alike on every machine."""
 
+import os
 import socket
 
 import pytest
 from hypothesis import HealthCheck, settings
 
+from gcs.cli.attach.place import VARIABLES
 from mavlink.ingest.ingest import Ingest
 from tests.support.ports import free_port
 from tests.support.receiving import HOST
@@ -14,6 +16,10 @@ from tests.support.receiving import HOST
 settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("same", settings.get_profile("search"), derandomize=True, database=None)
 settings.load_profile("same")
+
+# Neither does the terminal that the tests are run from: screens have the same colours and sizes everywhere.
+for _name in (*VARIABLES, "FORCE_COLOR"):
+    os.environ.pop(_name, None)
 
 
 @pytest.fixture
