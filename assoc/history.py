@@ -27,6 +27,16 @@ _MISSED_FRAMES = 2.0
 """Where frames are far apart: a gap longer than this many times the last frame interval ends a track."""
 
 
+def longest_gap_s(gap_max_s: float, step_s: float) -> float:
+    """After how long out of sight a track may have gone on with another vehicle, seconds.
+
+    Args:
+        gap_max_s: What interpolation bridges, seconds.
+        step_s: From one frame to the next, seconds.
+    """
+    return max(gap_max_s, _MISSED_FRAMES * step_s)
+
+
 class TrackHistory:
     """Ring of frames: camera states, and the rays of every track.
 
@@ -181,7 +191,7 @@ class TrackHistory:
         step = self.t[self.n - 2] - self.t[self.n - 3] if self.n > 2 else np.inf
         for key in track_id.tolist():
             column = self._column.get(key, -1)
-            if column >= 0 and t - self.last_s[column] > max(self._gap_max_s, _MISSED_FRAMES * step):
+            if column >= 0 and t - self.last_s[column] > longest_gap_s(self._gap_max_s, step):
                 broken[key] = self._column.pop(key)
                 self.track_id[column] = -key
         return broken

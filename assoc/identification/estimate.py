@@ -34,6 +34,7 @@ from assoc.identification.found_share import FoundShare
 from assoc.identification.gross_errors import GrossErrors
 from assoc.identification.search_lock import SearchLock, SearchState
 from assoc.identification.stated_tracks import StatedTracks
+from assoc.identification.steady import SteadyAnswers
 from assoc.identification.unaccounted import Whereabouts, shared_with_missing
 from assoc.params import MANY_PAIRS, IdentifierParams
 from assoc.records import CameraState, Observation
@@ -83,7 +84,7 @@ class Estimator:
         """True: the best hypothesis has the height that another source gives."""
         self._lock = SearchLock(params.lock)
         self.fit, self.gross = FleetFit(), GrossErrors()
-        self._strangers = StrangerLimit()
+        self._strangers, self._steady = StrangerLimit(), SteadyAnswers(params.threshold)
         # vehicle of each certainly named track, by column: live tracks, and ended ones that still constrain the pose
         self._confident: dict[int, int] = {}
         self._anchors: dict[int, int] = {}
@@ -237,14 +238,15 @@ class Estimator:
         elsewhere: BoolArray,
         places: FloatArray,
     ) -> FloatArray:
-        """Marginals as they are told: none is surely a stranger while one of ours is not accounted for."""
+        """Marginals as they are told: no stranger is sure while one of ours is missing, and no answer at once."""
         log, live = self._log, context.columns[: context.live]
         _, age = log.extrapolated(t - self.time_offset_s)
         fleet = Whereabouts(place=log.last_p, age_s=age, view=context.view, last_t=log.last_t)
         ids, first_s = self._history.track_id[live], self._history.first_s[live]
         stated, former = self._stated.among(ids), self._conflicts.former(ids)
         shared = shared_with_missing(p, places, first_s, best.score, elsewhere, former, fleet)
-        return np.where(stated[:, None], p, shared)
+        tracks = list(zip(ids.tolist(), first_s.tolist(), strict=True))
+        return self._steady.limited(t, tracks, np.where(stated[:, None], p, shared), stated)
 
     def _follow_sway(self, context: UpdateContext, best: Hypothesis, camera: CameraState) -> None:
         """Fit the sway of a camera that is fixed to the body, or how one wanders whose places are coarse."""

@@ -26,12 +26,21 @@ def identify(
     mission: Annotated[Path | None, typer.Option(help="Mission file; overrides the session's own.")] = None,
     frame_size: Annotated[str | None, typer.Option(help=FRAME_SIZE)] = None,
     detect: Annotated[bool, typer.Option("--detect", help="Look at the video even if detections were kept.")] = False,
+    hindsight: Annotated[
+        bool | None,
+        typer.Option(
+            "--hindsight/--as-seen",
+            help="Name boxes by what is known of their track 15 s later, or as a screen would have shown them. "
+            "Default: by hindsight, but a flight that Rollcall recorded as it was seen.",
+            show_default=False,
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Name the boxes of a recording, faster than real time; same input, same bytes."""
     size = parse_frame_size(frame_size)
     opened = open_session(session, video=video, video_start_s=video_start, mission=mission, frame_size=size)
-    calls = identify_into(opened, out, detect=detect)
+    calls = identify_into(opened, out, detect=detect, hindsight=hindsight)
     if as_json:
         print_json({**rollcall_json(calls), "folder": str(out)})
     else:
@@ -40,11 +49,11 @@ def identify(
         raise SystemExit(NO_NAMES)
 
 
-def identify_into(session: Session, out: Path, *, detect: bool = False) -> RollCall:
+def identify_into(session: Session, out: Path, *, detect: bool = False, hindsight: bool | None = None) -> RollCall:
     """Name the boxes of a session with a progress bar; notes and the time it took go to stderr."""
     start = time.monotonic()
     with progress("identify") as report:
-        calls = identify_session(session, out, detect=detect, report=report, note=print_note)
+        calls = identify_session(session, out, detect=detect, hindsight=hindsight, report=report, note=print_note)
     took = time.monotonic() - start
     print_note(f"{calls.frames} frames in {took:.1f} s, {calls.span_s / took:.1f} times real time; wrote {out}")
     return calls

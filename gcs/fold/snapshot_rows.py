@@ -14,14 +14,14 @@ from gcs.certainty import CONFIRMED
 from gcs.fold.frame_camera import FrameCamera
 from gcs.mission.mission import Mission
 from gcs.snapshot import NAN, Box, Candidate, Standing, VehicleRow
-from mavlink.fleet.fleet import FleetState, VehicleStatus
+from mavlink.fleet.fleet import FleetState
 from mavlink.geodesy import LocalFrame
 from vision.camera.camera import ground
 from vision.detect.detections import Detections
 from vision.track.parts import Wholes
 from vision.track.tracks import Tracks
 
-__all__ = ["boxes_of", "vehicle_rows"]
+__all__ = ["boxes_of", "standing_of", "vehicle_rows"]
 
 FloatArray = NDArray[np.float64]
 EVIDENCE = (
@@ -156,7 +156,7 @@ def vehicle_rows(
         uv = (expected_px or {}).get(status.system_id)
         unseen = is_uav or expected_px is None or not state.valid[k - 1]
         in_view = None if unseen else uv is not None and _inside(uv, size)
-        standing = _standing(status, box, in_view, lapsed=lapsed)
+        standing = standing_of(status.position_state, box, in_view, lapsed=lapsed)
         rows.append(
             VehicleRow(
                 system_id=status.system_id,
@@ -203,12 +203,20 @@ def _inside(uv: tuple[float, float], size: tuple[int, int]) -> bool:
     return bool(0 <= uv[0] < size[0] and 0 <= uv[1] < size[1])
 
 
-def _standing(status: VehicleStatus, box: Box | None, in_view: bool | None, *, lapsed: bool) -> Standing:
+def standing_of(position_state: str, box: Box | None, in_view: bool | None, *, lapsed: bool) -> Standing:
+    """Where a vehicle stands: by the box that has its name, or else by why none has it.
+
+    Args:
+        position_state: of its row.
+        box: The one with its name, None without one.
+        in_view: Whether its reported position is in view, None unknown.
+        lapsed: The last frame came so long ago that nothing is known of what the camera sees.
+    """
     if box is not None:
         if box.coasting:
             return "coasting"
         return "confirmed" if box.confidence >= CONFIRMED else "tentative"
-    if status.position_state in ("never", "lost", "refused", "contested"):
+    if position_state in ("never", "lost", "refused", "contested"):
         return "no position"
     if in_view is False:
         return "out of view"

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from gcs.errors import SessionError
 from gcs.playback.analysis import Analysis
+from gcs.playback.hindsight import by_hindsight
 from gcs.report.rollcall import RollCall
 from gcs.session.event_log import EventLog
 from gcs.session.identity_log import IdentityLog
@@ -39,6 +40,7 @@ def identify_session(
     out: Path,
     *,
     detect: bool = False,
+    hindsight: bool | None = None,
     report: Callable[[int, int], None] = lambda done, total: None,
     note: Callable[[str], None] = lambda text: None,
     open_detector: Callable[[DetectorChoice], Detector] | None = None,
@@ -54,6 +56,8 @@ def identify_session(
         session: as ``gcs.session.session.open_session`` gives it.
         out: folder of the files, which must not be there yet; made where it is missing.
         detect: look at the video even if detections were kept.
+        hindsight: name each box by what is known of its track 15 s later, not as a screen would have shown it. None:
+            unless the recording kept the order in which a flight took it in; then the names are as they were seen.
         report: called after every frame with the frames that are done, and all there are.
         note: called with each line that a user should read: what the recording lacks, what the camera's stream did,
             what was not known in the end.
@@ -73,13 +77,22 @@ def identify_session(
     opened = partial(Analysis, session, redetect=detect, open_detector=open_detector, looking_threads=looking_threads)
     with _aside(out) as folder:
         analysis, notes = opened(), list[str]()
-        calls, last = _identify(analysis, folder, report, notes.append)
+        hindsight = not analysis.as_flown if hindsight is None else hindsight
+        calls, last = _identify(analysis, folder, report, notes.append, hindsight=hindsight)
         offset_s = _clock_found(analysis, last)
         if offset_s is not None:
-            notes = [f"the video's clock is {_late(offset_s)} by the whole recording: named again with that taken out"]
-            for name in _FILES:
-                (folder / name).unlink()
-            calls, last = _identify(opened(video_offset_s=offset_s), folder, report, notes.append)
+            again, notes_again = folder / "again", list[str]()
+            again.mkdir()
+            calls_again, _ = _identify(
+                opened(video_offset_s=offset_s), again, report, notes_again.append, hindsight=hindsight
+            )
+            # vehicles that are late each by its own have no common clock: there the first look names more
+            if calls_again.unnamed <= calls.unnamed:
+                late = f"the video's clock is {_late(offset_s)} by the whole recording: named again with that taken out"
+                calls, notes = calls_again, [late, *notes_again]
+                for name in _FILES:
+                    (again / name).replace(folder / name)
+            shutil.rmtree(again)
         for text in notes:
             note(text)
         return calls
@@ -124,7 +137,12 @@ def _late(offset_s: float) -> str:
 
 
 def _identify(
-    analysis: Analysis, out: Path, report: Callable[[int, int], None], note: Callable[[str], None]
+    analysis: Analysis,
+    out: Path,
+    report: Callable[[int, int], None],
+    note: Callable[[str], None],
+    *,
+    hindsight: bool,
 ) -> tuple[RollCall, Snapshot]:
     """Name all frames; also what was known after the last one."""
     for text in analysis.warnings:
@@ -132,9 +150,12 @@ def _identify(
     calls = RollCall(analysis.mission)
     last: Snapshot | None = None
     blind = False
+    snapshots = analysis.snapshots(images=False)
+    if hindsight:
+        snapshots = by_hindsight(snapshots, analysis.mission.ugv_ids)
     try:
         with IdentityLog(out) as log, contextlib.closing(EventLog(out / EVENTS)) as events:
-            for last in analysis.snapshots(images=False):
+            for last in snapshots:
                 log.write(last)
                 events.write(last.events)
                 calls.add(last)

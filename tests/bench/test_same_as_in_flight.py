@@ -122,7 +122,8 @@ def test_after_a_restart_the_fleet_is_named_again(tmp_path):
     for order in ("kept", "lost"):
         if order == "lost":
             (folder / "folds.csv").unlink()
-        identify_into(open_session(folder, frame_size=(CAMERA.width, CAMERA.height)), tmp_path / order)
+        flown = open_session(folder, frame_size=(CAMERA.width, CAMERA.height))
+        identify_into(flown, tmp_path / order, hindsight=False)
         last = [row for row in rows(tmp_path / order / "identity.csv") if int(row["frame"]) > 40]
         assert len(last) > 10
         # a UAV that has moved on meanwhile at 9 m/s takes some frames to be placed again

@@ -1,0 +1,225 @@
+"""Names by hindsight: what a track turns out to be counts for its boxes from the first on.
+
+On a screen a box is named by what was seen until then. Of a recording more is known: with p_k(u) the probabilities of
+track k in frame u,
+
+    p̄_k(t) = mean of p_k(u) over the frames u in [t, t + 15 s] in which the track was seen
+
+A name that was given early and taken back is so much less probable, one that came late was there from the first. Frames
+before film and telemetry were found to fit tell nothing and are left out. A track that was out of sight for long may
+have gone on with another vehicle: it counts as another one from there on, as for the identifier (``assoc.history``).
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.history import longest_gap_s
+from assoc.params import IdentifierParams
+from gcs.fold.since import Since
+from gcs.fold.snapshot_rows import standing_of
+from gcs.snapshot import NAN, Box, Candidate, Snapshot, VehicleRow
+
+__all__ = ["AHEAD_S", "by_hindsight"]
+
+FloatArray = NDArray[np.float64]
+
+AHEAD_S = 15.0
+"""A box is named by what is known of its track so long after it, s."""
+_THRESHOLD = 0.65
+"""Least mean probability of a name: below that of a screen's, as what was thought at first is in the mean."""
+_GAP_MAX_S = IdentifierParams().gap_max_s
+_FITS = 0.5
+"""Probability from which on film and telemetry count as belonging together."""
+_LEAST_SHOWN = 0.005
+"""A candidate that is less probable is not told."""
+_MOST_CANDIDATES = 3
+_MOST_PASSED = 1000
+"""Rows of a track that are kept although all boxes of their time have been named."""
+
+
+@dataclass(slots=True)
+class _Course:
+    """A track while it is sure to be one vehicle: a row for each frame in which it was seen."""
+
+    times_us: list[int] = field(default_factory=list)
+    sums: list[FloatArray] = field(default_factory=list)
+    """(n + 1,) Σ p until before each row and, the last, until after all of them."""
+    fitting: list[int] = field(default_factory=list)
+    """Rows of the frames in which film and telemetry fit."""
+
+    def add(self, t_us: int, p: FloatArray, *, fits: bool) -> None:
+        """Append a row: (n + 1,) probabilities of each vehicle and of none of them."""
+        if not self.sums:
+            self.sums.append(np.zeros_like(p))
+        if fits:
+            self.fitting.append(len(self.times_us))
+        self.times_us.append(t_us)
+        self.sums.append(self.sums[-1] + p)
+
+    def mean(self, t_us: int) -> FloatArray | None:
+        """(n + 1,) what is known at a time by hindsight; None without a row in the time after it."""
+        first, stop = bisect_left(self.times_us, t_us), bisect_right(self.times_us, t_us + round(AHEAD_S * 1e6))
+        if first == stop:
+            return None
+        fitting = bisect_left(self.fitting, first)
+        if fitting < len(self.fitting) and self.fitting[fitting] < stop:
+            first = self.fitting[fitting]
+        return np.asarray((self.sums[stop] - self.sums[first]) / (stop - first))
+
+    def forget(self, t_us: int) -> None:
+        """Drop the rows before a time once they are many."""
+        passed = bisect_left(self.times_us, t_us)
+        if passed > _MOST_PASSED:
+            del self.times_us[:passed], self.sums[:passed]
+            self.fitting = [row - passed for row in self.fitting if row >= passed]
+
+
+class _Courses:
+    """The courses of all tracks, fed frame by frame."""
+
+    def __init__(self, system_ids: Sequence[int]) -> None:
+        self._row = {system_id: k for k, system_id in enumerate(system_ids)}
+        self._open: dict[int, _Course] = {}
+        self._t_us = 0
+
+    def add(self, snapshot: Snapshot) -> dict[int, _Course]:
+        """Take in a frame; returns the courses of its boxes by track."""
+        step_s, self._t_us = (snapshot.t_us - self._t_us) * 1e-6, snapshot.t_us
+        longest_us = 1e6 * longest_gap_s(_GAP_MAX_S, step_s)
+        for box in snapshot.new_boxes:
+            if not box.track_id or box.coasting or not box.none_of_ours >= 0.0:
+                continue
+            course = self._open.get(box.track_id)
+            if course is None or snapshot.t_us - course.times_us[-1] > longest_us:
+                course = self._open[box.track_id] = _Course()
+            course.add(snapshot.t_us, self._probabilities(box), fits=snapshot.health.fit > _FITS)
+        return {box.track_id: self._open[box.track_id] for box in snapshot.boxes if box.track_id in self._open}
+
+    def forget(self, t_us: int) -> None:
+        """Drop what was before a time."""
+        for track_id, course in list(self._open.items()):
+            course.forget(t_us)
+            if course.times_us[-1] < t_us - 1e6 * AHEAD_S:
+                del self._open[track_id]
+
+    def _probabilities(self, box: Box) -> FloatArray:
+        p = np.zeros(len(self._row) + 1)
+        for candidate in box.candidates:
+            p[self._row[candidate.system_id]] = candidate.confidence
+        if box.system_id in self._row:
+            p[self._row[box.system_id]] = box.confidence
+        p[-1] = box.none_of_ours
+        return p
+
+
+def by_hindsight(snapshots: Iterable[Snapshot], system_ids: Sequence[int]) -> Iterator[Snapshot]:
+    """Name the boxes of a recording by what is known of their tracks 15 s later.
+
+    What the operator stated stays, and so do events and alarms: they tell what was known at the time.
+
+    Args:
+        snapshots: of a fold, in its order.
+        system_ids: of the vehicles that can be named.
+
+    Yields:
+        The same snapshots, their boxes and vehicles with the names that they turned out to have.
+    """
+    courses, waiting = _Courses(system_ids), deque[tuple[Snapshot, dict[int, _Course]]]()
+    since = Since[int, int]()
+    for snapshot in snapshots:
+        waiting.append((snapshot, courses.add(snapshot)))
+        while waiting[0][0].t_us + round(AHEAD_S * 1e6) < snapshot.t_us:
+            passed, taken = waiting.popleft()
+            yield _renamed(passed, taken, system_ids, since)
+            courses.forget(passed.t_us)
+    for passed, taken in waiting:
+        yield _renamed(passed, taken, system_ids, since)
+
+
+def _renamed(
+    snapshot: Snapshot, courses: Mapping[int, _Course], system_ids: Sequence[int], since: Since[int, int]
+) -> Snapshot:
+    """The snapshot with the names that its tracks turned out to have."""
+    if not snapshot.boxes:
+        return snapshot
+    t_us = snapshot.seen_us or snapshot.t_us
+    tracked = [box for box in snapshot.boxes if box.track_id]
+    boxes = {box.track_id: _told(box, courses.get(box.track_id), t_us, system_ids) for box in tracked}
+    # of two boxes with one name the surer has it, and one that was seen before one that is only predicted
+    holder: dict[int, Box] = {}
+    for box in sorted(boxes.values(), key=lambda box: (not box.coasting, box.stated, box.confidence)):
+        holder[box.system_id] = box
+    for track_id, box in boxes.items():
+        told = box
+        if box.system_id and holder[box.system_id] is not box:
+            told = replace(_without_evidence(box), system_id=0, confidence=box.none_of_ours)
+        boxes[track_id] = replace(told, since_us=since.update(t_us, track_id, told.system_id))
+    before = {box.system_id: box.track_id for box in tracked if box.system_id}
+    new = tuple(
+        boxes[box.track_id] if box.track_id else _part(box, boxes.get(before.get(box.system_id, 0)))
+        for box in snapshot.boxes
+    )
+    named = {box.system_id: box for box in reversed(new) if box.system_id}
+    rows = [row if row.role == "uav" else _row(row, named.get(row.system_id)) for row in snapshot.vehicles]
+    return replace(snapshot, boxes=new, vehicles=tuple(rows))
+
+
+def _told(box: Box, course: _Course | None, t_us: int, system_ids: Sequence[int]) -> Box:
+    """The box with what its course tells; as it was without one, or where the operator stated who it is."""
+    p = None if course is None or box.stated else course.mean(t_us)
+    if p is None:
+        return box
+    order = [k for k in np.argsort(-p[:-1], kind="stable").tolist() if p[k] >= _LEAST_SHOWN]
+    first = order[0] if order and p[order[0]] >= _THRESHOLD else None
+    name = 0 if first is None else system_ids[first]
+    others = [k for k in order if k != first]
+    known = {candidate.system_id: candidate for candidate in box.candidates}
+    candidates = tuple(
+        replace(known.get(system_ids[k], Candidate(system_id=system_ids[k], confidence=0.0)), confidence=float(p[k]))
+        for k in order[:_MOST_CANDIDATES]
+    )
+    told = box
+    if name != box.system_id:
+        candidates = tuple(replace(candidate, against="") for candidate in candidates)
+        told = replace(_without_evidence(box), residual_m=known[name].distance_m if name in known else NAN)
+    return replace(
+        told,
+        system_id=name,
+        confidence=float(p[-1] if first is None else p[first]),
+        runner_up=system_ids[others[0]] if others else 0,
+        runner_up_confidence=float(p[others[0]]) if others else 0.0,
+        candidates=candidates,
+        none_of_ours=float(p[-1]),
+    )
+
+
+def _without_evidence(box: Box) -> Box:
+    """The box without what was measured for the name that it had at the time."""
+    return replace(box, residual_m=NAN, residual_px=NAN, position_age_s=NAN, projection=NAN, topology=NAN, fused=NAN)
+
+
+def _part(box: Box, whole: Box | None) -> Box:
+    """The other part of a vehicle has its name."""
+    if whole is None:
+        return box
+    return replace(box, system_id=whole.system_id, confidence=whole.confidence, none_of_ours=whole.none_of_ours)
+
+
+def _row(row: VehicleRow, box: Box | None) -> VehicleRow:
+    """The vehicle's line with the box that has its name."""
+    standing = standing_of(row.position_state, box, row.in_view, lapsed=row.standing == "no new frame")
+    return replace(
+        row,
+        standing=standing,
+        standing_since_us=row.standing_since_us if standing == row.standing else 0,
+        track_id=box.track_id if box else 0,
+        confidence=box.confidence if box else NAN,
+        stated=box is not None and box.stated,
+    )
