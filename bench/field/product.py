@@ -1,4 +1,4 @@
-"""The product on a session: the recording is opened, folded and logged as ``gcs identify`` does it."""
+"""The product on a session: the recording is opened, folded and logged as ``gcs identify`` does it, both ways."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.playback.analysis import Analysis
+from gcs.playback.hindsight import by_hindsight
 from gcs.report.score import Matched, match
 from gcs.session.event_log import EventLog
 from gcs.session.frame_tables import read_times, read_truth
 from gcs.session.identity_log import IdentityLog, read_identity
 from gcs.session.session import open_session
 from gcs.session.tables import Table
+from gcs.snapshot import Snapshot
 
 __all__ = ["ProductRun", "identify"]
 
@@ -30,8 +32,11 @@ class ProductRun:
     """What the product made of a session."""
 
     matched: Matched
+    """As a screen would have named it."""
+    afterwards: Matched
+    """Named by hindsight."""
     logged: Table
-    """The identity log."""
+    """The identity log of what a screen would have shown."""
     wall_ms: NDArray[np.float64]
     """(frames,) from one snapshot to the next: reading packets, tracking, naming."""
     cpu_ms: NDArray[np.float64]
@@ -45,7 +50,7 @@ class ProductRun:
 def identify(folder: Path, out: Path) -> ProductRun:
     """Fold the session in ``folder``; its logs go to ``out``, which must not exist."""
     analysis = Analysis(open_session(folder))
-    wall, cpu = [], []
+    wall, cpu, seen = list[float](), list[float](), list[Snapshot]()
     try:
         with IdentityLog(out) as log:
             events = EventLog(out / "events.jsonl")
@@ -59,7 +64,12 @@ def identify(folder: Path, out: Path) -> ProductRun:
                 cpu.append(1e3 * (time.thread_time() - cpu_s))
                 log.write(snapshot)
                 events.write(snapshot.events)
+                seen.append(snapshot)
             events.close()
+        (out / "afterwards").mkdir()
+        with IdentityLog(out / "afterwards") as log:
+            for snapshot in by_hindsight(seen, analysis.mission.ugv_ids):
+                log.write(snapshot)
     finally:
         analysis.close()
     true, logged = read_truth(folder / "truth.csv"), read_identity(out / "identity.csv")
@@ -68,6 +78,7 @@ def identify(folder: Path, out: Path) -> ProductRun:
     first_us = float(read_times(folder / "frames.csv").times_us[0])
     return ProductRun(
         matched=match(true, logged),
+        afterwards=match(true, read_identity(out / "afterwards" / "identity.csv")),
         logged=logged,
         wall_ms=np.array(wall),
         cpu_ms=np.array(cpu),

@@ -75,6 +75,7 @@ def play(task: Task) -> Outcome:
         label=label_of(task.family, task.hard, task.seed),
         vehicles=scenario.fleet_size,
         product=tally(without_nameless(played.matched, nameless), fps),
+        afterwards=tally(without_nameless(played.afterwards, nameless), fps),
         rivals=rivals,
         wall_ms=played.wall_ms,
         cpu_ms=played.cpu_ms,

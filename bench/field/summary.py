@@ -30,6 +30,9 @@ class Outcome:
     label: str
     vehicles: int
     product: BoxCounts
+    """As a screen would have named it."""
+    afterwards: BoxCounts
+    """The product by hindsight, as ``gcs identify`` names recordings."""
     rivals: dict[str, BoxCounts]
     wall_ms: FloatArray
     cpu_ms: FloatArray

@@ -31,7 +31,11 @@ def report(outcomes: Sequence[Outcome], title: str) -> str:
         mine = [o for o in outcomes if o.hard == hard]
         if mine:
             parts += [f"## {'Hard' if hard else 'Standard'} ({len(mine)} sessions)", "### The product"]
-            parts.append(_product_table(mine))
+            parts += [
+                _product_table(mine),
+                "### By hindsight, as `gcs identify` names recordings",
+                _hindsight_table(mine),
+            ]
             if any(o.rivals for o in mine):
                 parts += ["### Beside the others: precision / right (FPER), %", _rival_table(mine)]
             if any(o.family == UNRELATED for o in mine):
@@ -85,6 +89,15 @@ def _product_row(name: str, group: Sequence[Outcome]) -> list[str]:
         f"{cpu.mean():.1f} / {np.percentile(cpu, 95):.1f}",
         _goals_of(group) if len({o.family for o in group}) == 1 else "",
     ]
+
+
+def _hindsight_table(outcomes: Sequence[Outcome]) -> str:
+    rows = []
+    for name, group in _grouped(outcomes):
+        s = summarise([o.afterwards for o in group])
+        shares = (s.precision, s.right, s.fper)
+        rows.append([name, *(number(v) for v in shares), number(s.wrong_sure_s, 1), number(s.ece, 3)])
+    return markdown_table(("family", "precision", "right", "FPER", "wrong ≥ 0.9, s", "ECE"), rows)
 
 
 def _goals_of(group: Sequence[Outcome]) -> str:
@@ -164,7 +177,7 @@ def write_sessions(outcomes: Sequence[Outcome], path: Path) -> None:
         rows.writerow(("family", "version", "seed", "label", "method", *names, *times))
         for o in outcomes:
             head = (o.family, "hard" if o.hard else "standard", o.seed, o.label)
-            for method, one in (("product", o.product), *o.rivals.items()):
+            for method, one in (("product", o.product), ("by hindsight", o.afterwards), *o.rivals.items()):
                 s = summarise([one])
                 cells = [f"{getattr(s, name):.6g}" for name in names]
                 spent = [f"{f(ms):.3f}" for ms in (o.cpu_ms, o.wall_ms) for f in (np.mean, _p95)]
