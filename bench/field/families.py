@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from bench.field import camera_trouble, other_trouble, standard
+from bench.field import camera_trouble, messy, other_trouble, standard
 from bench.field import hard as harder
 from sim.world.scenario import Scenario
 
@@ -197,5 +197,8 @@ FAMILIES: dict[int, Family] = dict(
             _of(camera_trouble.altitudes, camera_trouble.ALTITUDES),
             _of(camera_trouble.altitudes_hard, camera_trouble.ALTITUDES_HARD),
         ),
+        _family(24, "messy", _of(messy.messy, messy.MESSY), _of(messy.messy_hard, messy.MESSY_HARD)),
+        _family(25, "crowded", _of(messy.crowded, messy.CROWDED), _of(messy.crowded_hard, messy.CROWDED_HARD)),
+        _family(26, "late", _of(messy.late, messy.LATE), _of(messy.late_hard, messy.LATE_HARD)),
     )
 )

@@ -1,0 +1,136 @@
+"""Families in which ordinary errors come together: strangers, missed boxes, slow biases, and what comes late."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bench.field.draws import gnss, road, session, signed, slight
+from sim.world.scenario import (
+    Scenario,
+    ScenarioCamera,
+    ScenarioDeclared,
+    ScenarioDetector,
+    ScenarioFault,
+    ScenarioFlight,
+    ScenarioGround,
+    ScenarioTiming,
+    Targets,
+)
+
+__all__ = [
+    "CROWDED",
+    "CROWDED_HARD",
+    "LATE",
+    "LATE_HARD",
+    "MESSY",
+    "MESSY_HARD",
+    "crowded",
+    "crowded_hard",
+    "late",
+    "late_hard",
+    "messy",
+    "messy_hard",
+]
+
+FROM_THE_START_S = -60.0
+"""Before the first telemetry."""
+
+MESSY = ("straight down", "-60°", "-45°")
+MESSY_HARD = ("four lanes", "four lanes, -60°", "-35°")
+CROWDED = ("recall 0.85", "recall 0.85, bursts", "recall 0.8")
+CROWDED_HARD = ("recall 0.7", "recall 0.7, bursts", "recall 0.7, bias 1.5 m")
+LATE = ("each to 1 s", "UAV 0.5 s", "film 2 s", "film -1 s")
+LATE_HARD = ("each to 1.5 s", "UAV 0.8 s", "film 5 s", "film -3 s, each to 0.7 s")
+
+
+def messy(k: int, rng: np.random.Generator) -> Scenario:
+    """Seven of ten are ours, and every error is there at an ordinary size."""
+    return _messy(road(k), MESSY[k], 3, rng)
+
+
+def messy_hard(k: int, rng: np.random.Generator) -> Scenario:
+    """The same among 18 strangers on four lanes, or seen from far aside."""
+    label = MESSY_HARD[k]
+    if "lanes" in label:
+        return _messy(_lanes(vehicles=6), label, 18, rng)
+    return _messy(road(k), label, 3, rng)
+
+
+def _messy(ground: ScenarioGround, label: str, strangers: int, rng: np.random.Generator) -> Scenario:
+    pitch_deg = float(label.split()[-1].rstrip("°")) if "°" in label else -90.0
+    return session(
+        ground=ground,
+        camera=ScenarioCamera(pitch_deg=pitch_deg),
+        flight=ScenarioFlight(height_m=float(rng.uniform(45.0, 60.0)), yaw_sway_deg=8.0),
+        gnss=gnss(rng, white=0.4, bias=float(rng.uniform(1.5, 2.5)), tau_s=40.0, height_bias_m=signed(rng, 1.0, 2.0)),
+        attitude=slight(rng, compass_bias_deg=signed(rng, 6.0, 12.0)),
+        timing=ScenarioTiming(rate_min_hz=1.0, rate_max_hz=2.0, irregular=0.3, loss=0.05),
+        detector=ScenarioDetector(miss=0.2, miss_run_s=1.5, size_noise=0.04),
+        targets=Targets(lookalikes=strangers),
+        faults=_late_each(ground, 0.2, 0.7, rng),
+        declared=ScenarioDeclared(focal_share=1.0 + signed(rng, 0.02, 0.04)),
+    )
+
+
+def crowded(k: int, rng: np.random.Generator) -> Scenario:
+    """Five of ours among 20 that look alike on four lanes, of whom some are missed in every frame."""
+    return _crowded(CROWDED[k], 20, rng)
+
+
+def crowded_hard(k: int, rng: np.random.Generator) -> Scenario:
+    """Five of 30, and nearly every third box is missing."""
+    return _crowded(CROWDED_HARD[k], 25, rng)
+
+
+def _crowded(label: str, strangers: int, rng: np.random.Generator) -> Scenario:
+    miss, bursts = 1.0 - float(label.split(",")[0].split()[1]), 2.0 if "bursts" in label else 0.0
+    return session(
+        ground=_lanes(vehicles=5),
+        flight=ScenarioFlight(height_m=60.0),
+        gnss=gnss(rng, bias=1.5 if "bias" in label else 0.8),
+        attitude=slight(rng),
+        detector=ScenarioDetector(miss=miss, bursts_per_min=bursts),
+        targets=Targets(lookalikes=strangers),
+    )
+
+
+def late(k: int, rng: np.random.Generator) -> Scenario:
+    """Something is older than it says: each vehicle's reports, the UAV's position, or the film."""
+    return _late(LATE[k], k, rng)
+
+
+def late_hard(k: int, rng: np.random.Generator) -> Scenario:
+    """The same by more, and together."""
+    return _late(LATE_HARD[k], k, rng)
+
+
+def _late(label: str, k: int, rng: np.random.Generator) -> Scenario:
+    size = {part.split()[0]: float(part.split()[-2]) for part in label.split(", ")}
+    ground = road(k % 2)
+    uav_lag_s = size.get("UAV", 0.0)
+    return session(
+        ground=ground,
+        flight=ScenarioFlight(height_m=50.0, drift_mps=4.0 if uav_lag_s else 0.0, roam_m=12.0 if uav_lag_s else 0.0),
+        gnss=gnss(rng),
+        attitude=slight(rng),
+        timing=ScenarioTiming(
+            uav_lag_s=uav_lag_s,
+            video_offset_s=size.get("film", 0.0),
+            declared_offset="zero" if "film" in size else "exact",
+        ),
+        faults=_late_each(ground, 0.2, size["each"], rng) if "each" in size else (),
+    )
+
+
+def _lanes(vehicles: int) -> ScenarioGround:
+    return ScenarioGround(kind="straight", vehicles=vehicles, lanes=4, spacing_m=9.0, length_m=4.2, width_m=1.8)
+
+
+def _late_each(
+    ground: ScenarioGround, least_s: float, most_s: float, rng: np.random.Generator
+) -> tuple[ScenarioFault, ...]:
+    """The reports of each vehicle are late by its own time and dated as if they were not."""
+    return tuple(
+        ScenarioFault(vehicle=vehicle, kind="lag", start_s=FROM_THE_START_S, size=float(rng.uniform(least_s, most_s)))
+        for vehicle in range(ground.vehicles)
+    )
