@@ -13,7 +13,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 _FOR_S = 2.0
-"""Time over which the mean is taken, s. Over 5 s sure and wrong names become no fewer, and right ones wait longer."""
+"""Time over which the mean is taken, s: 5 s save another sixth of wrong names at 0.9, and right ones wait longer."""
 _UNKNOWN = 0.5
 """An answer "none of ours" is not told to be less probable than this."""
 

@@ -68,7 +68,7 @@ def identify(folder: Path, out: Path) -> ProductRun:
             events.close()
         (out / "afterwards").mkdir()
         with IdentityLog(out / "afterwards") as log:
-            for snapshot in by_hindsight(seen, analysis.mission.ugv_ids):
+            for snapshot in by_hindsight(seen, analysis.mission):
                 log.write(snapshot)
     finally:
         analysis.close()

@@ -12,6 +12,7 @@ have gone on with another vehicle: it counts as another one from there on, as fo
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -24,6 +25,7 @@ from assoc.history import longest_gap_s
 from assoc.params import IdentifierParams
 from gcs.fold.since import Since
 from gcs.fold.snapshot_rows import standing_of
+from gcs.mission.mission import Mission
 from gcs.snapshot import NAN, Box, Candidate, Snapshot, VehicleRow
 
 __all__ = ["AHEAD_S", "by_hindsight"]
@@ -32,8 +34,8 @@ FloatArray = NDArray[np.float64]
 
 AHEAD_S = 15.0
 """A box is named by what is known of its track so long after it, s."""
-_THRESHOLD = 0.65
-"""Least mean probability of a name: below that of a screen's, as what was thought at first is in the mean."""
+_LOWER = 0.05
+"""By how much the least mean of a name is below a screen's threshold: what was thought at first is in the mean."""
 _GAP_MAX_S = IdentifierParams().gap_max_s
 _FITS = 0.5
 """Probability from which on film and telemetry count as belonging together."""
@@ -66,7 +68,7 @@ class _Course:
     def mean(self, t_us: int) -> FloatArray | None:
         """(n + 1,) what is known at a time by hindsight; None without a row in the time after it."""
         first, stop = bisect_left(self.times_us, t_us), bisect_right(self.times_us, t_us + round(AHEAD_S * 1e6))
-        if first == stop:
+        if first >= stop:
             return None
         fitting = bisect_left(self.fitting, first)
         if fitting < len(self.fitting) and self.fitting[fitting] < stop:
@@ -87,17 +89,17 @@ class _Courses:
     def __init__(self, system_ids: Sequence[int]) -> None:
         self._row = {system_id: k for k, system_id in enumerate(system_ids)}
         self._open: dict[int, _Course] = {}
-        self._t_us = 0
+        self._t_us, self._step_s = 0, math.inf
 
     def add(self, snapshot: Snapshot) -> dict[int, _Course]:
         """Take in a frame; returns the courses of its boxes by track."""
-        step_s, self._t_us = (snapshot.t_us - self._t_us) * 1e-6, snapshot.t_us
-        longest_us = 1e6 * longest_gap_s(_GAP_MAX_S, step_s)
+        longest_us = 1e6 * longest_gap_s(_GAP_MAX_S, self._step_s)
+        self._step_s, self._t_us = (snapshot.t_us - self._t_us) * 1e-6, snapshot.t_us
         for box in snapshot.new_boxes:
             if not box.track_id or box.coasting or not box.none_of_ours >= 0.0:
                 continue
             course = self._open.get(box.track_id)
-            if course is None or snapshot.t_us - course.times_us[-1] > longest_us:
+            if course is None or abs(snapshot.t_us - course.times_us[-1]) > longest_us:
                 course = self._open[box.track_id] = _Course()
             course.add(snapshot.t_us, self._probabilities(box), fits=snapshot.health.fit > _FITS)
         return {box.track_id: self._open[box.track_id] for box in snapshot.boxes if box.track_id in self._open}
@@ -119,39 +121,38 @@ class _Courses:
         return p
 
 
-def by_hindsight(snapshots: Iterable[Snapshot], system_ids: Sequence[int]) -> Iterator[Snapshot]:
+def by_hindsight(snapshots: Iterable[Snapshot], mission: Mission) -> Iterator[Snapshot]:
     """Name the boxes of a recording by what is known of their tracks 15 s later.
 
     What the operator stated stays, and so do events and alarms: they tell what was known at the time.
 
     Args:
         snapshots: of a fold, in its order.
-        system_ids: of the vehicles that can be named.
+        mission: who can be named, and how probable a name must be.
 
     Yields:
         The same snapshots, their boxes and vehicles with the names that they turned out to have.
     """
-    courses, waiting = _Courses(system_ids), deque[tuple[Snapshot, dict[int, _Course]]]()
+    courses, waiting = _Courses(mission.ugv_ids), deque[tuple[Snapshot, dict[int, _Course]]]()
     since = Since[int, int]()
     for snapshot in snapshots:
         waiting.append((snapshot, courses.add(snapshot)))
-        while waiting[0][0].t_us + round(AHEAD_S * 1e6) < snapshot.t_us:
+        # a clock that was set back ends the wait, too
+        while abs(snapshot.t_us - waiting[0][0].t_us) > AHEAD_S * 1e6:
             passed, taken = waiting.popleft()
-            yield _renamed(passed, taken, system_ids, since)
+            yield _renamed(passed, taken, mission, since)
             courses.forget(passed.t_us)
     for passed, taken in waiting:
-        yield _renamed(passed, taken, system_ids, since)
+        yield _renamed(passed, taken, mission, since)
 
 
-def _renamed(
-    snapshot: Snapshot, courses: Mapping[int, _Course], system_ids: Sequence[int], since: Since[int, int]
-) -> Snapshot:
+def _renamed(snapshot: Snapshot, courses: Mapping[int, _Course], mission: Mission, since: Since[int, int]) -> Snapshot:
     """The snapshot with the names that its tracks turned out to have."""
     if not snapshot.boxes:
         return snapshot
     t_us = snapshot.seen_us or snapshot.t_us
     tracked = [box for box in snapshot.boxes if box.track_id]
-    boxes = {box.track_id: _told(box, courses.get(box.track_id), t_us, system_ids) for box in tracked}
+    boxes = {box.track_id: _told(box, courses.get(box.track_id), t_us, mission) for box in tracked}
     # of two boxes with one name the surer has it, and one that was seen before one that is only predicted
     holder: dict[int, Box] = {}
     for box in sorted(boxes.values(), key=lambda box: (not box.coasting, box.stated, box.confidence)):
@@ -171,13 +172,14 @@ def _renamed(
     return replace(snapshot, boxes=new, vehicles=tuple(rows))
 
 
-def _told(box: Box, course: _Course | None, t_us: int, system_ids: Sequence[int]) -> Box:
+def _told(box: Box, course: _Course | None, t_us: int, mission: Mission) -> Box:
     """The box with what its course tells; as it was without one, or where the operator stated who it is."""
     p = None if course is None or box.stated else course.mean(t_us)
     if p is None:
         return box
+    system_ids = mission.ugv_ids
     order = [k for k in np.argsort(-p[:-1], kind="stable").tolist() if p[k] >= _LEAST_SHOWN]
-    first = order[0] if order and p[order[0]] >= _THRESHOLD else None
+    first = order[0] if order and p[order[0]] >= mission.identity.threshold - _LOWER else None
     name = 0 if first is None else system_ids[first]
     others = [k for k in order if k != first]
     known = {candidate.system_id: candidate for candidate in box.candidates}

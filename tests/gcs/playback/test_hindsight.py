@@ -12,7 +12,7 @@ from gcs.snapshot import Candidate, Health
 from sim.session import write_session
 from sim.world.scenario import Scenario
 from tests.support.bundled import CURVED_ROAD, shortened
-from tests.support.snapshots import box, snapshot
+from tests.support.snapshots import TWO_UGVS, box, snapshot
 
 IDS = (2, 3)
 FIT = Health(fit=1.0)
@@ -40,7 +40,7 @@ def film(*frames, health=FIT):
 
 
 def names(snapshots):
-    return [[box.system_id for box in snapshot.boxes] for snapshot in by_hindsight(snapshots, IDS)]
+    return [[box.system_id for box in snapshot.boxes] for snapshot in by_hindsight(snapshots, TWO_UGVS)]
 
 
 def test_a_name_that_comes_late_was_there_from_the_first():
@@ -88,14 +88,14 @@ def test_frames_before_film_and_telemetry_fit_tell_nothing():
 
 def test_what_the_operator_stated_stays():
     stated = film(*[[told(1, (0.99, 0.0), stated=True)]] * 5, *[[told(1, (0.0, 0.99))]] * 60)
-    given = list(by_hindsight(stated, IDS))
+    given = list(by_hindsight(stated, TWO_UGVS))
     assert [s.boxes[0].system_id for s in given] == [2] * 5 + [3] * 60
     assert given[0].boxes[0].stated
 
 
 def test_one_name_for_one_box():
     both = film(*[[told(1, (0.8, 0.0)), told(2, (0.9, 0.0))]] * 3)
-    (given, *_) = by_hindsight(both, IDS)
+    (given, *_) = by_hindsight(both, TWO_UGVS)
     assert [box.system_id for box in given.boxes] == [0, 2]
     assert given.boxes[0].confidence == pytest.approx(0.2)
     assert {row.system_id: (row.track_id, row.standing) for row in given.vehicles[1:]} == {
@@ -105,13 +105,13 @@ def test_one_name_for_one_box():
 
 
 def test_evidence_is_that_of_the_name():
-    (first, *_) = by_hindsight(film([told(1, (0.2, 0.7))], *[[told(1, (0.99, 0.0))]] * 40), IDS)
+    (first, *_) = by_hindsight(film([told(1, (0.2, 0.7))], *[[told(1, (0.99, 0.0))]] * 40), TWO_UGVS)
     (told_box,) = first.boxes
     assert (told_box.system_id, told_box.residual_m) == (2, 2.0)
     assert [c.system_id for c in told_box.candidates] == [2, 3]
     assert told_box.candidates[0].confidence == pytest.approx(told_box.confidence)
     assert {c.against for c in told_box.candidates} == {""}
-    (kept,) = next(by_hindsight(film([told(1, (0.9, 0.0))]), IDS)).boxes
+    (kept,) = next(by_hindsight(film([told(1, (0.9, 0.0))]), TWO_UGVS)).boxes
     assert kept.residual_m == 0.5
 
 
@@ -123,9 +123,29 @@ def test_both_parts_of_a_vehicle_have_its_name():
     assert names(parts) == [[2, 2]] * 32
 
 
+def test_a_mission_that_asks_for_more_gets_fewer_names():
+    careful = replace(TWO_UGVS, identity=replace(TWO_UGVS.identity, threshold=0.95))
+    frames = film(*[[told(1, (0.85, 0.0))]] * 30)
+    assert [s.boxes[0].system_id for s in by_hindsight(frames, TWO_UGVS)] == [2] * 30
+    assert [s.boxes[0].system_id for s in by_hindsight(frames, careful)] == [0] * 30
+
+
+def test_a_clock_that_is_set_back_begins_anew():
+    hour_us = 3_600_000_000
+    frames = film(*[[told(1, (0.99, 0.0))]] * 20)
+    later = film(*[None] * 20, *[[told(1, (0.0, 0.99))]] * 20)
+    frames += [replace(s, t_us=s.t_us - hour_us, seen_us=s.t_us - hour_us) for s in later]
+    kept, total = by_hindsight(iter(frames), TWO_UGVS), 0
+    for given, asked in zip(kept, frames, strict=True):
+        assert given.t_us == asked.t_us
+        assert given.boxes[0].system_id == asked.boxes[0].system_id
+        total += 1
+    assert total == 40
+
+
 def test_every_frame_comes_once_and_in_order():
     frames = film(*[[told(1, (0.99, 0.0))] if k % 3 else [] for k in range(400)])
-    assert [s.t_us for s in by_hindsight(frames, IDS)] == [s.t_us for s in frames]
+    assert [s.t_us for s in by_hindsight(frames, TWO_UGVS)] == [s.t_us for s in frames]
 
 
 def test_recordings_that_no_flight_of_ours_kept_are_named_by_hindsight(tmp_path):
