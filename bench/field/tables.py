@@ -31,11 +31,7 @@ def report(outcomes: Sequence[Outcome], title: str) -> str:
         mine = [o for o in outcomes if o.hard == hard]
         if mine:
             parts += [f"## {'Hard' if hard else 'Standard'} ({len(mine)} sessions)", "### The product"]
-            parts += [
-                _product_table(mine),
-                "### By hindsight, as `gcs identify` names recordings",
-                _hindsight_table(mine),
-            ]
+            parts += [_product_table(mine), "### By hindsight", _hindsight_table(mine)]
             if any(o.rivals for o in mine):
                 parts += ["### Beside the others: precision / right (FPER), %", _rival_table(mine)]
             if any(o.family == UNRELATED for o in mine):
@@ -48,7 +44,8 @@ _WORDS = """\
 Shares in percent of all boxes. precision: right names of names given. right: rightly named of our boxes. coverage:
 named of our boxes. FPER: boxes of false targets left unnamed. first: seconds a vehicle is in view before a right
 name that then holds for a second; again: the same after two seconds unseen. wrong ≥ 0.9: vehicle-seconds with a wrong
-name at confidence 0.9 or more. swaps: times a track went over from one target to another. slandered: vehicles said to
+name at confidence 0.9 or more. By hindsight: as `gcs identify` names recordings, which besides looks once more where the
+film proves to be dated wrongly. swaps: times a track went over from one target to another. slandered: vehicles said to
 contradict the video with nothing wrong in their telemetry. Milliseconds are processor time of one thread for
 everything that is done for a frame.
 
