@@ -44,8 +44,8 @@ _WORDS = """\
 Shares in percent of all boxes. precision: right names of names given. right: rightly named of our boxes. coverage:
 named of our boxes. FPER: boxes of false targets left unnamed. first: seconds a vehicle is in view before a right
 name that then holds for a second; again: the same after two seconds unseen. wrong ≥ 0.9: vehicle-seconds with a wrong
-name at confidence 0.9 or more. By hindsight: as `gcs identify` names recordings, which besides looks once more where the
-film proves to be dated wrongly. swaps: times a track went over from one target to another. slandered: vehicles said to
+name at confidence 0.9 or more. By hindsight: as `gcs identify` names recordings, which looks once more where the film
+proves to be dated wrongly. swaps: times a track went over from one target to another. slandered: vehicles said to
 contradict the video with nothing wrong in their telemetry. Milliseconds are processor time of one thread for
 everything that is done for a frame.
 
