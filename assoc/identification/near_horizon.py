@@ -169,7 +169,7 @@ class NearHorizon:
         return self._flat > _MOSTLY
 
     def is_due(self, t: float, observation: Observation) -> bool:
-        """Whether there is anything new at a time, seconds: a while has passed, or a track has begun."""
+        """Whether to compare tracks and reports again at a time, seconds: after half a second, or for a new track."""
         return t - self._t >= _EVERY_S or not np.isin(observation.track_id, self._track_id).all()
 
     @property

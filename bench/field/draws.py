@@ -7,9 +7,11 @@ from typing import Any
 from sim.world.error_draws import gnss, signed, slight
 from sim.world.scenario import Scenario, ScenarioGround
 
-__all__ = ["gnss", "road", "session", "signed", "slight"]
+__all__ = ["FROM_THE_START_S", "gnss", "road", "session", "signed", "slight"]
 
 DURATION_S = 36.0
+FROM_THE_START_S = -60.0
+"""Start of a fault that lasts for the whole flight, s: before the first telemetry."""
 
 
 def session(**parts: Any) -> Scenario:  # noqa: ANN401 - the fields of a scenario

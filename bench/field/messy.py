@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.field.draws import gnss, road, session, signed, slight
+from bench.field.draws import FROM_THE_START_S, gnss, road, session, signed, slight
 from sim.world.scenario import (
     Scenario,
     ScenarioCamera,
@@ -31,9 +31,6 @@ __all__ = [
     "messy",
     "messy_hard",
 ]
-
-FROM_THE_START_S = -60.0
-"""Before the first telemetry."""
 
 MESSY = ("straight down", "-60°", "-45°")
 MESSY_HARD = ("four lanes", "four lanes, -60°", "-35°")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.field.draws import gnss, road, session, slight
+from bench.field.draws import FROM_THE_START_S, gnss, road, session, slight
 from sim.world.scenario import (
     Gnss,
     Scenario,
@@ -40,9 +40,6 @@ __all__ = [
     "unrelated_film_hard",
     "unrelated_hard",
 ]
-
-FROM_THE_START_S = -60.0
-"""Before the first telemetry."""
 
 SMOOTH = ("1 Hz", "2 Hz", "5 Hz", "10 Hz", "20 Hz", "50 Hz", "mixed")
 SMOOTH_HARD = (

@@ -32,9 +32,9 @@ class ProductRun:
     """What the product made of a session."""
 
     matched: Matched
-    """As a screen would have named it."""
+    """Boxes and their names as a screen would have shown them."""
     afterwards: Matched
-    """Named by hindsight."""
+    """The same boxes, named by hindsight."""
     logged: Table
     """The identity log of what a screen would have shown."""
     wall_ms: NDArray[np.float64]

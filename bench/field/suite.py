@@ -11,9 +11,8 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bench.drawing import MISSING
+from bench.drawing import MISSING, pyplot, read_rows
 from bench.field.families import FAMILIES, Split, film_of, has_pixels, label_of, scenario_of, seeds_of
-from bench.field.figure import draw_reliability
 from bench.field.measure import BoxCounts, matched_names, tally, without_nameless
 from bench.field.pixels import write_motion
 from bench.field.product import identify
@@ -169,7 +168,7 @@ def run(
     (out / "field.md").write_text(text, encoding="utf-8")
     write_sessions(outcomes, out / "sessions.csv")
     write_reliability(outcomes, out / "reliability.csv")
-    if not draw_reliability(out / "reliability.csv", out / "reliability.png"):
+    if not _draw_reliability(out / "reliability.csv", out / "reliability.png"):
         print_note(MISSING)
     print_note(f"{len(outcomes)} sessions in {time.monotonic() - began:.0f} s; wrote {out}")
     return text
@@ -189,3 +188,25 @@ def _played(tasks: Sequence[Task], workers: int, report: Callable[[int, int], No
         for name, value in before.items():
             os.environ.pop(name) if value is None else os.environ.update({name: value})
     return outcomes
+
+
+def _draw_reliability(table: Path, out: Path) -> bool:
+    """Draw share right over confidence, the number of boxes below; False when matplotlib is missing."""
+    plot = pyplot()
+    if plot is None:
+        return False
+    rows = read_rows(table)
+    figure, (upper, lower) = plot.subplots(2, 1, figsize=(5, 6), height_ratios=(3, 1), sharex=True)
+    upper.plot([0.4, 1.0], [0.4, 1.0], color="0.7", linewidth=1)
+    for version, marker in (("standard", "o"), ("hard", "s")):
+        mine = [row for row in rows if row["version"] == version]
+        confidence = [float(row["mean_confidence"]) for row in mine]
+        upper.plot(confidence, [float(row["share_right"]) for row in mine], marker=marker, label=version)
+        lower.plot(confidence, [int(row["boxes"]) for row in mine], marker=marker)
+    upper.set(ylabel="share of names that are right", xlim=(0.45, 1.01), ylim=(0.0, 1.03))
+    upper.legend()
+    lower.set(xlabel="confidence given", ylabel="boxes", yscale="log")
+    figure.tight_layout()
+    figure.savefig(out, dpi=110)
+    plot.close(figure)
+    return True

@@ -30,9 +30,9 @@ class Outcome:
     label: str
     vehicles: int
     product: BoxCounts
-    """As a screen would have named it."""
+    """Counts of the product's names as a screen would have shown them."""
     afterwards: BoxCounts
-    """The product by hindsight, as ``gcs identify`` names recordings."""
+    """Counts of its names by hindsight, as ``gcs identify`` gives them."""
     rivals: dict[str, BoxCounts]
     wall_ms: FloatArray
     cpu_ms: FloatArray

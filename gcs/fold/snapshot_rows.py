@@ -204,7 +204,7 @@ def _inside(uv: tuple[float, float], size: tuple[int, int]) -> bool:
 
 
 def standing_of(position_state: str, box: Box | None, in_view: bool | None, *, lapsed: bool) -> Standing:
-    """Where a vehicle stands: by the box that has its name, or else by why none has it.
+    """Standing of a vehicle: how sure the box with its name is, or why no box has it.
 
     Args:
         position_state: of its row.

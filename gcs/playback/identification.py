@@ -81,15 +81,14 @@ def identify_session(
         calls, last = _identify(analysis, folder, report, notes.append, hindsight=hindsight)
         offset_s = _clock_found(analysis, last)
         if offset_s is not None:
-            again, notes_again = folder / "again", list[str]()
+            again = folder / "again"
             again.mkdir()
-            calls_again, _ = _identify(
-                opened(video_offset_s=offset_s), again, report, notes_again.append, hindsight=hindsight
-            )
+            late = f"the video's clock is {_late(offset_s)} by the whole recording: named again with that taken out"
+            second, told = opened(video_offset_s=offset_s), [late]
+            calls_again, _ = _identify(second, again, report, told.append, hindsight=hindsight)
             # vehicles that are late each by its own have no common clock: there the first look names more
             if calls_again.unnamed <= calls.unnamed:
-                late = f"the video's clock is {_late(offset_s)} by the whole recording: named again with that taken out"
-                calls, notes = calls_again, [late, *notes_again]
+                calls, notes = calls_again, told
                 for name in _FILES:
                     (again / name).replace(folder / name)
             shutil.rmtree(again)

@@ -53,11 +53,13 @@ from gcs.tui.themes import THEMES, ThemeName, textual_theme
 __all__ = ["RollcallApp"]
 
 POLL_S = 1 / MOST_FPS
-SILENT_S = 2.0
 
 
 class RollcallApp(ReplayApp):
     """Screens of one station; the station's threads never touch a widget."""
+
+    silent_after_s = 2.0
+    """Time after which the screen of a flight says that nothing new came, s; inf for a flight without a clock."""
 
     CSS_PATH = "app.tcss"
     TITLE = "Rollcall"
@@ -190,7 +192,7 @@ class RollcallApp(ReplayApp):
             self._events.all_events,
             self._alarms.seen,
             error=self._station.error,
-            silent_s=silent_s if live and silent_s > SILENT_S else 0.0,
+            silent_s=silent_s if live and silent_s > self.silent_after_s else 0.0,
         )
 
     def action_pane(self, pane: str) -> None:

@@ -1,4 +1,4 @@
-"""How sure an answer is told to be while it is new."""
+"""Confidence of new answers: no more than their mean over the last seconds."""
 
 import numpy as np
 import pytest
