@@ -2,6 +2,7 @@
 
 import pytest
 
+from gcs.tui import RollcallApp
 from gcs.tui.palette import use_theme
 
 
@@ -13,4 +14,4 @@ def _default_theme():
 @pytest.fixture(autouse=True)
 def _patient(monkeypatch):
     """A flight that never changes is not yet silent for as long as a test takes."""
-    monkeypatch.setattr("gcs.tui.app.SILENT_S", 600.0)
+    monkeypatch.setattr(RollcallApp, "silent_after_s", 600.0)

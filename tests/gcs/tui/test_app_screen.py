@@ -219,7 +219,7 @@ async def test_quit_is_clean(capsys):
 
 async def test_silence_is_told_when_live(monkeypatch):
     async with running(FakeStation(live=True)) as (app, pilot, _):
-        later = app_module.time.monotonic() + 2 * app_module.SILENT_S
+        later = app_module.time.monotonic() + 2 * app.silent_after_s
         monkeypatch.setattr(app_module, "time", type("Clock", (), {"monotonic": staticmethod(lambda: later)}))
         await polled(app, pilot)
         assert "nothing new for" in screen_text(app)
