@@ -197,3 +197,5 @@ class Identities:
     """System ids whose reports contradict the video or one another."""
     candidates: Candidates
     """Who each track may be, also of those that have no name."""
+    doubt: IntArray
+    """(m,) ``assoc.identification.doubts.Doubt``: what took most from the answer, 0 nothing."""

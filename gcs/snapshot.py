@@ -216,6 +216,8 @@ class Box:
     """The name, or that it is none of ours, is what the operator stated."""
     none_of_ours: float = NAN
     """Probability that it is no vehicle of the mission, NaN before any evidence."""
+    doubt: str = ""
+    """Why the answer is less sure than its evidence, in words; empty: it is not."""
     residual_m: float = NAN
     residual_px: float = NAN
     position_age_s: float = NAN

@@ -29,6 +29,7 @@ from assoc.hypotheses.search import Hypothesis, UpdateContext, keep_best, refine
 from assoc.hypotheses.sway_fit import fit_sway
 from assoc.identification.clutter import Clutter
 from assoc.identification.conflicts import ConflictMonitor
+from assoc.identification.doubts import Doubt, Doubted
 from assoc.identification.fleet_fit import FleetFit
 from assoc.identification.found_share import FoundShare
 from assoc.identification.gross_errors import GrossErrors
@@ -62,6 +63,8 @@ class UpdateResult:
     """(m,) columns of the history."""
     p: FloatArray
     """(m, n + 1) marginals, the last column "none of ours"."""
+    doubt: IntArray
+    """(m,) :class:`Doubt` of each answer."""
     conflict: tuple[int, ...]
     """Indices of vehicles whose reports contradict the video or one another."""
 
@@ -188,7 +191,7 @@ class Estimator:
         live = np.flatnonzero((history.track_id > 0) & (history.last_s > t - self._params.search.recent_s))
         if not len(live) or not n:
             nothing = np.concatenate([np.zeros((len(live), n)), np.ones((len(live), 1))], axis=1)
-            return UpdateResult(live, nothing, ())
+            return UpdateResult(live, nothing, np.zeros(len(live), np.int64), ())
         self._updates += 1
         self._update_swap_risk(t, live, camera)
         context = self._context(t, live, camera)
@@ -201,14 +204,15 @@ class Estimator:
         seen = context.gap_s <= 0.0
         free = self._co_visibility.log_not_lost(live, seen)
         elsewhere = self._co_visibility.elsewhere(live)
-        p = mixed_marginals(found, share, context, free, elsewhere)
+        told = Doubted.of(mixed_marginals(found, share, context, free, elsewhere))
         self.fit.update(t, context, best, steady=camera.attitude_known and camera.stabilized)
         stated = self._stated.among(history.track_id[live])
-        p = self.fit.limited(p, stated)
+        told = told.after(Doubt.FIT, self.fit.limited(told.p, stated))
         places = self._places(live, camera)
         if not self.fit.fits:
             self.gross.look_mirrored(context, self.fit, camera)
-            return self._without_names(t, context, best, self._told(t, context, best, p, elsewhere, places))
+            return self._without_names(t, context, best, self._told(t, context, best, told, elsewhere, places))
+        p = told.p
         self._co_visibility.update(t, live[seen], places[seen], p[seen, :n], self._params.close_m)
         self._learn(t, context, best, p)
         self._found.update(t, context.view, best.vehicle[seen & (best.vehicle >= 0)])
@@ -219,34 +223,37 @@ class Estimator:
         review = self._conflicts.review(t, context, best, p, elsewhere)
         self._log.rejected_since = review.rejected_since
         self._fold(context, best)
-        p = limit_by_place(review.p, best.score, places, self._bias_std)
+        told = told.after(Doubt.DOUBLE, review.p)
+        by_place = limit_by_place(review.p, best.score, places, self._bias_std)
         bias = best.final.mean[: len(live)]
         odds = log_odds_among_strangers(
-            *(p, best.score, bias, self._bias_std, context.view, context.noise.log_area_at(best.theta)),
+            *(by_place, best.score, bias, self._bias_std, context.view, context.noise.log_area_at(best.theta)),
             found=self._found.share,
         )
-        p = self._strangers.limit(t, history.track_id[live], p, odds, stated)
-        p = self._told(t, context, best, self.fit.shown(p, stated), elsewhere, places)
-        return UpdateResult(live, p, review.vehicles)
+        told = told.after(Doubt.PLACE, self._strangers.limit(t, history.track_id[live], by_place, odds, stated))
+        told = told.after(Doubt.UNPROVEN, self.fit.shown(told.p, stated))
+        told = self._told(t, context, best, told, elsewhere, places)
+        return UpdateResult(live, told.p, told.doubt, review.vehicles)
 
     def _told(
         self,
         t: float,
         context: UpdateContext,
         best: Hypothesis,
-        p: FloatArray,
+        told: Doubted,
         elsewhere: BoolArray,
         places: FloatArray,
-    ) -> FloatArray:
+    ) -> Doubted:
         """Marginals as they are told: no stranger is sure while one of ours is missing, and no answer at once."""
         log, live = self._log, context.columns[: context.live]
         _, age = log.extrapolated(t - self.time_offset_s)
         fleet = Whereabouts(place=log.last_p, age_s=age, view=context.view, last_t=log.last_t)
         ids, first_s = self._history.track_id[live], self._history.first_s[live]
         stated, former = self._stated.among(ids), self._conflicts.former(ids)
-        shared = shared_with_missing(p, places, first_s, best.score, elsewhere, former, fleet)
+        shared = shared_with_missing(told.p, places, first_s, best.score, elsewhere, former, fleet)
         tracks = list(zip(ids.tolist(), first_s.tolist(), strict=True))
-        return self._steady.limited(t, tracks, np.where(stated[:, None], p, shared), stated)
+        told = told.after(Doubt.MISSING, np.where(stated[:, None], told.p, shared))
+        return told.after(Doubt.UNSTEADY, self._steady.limited(t, tracks, told.p, stated))
 
     def _follow_sway(self, context: UpdateContext, best: Hypothesis, camera: CameraState) -> None:
         """Fit the sway of a camera that is fixed to the body, or how one wanders whose places are coarse."""
@@ -262,13 +269,13 @@ class Estimator:
         else:
             self._thetas[0], self._sway = fitted
 
-    def _without_names(self, t: float, context: UpdateContext, best: Hypothesis, p: FloatArray) -> UpdateResult:
+    def _without_names(self, t: float, context: UpdateContext, best: Hypothesis, told: Doubted) -> UpdateResult:
         """The result while film and telemetry do not fit: nothing is learnt from it, and no vehicle is accused."""
         self._confident.clear()
         self._anchors.clear()
         self._lock.unlock(t)
         self._fold(context, best)
-        return UpdateResult(context.columns[: context.live], p, ())
+        return UpdateResult(context.columns[: context.live], told.p, told.doubt, ())
 
     def predicted(self, t: float) -> tuple[FloatArray, FloatArray]:
         """Where the vehicles' tracks are expected under the correction: (n, 2) metres, (n,) variance per axis, m²."""

@@ -17,6 +17,7 @@ from assoc.evidence.motion import ReportLog
 from assoc.geometry.ground import PITCH, ROLL, YAW, ground_to_rays, rays_to_ground
 from assoc.history import TrackHistory
 from assoc.identification.common_boxes import CommonBoxes
+from assoc.identification.doubts import Doubt, lowered
 from assoc.identification.estimate import Estimator
 from assoc.identification.gross_errors import MIRROR
 from assoc.identification.near_horizon import NearHorizon
@@ -142,10 +143,11 @@ class Identifier:
             self._add_frame(t, observation, camera)
         beliefs = self._beliefs.for_tracks(observation.track_id)
         stated = self._stated.among(observation.track_id)
-        beliefs = replace(beliefs, p=self._common_boxes.limited(t, observation, beliefs.p, stated))
+        p = self._common_boxes.limited(t, observation, beliefs.p, stated)
+        doubt = lowered(Doubt.COMMON_BOX, beliefs.p, p, beliefs.doubt)
         answer = compose_identities(
             self._ids,
-            beliefs,
+            replace(beliefs, p=p, doubt=doubt),
             observation,
             camera,
             self._log,
@@ -254,7 +256,7 @@ class Identifier:
         ids = self._history.track_id[result.columns[seen]]
         # without tracks no contradiction can appear or be resolved
         conflict = result.conflict if len(result.columns) else self._beliefs.conflict
-        self._beliefs = self._beliefs.updated(ids, result.p[seen], conflict)
+        self._beliefs = self._beliefs.updated(ids, result.p[seen], result.doubt[seen], conflict)
         # where places on the ground tell who is who, boxes in the distance are no reason to look at directions alone
         self._by_angles = flat and not self._estimator.fit.fits
         if self._by_angles:
@@ -264,7 +266,7 @@ class Identifier:
         """Take the names that directions alone give."""
         stated = self._stated.scores(observation.track_id, len(self._ids))
         p = self._near_horizon.names(t, observation, camera, self._log, stated)
-        self._beliefs = self._beliefs.updated(observation.track_id, p, ())
+        self._beliefs = self._beliefs.updated(observation.track_id, p, np.zeros(len(p), np.int64), ())
 
     def _as_seen(self, camera: CameraState) -> CameraState:
         """The camera, mirrored where its picture is."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from assoc.evidence.motion import ReportLog
 from assoc.hypotheses.labels import most_probable_names
+from assoc.identification.doubts import Doubt, lowered
 from assoc.identification.estimate import Estimator
 from assoc.identification.frame_masses import frame_masses
 from assoc.records import CameraState, Candidates, Identities, Observation
@@ -40,6 +41,8 @@ class Beliefs:
     """(m,)."""
     p: FloatArray
     """(m, n + 1), the last column "none of ours"."""
+    doubt: IntArray
+    """(m,) :class:`Doubt` of each answer."""
     conflict: tuple[int, ...]
     """Indices of vehicles whose reports contradict the video or one another."""
 
@@ -48,22 +51,24 @@ class Beliefs:
         n = self.p.shape[1] - 1
         p = np.full((len(track_id), n + 1), (1.0 - _NEW_TRACK_UNKNOWN) / max(n, 1))
         p[:, n] = _NEW_TRACK_UNKNOWN if n else 1.0
+        doubt = np.full(len(track_id), Doubt.NONE, np.int64)
         known = {key: row for row, key in enumerate(self.track_id.tolist())}
         for row, key in enumerate(track_id.tolist()):
             if key in known:
-                p[row] = self.p[known[key]]
-        return Beliefs(track_id, p, self.conflict)
+                p[row], doubt[row] = self.p[known[key]], self.doubt[known[key]]
+        return Beliefs(track_id, p, doubt, self.conflict)
 
-    def updated(self, track_id: IntArray, p: FloatArray, conflict: tuple[int, ...]) -> Beliefs:
+    def updated(self, track_id: IntArray, p: FloatArray, doubt: IntArray, conflict: tuple[int, ...]) -> Beliefs:
         """Replace the beliefs on some tracks; of the others the newest are kept for when they are seen again."""
         other = ~np.isin(self.track_id, track_id)
-        ids = np.concatenate([track_id, self.track_id[other]])[:_MOST_REMEMBERED]
-        return Beliefs(ids, np.concatenate([p, self.p[other]])[:_MOST_REMEMBERED], conflict)
+        pairs = ((track_id, self.track_id), (p, self.p), (doubt, self.doubt))
+        ids, p, doubt = (np.concatenate([new, old[other]])[:_MOST_REMEMBERED] for new, old in pairs)
+        return Beliefs(ids, p, doubt, conflict)
 
 
 def empty_beliefs(n: int) -> Beliefs:
     """Beliefs before the first update, on no track."""
-    return Beliefs(np.empty(0, np.int64), np.empty((0, n + 1)), ())
+    return Beliefs(np.empty(0, np.int64), np.empty((0, n + 1)), np.empty(0, np.int64), ())
 
 
 class MassCache:
@@ -142,6 +147,7 @@ def compose_identities(
     m, n = len(observation.track_id), len(system_ids)
     rows = np.arange(m)
     p = _without_coasting_names(beliefs.p, observation.gap_s)
+    doubt = lowered(Doubt.COASTING, beliefs.p, p, beliefs.doubt)
     choice = most_probable_names(p)
     choice = np.where((choice >= 0) & (p[rows, choice] >= threshold), choice, -1)
     others = p[:, :n].copy()
@@ -171,6 +177,7 @@ def compose_identities(
         fused=fused,
         conflict=tuple(int(ids[k]) for k in beliefs.conflict),
         candidates=candidates.found,
+        doubt=doubt,
     )
 
 

@@ -114,6 +114,7 @@ def _evidence(snapshot: Snapshot, box: Box) -> dict[str, str]:
     if not box.system_id:
         return told | _numbers({"none_of_ours": box.none_of_ours})
     told |= {"system_id": str(box.system_id)} | ({"stated": "true"} if box.stated else {})
+    told |= {"doubt": box.doubt} if box.doubt else {}
     return told | _numbers(
         {
             "confidence": box.confidence,

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
+from assoc.identification.doubts import Doubt
 from assoc.identification.identifier import Candidates, Identities
-from gcs.certainty import certainty
+from gcs.certainty import CONFIRMED, certainty
 from gcs.snapshot import Candidate
 from mavlink.state import FleetState, VehicleStatus
 
-__all__ = ["CandidateWords"]
+__all__ = ["CandidateWords", "doubt_words"]
 
 OLD_S = 2.0
 """A report older than this does not count as where the vehicle is: at 5 m/s it has gone ten metres."""
@@ -18,6 +19,25 @@ FAR_DEVIATIONS = 3.0
 """A box that belongs to the vehicle is farther in one of ninety cases (two axes)."""
 MOST_REASONS = 2
 """More do not fit on a line, and the weightiest comes first."""
+_WORDS = {
+    Doubt.NONE: "",
+    Doubt.FIT: "film and telemetry are not known to belong together",
+    Doubt.DOUBLE: "another vehicle reports the same place",
+    Doubt.PLACE: "another vehicle stands too near to tell by place alone",
+    Doubt.UNPROVEN: "vehicles have not driven like their boxes for long enough yet",
+    Doubt.MISSING: "a vehicle of ours is not accounted for",
+    Doubt.UNSTEADY: "not as sure for two seconds yet",
+    Doubt.COMMON_BOX: "its box is probably round two vehicles",
+    Doubt.COASTING: "its box is predicted, and one that is seen has the name",
+    Doubt.OWN_WORD: "it doubts its own position",
+    Doubt.CONTESTED: "several senders use its id",
+}
+
+
+def doubt_words(identities: Identities) -> list[str]:
+    """What took most from the probability of each answer that is not sure, in words; empty: nothing."""
+    columns = identities.doubt.tolist(), identities.confidence.tolist()
+    return ["" if sure >= CONFIRMED else _WORDS[Doubt(doubt)] for doubt, sure in zip(*columns, strict=True)]
 
 
 class CandidateWords:

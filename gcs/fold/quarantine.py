@@ -7,20 +7,21 @@ from typing import Any
 
 import numpy as np
 
+from assoc.identification.doubts import Doubt
 from assoc.identification.identifier import Identities
 from mavlink.fleet.fleet import FleetState
 
 __all__ = ["limit_doubted", "withhold_contested"]
 
 _OF_THE_NAME = ("confidence", "residual_m", "position_age_s", "projection", "topology", "fused")
-
-
 _DOUBTED_MOST = 0.75
 """Confidence in a name whose vehicle doubts its own position: it rests on what was seen before."""
 
 
 def limit_doubted(identities: Identities | None, state: FleetState, threshold: float) -> Identities | None:
     """Identities in which names of vehicles that doubt their own positions are of little confidence.
+
+    What is taken from such a name goes to "none of ours".
 
     Args:
         identities: as found.
@@ -30,9 +31,17 @@ def limit_doubted(identities: Identities | None, state: FleetState, threshold: f
     doubtful = [vehicle.system_id for vehicle in state.vehicles[1:] if vehicle.doubted_for]
     if identities is None or not doubtful:
         return identities
-    weak = np.isin(identities.system_id, doubtful)
-    least = np.where(weak, np.minimum(identities.confidence, max(_DOUBTED_MOST, threshold)), identities.confidence)
-    return replace(identities, confidence=least)
+    limit = np.where(np.isin(identities.system_id, doubtful), max(_DOUBTED_MOST, threshold), 1.0)
+    confidence = np.minimum(identities.confidence, limit)
+    over, rows = identities.confidence - confidence, identities.candidates
+    own = rows.system_id == identities.system_id[:, None]
+    told = replace(
+        rows,
+        confidence=np.where(own, confidence[:, None], rows.confidence),
+        none_of_ours=rows.none_of_ours + over,
+    )
+    doubt = np.where(over > 0.0, Doubt.OWN_WORD, identities.doubt)
+    return replace(identities, confidence=confidence, candidates=told, doubt=doubt)
 
 
 def withhold_contested(identities: Identities | None, state: FleetState) -> Identities | None:
@@ -52,5 +61,6 @@ def withhold_contested(identities: Identities | None, state: FleetState) -> Iden
         system_id=np.where(refused, 0, identities.system_id),
         runner_up=np.where(rival, 0, identities.runner_up),
         runner_up_confidence=np.where(rival, np.nan, identities.runner_up_confidence),
+        doubt=np.where(refused, Doubt.CONTESTED, identities.doubt),
         **unknown,
     )

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from assoc.identification.identifier import Identities
 from gcs.certainty import CONFIRMED
+from gcs.fold.candidates import doubt_words
 from gcs.fold.frame_camera import FrameCamera
 from gcs.mission.mission import Mission
 from gcs.snapshot import NAN, Box, Candidate, Standing, VehicleRow
@@ -122,7 +123,11 @@ def _tracked(
     rows = [place | own | {"coasting": at < 0} for place, own, at in zip(places, state, seen, strict=True)]
     if identities is not None:
         evidence, none = _rows(identities, EVIDENCE), identities.candidates.none_of_ours.tolist()
-        rows = [row | known | {"none_of_ours": p} for row, known, p in zip(rows, evidence, none, strict=True)]
+        doubts = doubt_words(identities)
+        rows = [
+            row | known | {"none_of_ours": p, "doubt": doubt}
+            for row, known, p, doubt in zip(rows, evidence, none, doubts, strict=True)
+        ]
     return rows
 
 

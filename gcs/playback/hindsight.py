@@ -193,6 +193,7 @@ def _told(box: Box, course: _Course | None, t_us: int, mission: Mission) -> Box:
         told = replace(_without_evidence(box), residual_m=known[name].distance_m if name in known else NAN)
     return replace(
         told,
+        doubt="",
         system_id=name,
         confidence=float(p[-1] if first is None else p[first]),
         runner_up=system_ids[others[0]] if others else 0,

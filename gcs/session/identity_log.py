@@ -105,7 +105,8 @@ def json_row(snapshot: Snapshot, box: Box) -> str:
         "lon": _number(box.lon_deg, 7),
     }
     # rows of recordings without statements stay as they were
-    return msgspec.json.encode(row | ({"stated": True} if box.stated else {})).decode()
+    told = {"stated": True} if box.stated else {}
+    return msgspec.json.encode(row | told | ({"doubt": box.doubt} if box.doubt else {})).decode()
 
 
 def _number(value: float, digits: int) -> float:

@@ -49,6 +49,7 @@ COLUMNS = {
     "lon": "double",
     "place_std_m": "double",
     "stated": "bool",
+    "doubt": "string",
 }
 """Columns with their Arrow types; null is unknown."""
 _BOX, _ENU = ("cx", "cy", "w", "h", "angle"), ("east_m", "north_m", "up_m")
@@ -79,6 +80,7 @@ class EvidenceRow(msgspec.Struct, frozen=True):
     lon: float | None
     place_std_m: float | None = None
     stated: bool = False
+    doubt: str | None = None
 
 
 class IdentityTable:

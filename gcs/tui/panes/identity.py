@@ -166,11 +166,11 @@ def _unnamed(snapshot: Snapshot, box: Box | None, width: int) -> list[list[Part]
 
 
 def _candidates(snapshot: Snapshot, box: Box, width: int) -> list[list[Part]]:
-    """A line for each candidate: name, probability, bar, distance, and what speaks against it."""
+    """What took from the answer, then a line a candidate: name, probability, bar, distance, what speaks against it."""
     if not box.candidates:
         why = "not tracked yet" if not box.track_id else "nothing to compare: the camera's pose is unknown"
         return [] if snapshot.pose != "unknown" and box.track_id else _text(("candidates", why, FAINT), width)
-    lines: list[list[Part]] = []
+    lines: list[list[Part]] = _text(("doubt", plain(box.doubt), WARN), width) if box.doubt else []
     for candidate in box.candidates:
         own = candidate.system_id == box.system_id
         colour = standing_colour(standing_of(snapshot, box)) if own else INK

@@ -8,11 +8,18 @@ import numpy as np
 import pytest
 
 from assoc.identification.identifier import Candidates, Identities
-from gcs.fold.quarantine import withhold_contested
+from gcs.fold.candidates import doubt_words
+from gcs.fold.quarantine import limit_doubted, withhold_contested
 from gcs.session.identity_log import IdentityLog, read_identity
 from mavlink.fleet.fleet import Fleet
 from tests.support.fake_station import START_US, make_snapshot
 
+CANDIDATES = replace(
+    Candidates.empty(4),
+    system_id=np.array([[11, 12], [12, 11], [11, 14], [13, 14]]),
+    confidence=np.array([[0.97, 0.02], [0.99, 0.01], [0.1, 0.05], [0.91, 0.05]]),
+    none_of_ours=np.array([0.01, 0.0, 0.8, 0.04]),
+)
 IDENTITIES = Identities(
     track_id=np.array([3, 4, 5, 6]),
     system_id=np.array([11, 12, 0, 13]),
@@ -25,13 +32,17 @@ IDENTITIES = Identities(
     topology=np.array([0.9, 0.9, np.nan, 0.9]),
     fused=np.array([0.9, 0.9, np.nan, 0.9]),
     conflict=(),
-    candidates=Candidates.empty(4),
+    candidates=CANDIDATES,
+    doubt=np.array([0, 0, 4, 0]),
 )
 
 
-def state_of(*contested):
+def state_of(*contested, doubted=()):
     state = Fleet(1, (11, 12, 13)).at(START_US)
     vehicles = tuple(replace(vehicle, contested=vehicle.system_id in contested) for vehicle in state.vehicles)
+    vehicles = tuple(
+        replace(vehicle, doubted_for="no fix" if vehicle.system_id in doubted else "") for vehicle in vehicles
+    )
     return replace(state, vehicles=vehicles)
 
 
@@ -49,6 +60,24 @@ def test_nobody_is_named_while_the_cameras_own_id_is_contested():
     kept = withhold_contested(IDENTITIES, state_of(1))
     assert not kept.system_id.any() and not kept.runner_up.any()
     assert kept.confidence[2] == IDENTITIES.confidence[2]
+
+
+def test_what_a_vehicles_own_doubt_takes_goes_to_none_of_ours():
+    told = limit_doubted(IDENTITIES, state_of(doubted=(12,)), 0.5)
+    assert told.confidence.tolist() == [0.97, 0.75, 0.8, 0.91]
+    before = IDENTITIES.candidates.confidence.sum(axis=1) + IDENTITIES.candidates.none_of_ours
+    np.testing.assert_allclose(told.candidates.confidence.sum(axis=1) + told.candidates.none_of_ours, before)
+    assert told.candidates.confidence[1].tolist() == [0.75, 0.01]
+
+
+def test_doubts_are_told_of_answers_that_are_not_sure():
+    told = withhold_contested(limit_doubted(IDENTITIES, state_of(12, doubted=(13,)), 0.5), state_of(12))
+    assert doubt_words(told) == [
+        "",
+        "several senders use its id",
+        "vehicles have not driven like their boxes for long enough yet",
+        "it doubts its own position",
+    ]
 
 
 @pytest.mark.parametrize("identities", [None, IDENTITIES])
