@@ -39,6 +39,10 @@ class BoxCounts:
     right: int
     ours_named: int
     false_named: int
+    strangers: int
+    """Boxes said to be none of ours at confidence ≥ 0.9."""
+    false_strangers: int
+    """Of these, boxes of ours, also of vehicles that nothing can name."""
     answered: int
     """Boxes of ours in windows in which the method answered at all."""
     switches: int
@@ -56,8 +60,17 @@ class BoxCounts:
     """The same of later ones."""
 
 
-def tally(m: Matched, fps: float) -> BoxCounts:
-    """Count matched boxes; names below 0 are unanswered."""
+def tally(m: Matched, fps: float, nameless: frozenset[int] = frozenset()) -> BoxCounts:
+    """Count matched boxes; names below 0 are unanswered.
+
+    Args:
+        m: The boxes.
+        fps: Frames per second.
+        nameless: Vehicles that nothing can name: they count as none of ours, but a stranger is somebody else.
+    """
+    strangers = (m.named == 0) & (m.track > 0) & (m.confidence >= SURE)
+    false_strangers = int((strangers & (m.truth > 0)).sum())
+    m = without_nameless(m, nameless)
     whole = score(m)
     ours, false, named = m.truth > 0, (m.truth <= 0) & (m.named > UNANSWERED), m.named > 0
     right = ours & (m.named == m.truth)
@@ -70,6 +83,8 @@ def tally(m: Matched, fps: float) -> BoxCounts:
         right=int(right.sum()),
         ours_named=int((ours & named).sum()),
         false_named=int((false & named).sum()),
+        strangers=int(strangers.sum()),
+        false_strangers=false_strangers,
         answered=int((ours & (m.named > UNANSWERED)).sum()),
         switches=whole.switches,
         swaps=_swaps(m),

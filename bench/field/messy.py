@@ -1,4 +1,4 @@
-"""Families in which ordinary errors come together: strangers, missed boxes, slow biases, and what comes late."""
+"""Families of ordinary errors together: strangers, missed boxes, slow biases, what comes late, and who falls silent."""
 
 from __future__ import annotations
 
@@ -24,12 +24,16 @@ __all__ = [
     "LATE_HARD",
     "MESSY",
     "MESSY_HARD",
+    "MISSING",
+    "MISSING_HARD",
     "crowded",
     "crowded_hard",
     "late",
     "late_hard",
     "messy",
     "messy_hard",
+    "missing",
+    "missing_hard",
 ]
 
 MESSY = ("straight down", "-60°", "-45°")
@@ -38,6 +42,9 @@ CROWDED = ("recall 0.85", "recall 0.85, bursts", "recall 0.8")
 CROWDED_HARD = ("recall 0.7", "recall 0.7, bursts", "recall 0.7, bias 1.5 m")
 LATE = ("each to 1 s", "UAV 0.5 s", "film 2 s", "film -1 s")
 LATE_HARD = ("each to 1.5 s", "UAV 0.8 s", "film 5 s", "film -3 s, each to 0.7 s")
+
+MISSING = ("silent", "frozen", "jump", "lag")
+MISSING_HARD = ("silent, silent", "silent, jump", "frozen, drift", "silent from the start")
 
 
 def messy(k: int, rng: np.random.Generator) -> Scenario:
@@ -116,6 +123,33 @@ def _late(label: str, k: int, rng: np.random.Generator) -> Scenario:
             declared_offset="zero" if "film" in size else "exact",
         ),
         faults=_late_each(ground, 0.2, size["each"], rng) if "each" in size else (),
+    )
+
+
+def missing(k: int, rng: np.random.Generator) -> Scenario:
+    """The reports of one vehicle stop, stand still, are 15 m beside it or 3 s late, and strangers drive by."""
+    return _missing(k, MISSING[k], rng)
+
+
+def missing_hard(k: int, rng: np.random.Generator) -> Scenario:
+    """Those of two, in two ways, or of one that was never heard."""
+    return _missing(k, MISSING_HARD[k], rng)
+
+
+def _missing(k: int, label: str, rng: np.random.Generator) -> Scenario:
+    start_s = FROM_THE_START_S if "from the start" in label else float(rng.uniform(6.0, 12.0))
+    kinds = [part.split()[0] for part in label.split(", ")]
+    faults = tuple(
+        ScenarioFault(vehicle=int(vehicle), kind=kind, start_s=start_s)  # type: ignore[arg-type]
+        for vehicle, kind in zip(rng.choice(7, len(kinds), replace=False), kinds, strict=True)
+    )
+    return session(
+        ground=road(k),
+        gnss=gnss(rng),
+        attitude=slight(rng),
+        detector=ScenarioDetector(miss=0.05, miss_run_s=1.5),
+        targets=Targets(moving=2, lookalikes=2),
+        faults=faults,
     )
 
 

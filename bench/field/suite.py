@@ -13,7 +13,7 @@ from pathlib import Path
 
 from bench.drawing import MISSING, pyplot, read_rows
 from bench.field.families import FAMILIES, Split, film_of, has_pixels, label_of, scenario_of, seeds_of
-from bench.field.measure import BoxCounts, matched_names, tally, without_nameless
+from bench.field.measure import BoxCounts, matched_names, tally
 from bench.field.pixels import write_motion
 from bench.field.product import identify
 from bench.field.residual import mean_residual
@@ -66,15 +66,15 @@ def play(task: Task) -> Outcome:
     if task.rivals and film is None:
         scene = scene_of(scenario)
         answers = [*by_windows(scene).items(), ("mean residual", mean_residual(scene))]
-        rivals = {name: tally(without_nameless(matched_names(scene, names), nameless), fps) for name, names in answers}
+        rivals = {name: tally(matched_names(scene, names), fps, nameless) for name, names in answers}
     return Outcome(
         family=task.family,
         hard=task.hard,
         seed=task.seed,
         label=label_of(task.family, task.hard, task.seed),
         vehicles=scenario.fleet_size,
-        product=tally(without_nameless(played.matched, nameless), fps),
-        afterwards=tally(without_nameless(played.afterwards, nameless), fps),
+        product=tally(played.matched, fps, nameless),
+        afterwards=tally(played.afterwards, fps, nameless),
         rivals=rivals,
         wall_ms=played.wall_ms,
         cpu_ms=played.cpu_ms,

@@ -60,6 +60,8 @@ class Summary:
     right: float
     coverage: float
     fper: float
+    false_strangers: float
+    """Of boxes surely called strangers, those that are ours."""
     answered: float
     switches: int
     swaps: int
@@ -96,6 +98,7 @@ def summarise(tallies: Sequence[BoxCounts]) -> Summary:
         right=_percent(total["right"], total["ours"]),
         coverage=_percent(total["ours_named"], total["ours"]),
         fper=_percent(total["false"] - total["false_named"], total["false"]),
+        false_strangers=_percent(total["false_strangers"], total["strangers"]),
         answered=_percent(total["answered"], total["ours"]),
         switches=total["switches"],
         swaps=total["swaps"],
@@ -112,7 +115,10 @@ def summarise(tallies: Sequence[BoxCounts]) -> Summary:
     )
 
 
-_COUNTS = ("ours", "named", "right", "ours_named", "false", "false_named", "answered", "switches", "swaps")
+_COUNTS = (
+    *("ours", "named", "right", "ours_named", "false", "false_named", "strangers", "false_strangers"),
+    *("answered", "switches", "swaps"),
+)
 
 
 def ece_of(bins: FloatArray) -> float:

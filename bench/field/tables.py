@@ -19,7 +19,8 @@ __all__ = ["RIVALS", "number", "report", "write_reliability", "write_sessions"]
 
 RIVALS = ("projection", "topology", "fused", "TTS", "mean residual")
 _HEAD = (
-    *("family", "sessions", "precision", "right", "coverage", "FPER", "first s, median / p90", "again s, median / p90"),
+    *("family", "sessions", "precision", "right", "coverage", "FPER", "false strangers"),
+    *("first s, median / p90", "again s, median / p90"),
     *("wrong ≥ 0.9, s", "ECE", "switches", "IDF1", "tracks' IDF1", "swaps", "slandered", "CPU ms a frame, mean / p95"),
 )
 
@@ -42,7 +43,8 @@ def report(outcomes: Sequence[Outcome], title: str) -> str:
 
 _WORDS = """\
 Shares in percent of all boxes. precision: right names of names given. right: rightly named of our boxes. coverage:
-named of our boxes. FPER: boxes of false targets left unnamed. first: seconds a vehicle is in view before a right
+named of our boxes. FPER: boxes of false targets left unnamed. false strangers: those of ours among boxes that
+are none of ours by a confidence of 0.9 or more. first: seconds a vehicle is in view before a right
 name that then holds for a second; again: the same after two seconds unseen. wrong ≥ 0.9: vehicle-seconds with a wrong
 name at confidence 0.9 or more. By hindsight: as `gcs identify` names recordings, which looks once more where the film
 proves to be dated wrongly. swaps: times a track went over from one target to another. slandered: vehicles said to
@@ -73,7 +75,7 @@ def _product_row(name: str, group: Sequence[Outcome]) -> list[str]:
     return [
         name,
         str(s.sessions),
-        *(number(v) for v in (s.precision, s.right, s.coverage, s.fper)),
+        *(number(v) for v in (s.precision, s.right, s.coverage, s.fper, s.false_strangers)),
         f"{number(s.first_median_s)} / {number(s.first_p90_s)}",
         f"{number(s.again_median_s)} / {number(s.again_p90_s)}",
         number(s.wrong_sure_s, 1),
@@ -92,9 +94,10 @@ def _hindsight_table(outcomes: Sequence[Outcome]) -> str:
     rows = []
     for name, group in _grouped(outcomes):
         s = summarise([o.afterwards for o in group])
-        shares = (s.precision, s.right, s.fper)
+        shares = (s.precision, s.right, s.fper, s.false_strangers)
         rows.append([name, *(number(v) for v in shares), number(s.wrong_sure_s, 1), number(s.ece, 3)])
-    return markdown_table(("family", "precision", "right", "FPER", "wrong ≥ 0.9, s", "ECE"), rows)
+    names = ("family", "precision", "right", "FPER", "false strangers", "wrong ≥ 0.9, s", "ECE")
+    return markdown_table(names, rows)
 
 
 def _goals_of(group: Sequence[Outcome]) -> str:
