@@ -16,7 +16,7 @@ from bench.field.scene import SessionFrames
 from bench.field.windows import UNANSWERED
 from gcs.report.score import Matched, score
 
-__all__ = ["EDGES", "BoxCounts", "delays", "matched_names", "tally", "without_nameless"]
+__all__ = ["EDGES", "BoxCounts", "delays", "matched_names", "tally"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -70,7 +70,7 @@ def tally(m: Matched, fps: float, nameless: frozenset[int] = frozenset()) -> Box
     """
     strangers = (m.named == 0) & (m.track > 0) & (m.confidence >= SURE)
     false_strangers = int((strangers & (m.truth > 0)).sum())
-    m = without_nameless(m, nameless)
+    m = _without_nameless(m, nameless)
     whole = score(m)
     ours, false, named = m.truth > 0, (m.truth <= 0) & (m.named > UNANSWERED), m.named > 0
     right = ours & (m.named == m.truth)
@@ -96,7 +96,7 @@ def tally(m: Matched, fps: float, nameless: frozenset[int] = frozenset()) -> Box
     )
 
 
-def without_nameless(m: Matched, nameless: frozenset[int]) -> Matched:
+def _without_nameless(m: Matched, nameless: frozenset[int]) -> Matched:
     """Matched boxes where vehicles that nothing can name count as none of ours.
 
     Boxes of theirs that are named rightly all the same are left out, any other name is one given to a false target.

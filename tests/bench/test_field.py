@@ -8,7 +8,7 @@ import pytest
 from bench.field.explain import spans
 from bench.field.families import FAMILIES, UNRELATED, film_of, has_pixels, label_of, scenario_of, seeds_of
 from bench.field.goals import ALL, GOALS, Goal, judge
-from bench.field.measure import EDGES, BoxCounts, delays, matched_names, tally, without_nameless
+from bench.field.measure import EDGES, BoxCounts, delays, matched_names, tally
 from bench.field.pixels import write_motion
 from bench.field.product import identify
 from bench.field.residual import mean_residual
@@ -191,7 +191,7 @@ def test_spans_join_what_is_wrong_alike():
 def outcome(family, hard, label, right, named=100, **parts):
     product = BoxCounts(
         frames=10, ours=100, false=0, named=named, right=right, ours_named=named, false_named=0, answered=100,
-        switches=0, swaps=0, wrong_sure_s=0.0, track_idf1=1.0, first_s=(0.1, 0.2),
+        strangers=40, false_strangers=2, switches=0, swaps=0, wrong_sure_s=0.0, track_idf1=1.0, first_s=(0.1, 0.2),
     )  # fmt: skip
     ms = np.full(10, 4.0)
     values = {"faulty": frozenset(), "spoofed": frozenset(), "accused": frozenset(), "vehicles": 7} | parts
@@ -220,6 +220,7 @@ def test_the_tables_name_what_was_missed(tmp_path):
     text = report(played, "a test")
     assert "precision 90.00 < 99.95" in text
     assert "right (grid 4 m) 80.00 < 82" in text
+    assert "false strangers 5.00 > 1" in text
     write_sessions(played, tmp_path / "sessions.csv")
     write_reliability(played, tmp_path / "reliability.csv")
     with (tmp_path / "sessions.csv").open(newline="") as file:
@@ -255,15 +256,17 @@ def test_only_unrelated_films_are_of_another_flight_and_of_the_same_camera(hard)
 
 def test_who_cannot_be_named_must_not_be():
     m = matched([11, 11, 12, 12, 12], [11, 0, 12, 11, 0], confidence=[0.9] * 5)
-    one = tally(without_nameless(m, frozenset({12})), 10.0)
+    one = tally(m, 10.0, frozenset({12}))
     # the right name of box 3 is left out; the wrong one of box 4 counts as one on a false target
     assert (one.ours, one.right, one.named, one.false, one.false_named) == (2, 1, 2, 2, 1)
+    # boxes 2 and 5 are ours, whoever can be named
+    assert (one.strangers, one.false_strangers) == (2, 2)
 
 
 def test_films_of_another_flight_have_a_table_and_a_goal():
     stranger = BoxCounts(
         frames=10, ours=0, false=200, named=3, right=0, ours_named=0, false_named=3, answered=0,
-        switches=0, swaps=0, wrong_sure_s=0.2, track_idf1=math.nan,
+        strangers=150, false_strangers=0, switches=0, swaps=0, wrong_sure_s=0.2, track_idf1=math.nan,
     )  # fmt: skip
     film = outcome(UNRELATED, False, "oblique", 0, mismatch_s=12.0)
     film = dataclasses.replace(film, product=stranger, rivals={})
