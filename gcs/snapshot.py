@@ -100,6 +100,8 @@ class Alarm:
     """What to do."""
     since_us: int
     system_id: int = 0
+    doubts_name: bool = False
+    """Nobody is to act on that vehicle's name meanwhile."""
     reported: Reported = ""
     acknowledged: bool = False
     """In a replay: the operator had acknowledged it in flight."""
@@ -363,6 +365,11 @@ class Snapshot:
     """Of the mission's alarms."""
     fence_enu: tuple[NDArray[np.float64], ...] = ()
     """Outline (n, 2) of each fence of the mission; the last corner is joined to the first."""
+
+    @property
+    def doubted(self) -> frozenset[int]:
+        """System ids of vehicles on whose names nobody is to act."""
+        return frozenset(alarm.system_id for alarm in self.alarms if alarm.doubts_name)
 
     @property
     def boxes_age_s(self) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 from assoc.identification.doubts import Doubt
 from assoc.identification.identifier import Candidates, Identities
@@ -49,23 +49,28 @@ class CandidateWords:
         self._names: list[int] = []
         self._words: list[tuple[Candidate, ...]] = []
 
-    def of(self, identities: Identities | None, state: FleetState) -> Sequence[tuple[Candidate, ...]]:
+    def of(
+        self, identities: Identities | None, state: FleetState, contradicted: Collection[int] = ()
+    ) -> Sequence[tuple[Candidate, ...]]:
         """The candidates of each track, in the order of the identities.
 
         Args:
             identities: of a frame, None without a camera pose.
             state: the fleet.
+            contradicted: vehicles whose positions contradict the video.
         """
         if identities is None:
             return ()
         names = identities.system_id.tolist()
         if identities.candidates is not self._said_of or names != self._names:
             self._said_of, self._names = identities.candidates, names
-            self._words = _in_words(identities, state, self._threshold)
+            self._words = _in_words(identities, state, self._threshold, contradicted)
         return self._words
 
 
-def _in_words(identities: Identities, state: FleetState, threshold: float) -> list[tuple[Candidate, ...]]:
+def _in_words(
+    identities: Identities, state: FleetState, threshold: float, contradicted: Collection[int]
+) -> list[tuple[Candidate, ...]]:
     """The candidates of each track; ``threshold``: least confidence of a name."""
     status = {each.system_id: each for each in state.vehicles}
     rows = identities.candidates
@@ -86,7 +91,8 @@ def _in_words(identities: Identities, state: FleetState, threshold: float) -> li
         row = []
         for vehicle, confidence, distance_m, deviation, age_s, better, better_sure in numbers:
             own = vehicle == names[track]
-            reasons = list(_of_its_reports(status.get(vehicle), deviation, age_s))
+            reasons = ["its position contradicts the video"] if vehicle in contradicted else []
+            reasons += _of_its_reports(status.get(vehicle), deviation, age_s)
             if not own:
                 reasons += _of_its_rivals(confidence, none[track], threshold, better, better_sure)
             row.append(

@@ -1,12 +1,13 @@
-"""Names from one frame to the next: which came, changed or went and why, and whose position contradicts the video."""
+"""Names from one frame to the next: which came, changed or went, and why."""
 
 from __future__ import annotations
+
+from collections.abc import Collection
 
 import numpy as np
 
 from assoc.identification.identifier import Identities
 from gcs.certainty import certainty
-from gcs.health.vehicle_alarms import APART_M, APART_S, APART_STDS
 from gcs.mission.mission import Mission
 from gcs.snapshot import Event, Level
 from mavlink.fleet.fleet import FleetState
@@ -23,16 +24,13 @@ class NameChanges:
 
     Attributes:
         by_track: system id by the track that carries its name now.
-        conflicts: system ids of vehicles whose positions contradict the video.
         began_anew: set when all evidence is given up, until the next frame.
     """
 
     def __init__(self, mission: Mission) -> None:
         self._mission = mission
-        self._apart_since_us: dict[int, int] = {}
         self._at_border: frozenset[int] = frozenset()
         self.by_track: dict[int, int] = {}
-        self.conflicts: frozenset[int] = frozenset()
         self.began_anew = False
 
     def update(
@@ -42,6 +40,7 @@ class NameChanges:
         state: FleetState,
         tracks: Tracks,
         size: tuple[int, int] | None,
+        suspected: Collection[int] = (),
     ) -> list[Event]:
         """Take in one frame; returns an event for each name that came, changed or went.
 
@@ -51,12 +50,11 @@ class NameChanges:
             state: the fleet then.
             tracks: after it.
             size: its width and height, px, None unknown.
+            suspected: vehicles whose positions contradict the video now.
         """
         before = self.by_track
-        self.conflicts = self._apart_from_video(t_us, identities, state)
         found: dict[int, tuple[int, float]] = {}
         if identities is not None:
-            self.conflicts |= frozenset(identities.conflict)
             columns = identities.track_id.tolist(), identities.system_id.tolist(), identities.confidence.tolist()
             found = {track: (vehicle, sure) for track, vehicle, sure in zip(*columns, strict=True)}
         self.by_track = {track: vehicle for track, (vehicle, _) in found.items() if vehicle}
@@ -64,7 +62,7 @@ class NameChanges:
         events = self._given(t_us, before, found)
         for track, vehicle in lost.items():
             text = f"track {track} is no longer {self._mission.name_of(vehicle)}: "
-            text += self._reason(track, vehicle, identities, state)
+            text += self._reason(track, vehicle, identities, state, suspected)
             events.append(Event(t_us=t_us, level="info", kind="identity", text=text, system_id=vehicle))
         self._at_border = _tracks_at_border(tracks, size)
         self.began_anew = False
@@ -81,7 +79,14 @@ class NameChanges:
                 events.append(Event(t_us=t_us, level=level, kind="identity", text=text, system_id=vehicle))
         return events
 
-    def _reason(self, track: int, vehicle: int, identities: Identities | None, state: FleetState) -> str:
+    def _reason(
+        self,
+        track: int,
+        vehicle: int,
+        identities: Identities | None,
+        state: FleetState,
+        suspected: Collection[int],
+    ) -> str:
         """Why a track does not carry a vehicle's name any more."""
         status = {each.system_id: each for each in state.vehicles}[vehicle]
         if self.began_anew:
@@ -100,20 +105,12 @@ class NameChanges:
         if status.position_state in ("refused", "lost"):
             because = f": {status.refused_for}" if status.position_state == "refused" and status.refused_for else ""
             return f"its positions are {status.position_state}{because}"
+        if vehicle in suspected:
+            return "its position contradicts the video"
         none = float(identities.candidates.none_of_ours[rows[0]])
         if none > NONE_LIKELIER:
             return f"none of ours is likelier ({certainty(none)})"
         return "the evidence does not suffice"
-
-    def _apart_from_video(self, t_us: int, identities: Identities | None, state: FleetState) -> frozenset[int]:
-        """Vehicles that have long reported to be far from their own boxes, by more than their receivers' noise."""
-        before, self._apart_since_us = self._apart_since_us, {}
-        if identities is not None:
-            std_m = dict(zip(state.system_id.tolist(), state.std_m.tolist(), strict=True))
-            for vehicle, away_m in zip(identities.system_id.tolist(), identities.residual_m.tolist(), strict=True):
-                if vehicle and away_m > APART_M + APART_STDS * std_m[vehicle]:
-                    self._apart_since_us[vehicle] = before.get(vehicle, t_us)
-        return frozenset(v for v, since_us in self._apart_since_us.items() if t_us - since_us >= APART_S * 1e6)
 
 
 def _tracks_at_border(tracks: Tracks, size: tuple[int, int] | None) -> frozenset[int]:

@@ -16,6 +16,7 @@ from assoc.geometry.ground import YAW
 from assoc.identification.identifier import CameraState, Identifier, IdentifierParams, Identities
 from gcs.fold.camera_errors import with_camera_errors
 from gcs.fold.candidates import CandidateWords
+from gcs.fold.contradictions import Contradictions
 from gcs.fold.evidence import camera_of, observation_of, reports_of
 from gcs.fold.fences import Fences
 from gcs.fold.frame_camera import FrameCamera, camera_aim, expected_pixels, ground_warp, reported_pixels
@@ -23,9 +24,9 @@ from gcs.fold.frame_cameras import FrameCameras
 from gcs.fold.ground.contact import pixel_lengths
 from gcs.fold.name_changes import NameChanges
 from gcs.fold.notice_events import NoticeEvents
-from gcs.fold.quarantine import limit_doubted, withhold_contested
+from gcs.fold.quarantine import limit_doubted, withhold_names
 from gcs.fold.since import Since
-from gcs.fold.snapshot_rows import boxes_of, vehicle_rows
+from gcs.fold.snapshot_rows import boxes_of, vehicle_rows, with_standings
 from gcs.fold.statements import Statements
 from gcs.health.alarms import Alarms
 from gcs.health.event_throttle import EventThrottle
@@ -120,6 +121,7 @@ class Pipeline:
         self._look: _Look | None = None
         self._frame, self._frame_us, self._clock_us = NO_FRAME, 0, 0
         self._names = NameChanges(mission)
+        self._contradictions = Contradictions()
         self._statements = Statements(mission)
         self._candidates = CandidateWords(mission.identity.threshold)
         self._named_since: Since[int, int] = Since()
@@ -265,8 +267,11 @@ class Pipeline:
             view=view,
             uv=reported_pixels(state, view),
         )
-        identities = self._names_held(state)
-        self._events += self._names.update(t_us, identities, state, tracks, self._cameras.size)
+        seen = set(tracks.track_id[tracks.detection >= 0].tolist())
+        stated = set(self._statements.by_track.values())
+        self._contradictions.update(t_us, self._look.found, state, seen, stated)
+        identities, suspected = self._names_held(state), self._contradictions.suspected
+        self._events += self._names.update(t_us, identities, state, tracks, self._cameras.size, suspected)
         self._events += self._statements.review(t_us, identities, state, self._identifier)
         return self._snapshot(index, t_us, state, view, image, identities, health)
 
@@ -286,7 +291,8 @@ class Pipeline:
     def _names_held(self, state: FleetState) -> Identities | None:
         """Names of the last frame that was looked at, without those that the fleet's state forbids now."""
         found = self._look.found if self._look else None
-        return withhold_contested(limit_doubted(found, state, self.mission.identity.threshold), state)
+        known = limit_doubted(found, state, self.mission.identity.threshold)
+        return withhold_names(known, state, self._contradictions.withheld)
 
     def _report_crowd(self, t_us: int, boxes: int) -> None:
         if boxes > MOST_BOXES and not self._crowded:
@@ -386,7 +392,7 @@ class Pipeline:
         if look is not None and t_us - look.t_us <= HELD_US:
             boxes = boxes_of(
                 *(look.detections, look.wholes, look.tracks, identities, look.uv, look.view, self.fleet.origin),
-                candidates=self._candidates.of(identities, state),
+                candidates=self._candidates.of(identities, state, self._contradictions.standing),
                 named_since=partial(self._named_since.update, t_us),
                 stated=self._statements.by_track,
                 score=self._score,
@@ -395,8 +401,8 @@ class Pipeline:
         width, height = self._cameras.size or (0, 0)
         self._fences.set_origin(self.fleet.origin)
         lapsed = bool(self._frame_us) and t_us - self._frame_us > HELD_US
-        since = partial(self._standing_since.update, t_us)
-        rows = vehicle_rows(self.mission, state, boxes, expected_px, (width, height), since, lapsed=lapsed)
+        contradicted = self._contradictions.standing
+        rows = vehicle_rows(self.mission, state, boxes, expected_px, (width, height), contradicted=contradicted)
         snapshot = Snapshot(
             t_us=t_us,
             frame=self._frame,
@@ -416,7 +422,7 @@ class Pipeline:
             ),
             camera=camera_aim(view, state.uav) if view else None,
             pose="unknown" if view is None else "known" if view.attitude_known else "no attitude",
-            conflicts=self._names.conflicts,
+            conflicts=contradicted,
             origin=self.fleet.origin,
             limits=self.mission.limits,
             fence_enu=self._fences.outlines,
@@ -424,7 +430,9 @@ class Pipeline:
         alarms, changes = self._alarms.update(snapshot)
         events = (*self._events, *self._throttle.overdue(t_us), *changes)
         self._events = []
-        return replace(snapshot, alarms=alarms, events=events)
+        snapshot = replace(snapshot, alarms=alarms, events=events)
+        since = partial(self._standing_since.update, t_us)
+        return replace(snapshot, vehicles=with_standings(snapshot, since, lapsed=lapsed))
 
 
 def _size_of(image: NDArray[np.uint8] | None) -> tuple[int, int] | None:

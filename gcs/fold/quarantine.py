@@ -1,7 +1,9 @@
-"""Names that are not given, of vehicles whose system id several senders use, and names of little confidence."""
+"""Names that are not given: of vehicles whose system id several senders use, or whose positions the video contradicts;
+and names of little confidence."""
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +13,7 @@ from assoc.identification.doubts import Doubt
 from assoc.identification.identifier import Identities
 from mavlink.fleet.fleet import FleetState
 
-__all__ = ["limit_doubted", "withhold_contested"]
+__all__ = ["limit_doubted", "withhold_names"]
 
 _OF_THE_NAME = ("confidence", "residual_m", "position_age_s", "projection", "topology", "fused")
 _DOUBTED_MOST = 0.75
@@ -44,18 +46,25 @@ def limit_doubted(identities: Identities | None, state: FleetState, threshold: f
     return replace(identities, confidence=confidence, candidates=told, doubt=doubt)
 
 
-def withhold_contested(identities: Identities | None, state: FleetState) -> Identities | None:
-    """Identities without the contested names; without any while it is the UAV's own id that is contested.
+def withhold_names(
+    identities: Identities | None, state: FleetState, contradicted: Collection[int] = ()
+) -> Identities | None:
+    """Identities without contested and contradicted names; without any while it is the UAV's own id that is contested.
 
-    Evidence from before the second sender came may be from either of the two.
+    Evidence from before a second sender came may be from either of the two.
+
+    Args:
+        identities: as found.
+        state: who is contested.
+        contradicted: vehicles that get no name until their reports fit the video again.
     """
-    contested = [vehicle.system_id for vehicle in state.vehicles if vehicle.contested]
-    if identities is None or not contested:
+    kept_back = [*state.contested, *contradicted]
+    if identities is None or not kept_back:
         return identities
     all_in_doubt = state.vehicles[0].contested
-    refused = identities.system_id != 0 if all_in_doubt else np.isin(identities.system_id, contested)
+    refused = identities.system_id != 0 if all_in_doubt else np.isin(identities.system_id, kept_back)
     unknown: dict[str, Any] = {name: np.where(refused, np.nan, getattr(identities, name)) for name in _OF_THE_NAME}
-    rival = all_in_doubt | np.isin(identities.runner_up, contested)
+    rival = all_in_doubt | np.isin(identities.runner_up, kept_back)
     return replace(
         identities,
         system_id=np.where(refused, 0, identities.system_id),

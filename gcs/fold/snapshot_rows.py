@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from gcs.certainty import CONFIRMED
 from gcs.fold.candidates import doubt_words
 from gcs.fold.frame_camera import FrameCamera
 from gcs.mission.mission import Mission
-from gcs.snapshot import NAN, Box, Candidate, Standing, VehicleRow
+from gcs.snapshot import NAN, Box, Candidate, Snapshot, Standing, VehicleRow
 from mavlink.fleet.fleet import FleetState
 from mavlink.geodesy import LocalFrame
 from vision.camera.camera import ground
@@ -22,7 +23,7 @@ from vision.detect.detections import Detections
 from vision.track.parts import Wholes
 from vision.track.tracks import Tracks
 
-__all__ = ["boxes_of", "standing_of", "vehicle_rows"]
+__all__ = ["boxes_of", "standing_of", "vehicle_rows", "with_standings"]
 
 FloatArray = NDArray[np.float64]
 EVIDENCE = (
@@ -137,9 +138,8 @@ def vehicle_rows(
     boxes: tuple[Box, ...],
     expected_px: Mapping[int, tuple[float, float]] | None,
     size: tuple[int, int],
-    standing_since: Callable[[int, Standing], int],
     *,
-    lapsed: bool = False,
+    contradicted: Collection[int] = (),
 ) -> tuple[VehicleRow, ...]:
     """The fleet table, UAV first.
 
@@ -150,8 +150,10 @@ def vehicle_rows(
         expected_px: Where the vehicles' reports put them in the image plane, by system id; those behind the camera are
             not in it. None when the camera's pose is unknown.
         size: Width and height of the image, px.
-        standing_since: Since when a vehicle has had a standing.
-        lapsed: The last frame came so long ago that nothing is known of what the camera sees.
+        contradicted: Vehicles whose positions contradict the video: without a box nobody knows where they are.
+
+    Returns:
+        Their rows, which have no standing yet.
     """
     by_name = {box.system_id: box for box in reversed(boxes) if box.system_id}
     rows = []
@@ -160,8 +162,8 @@ def vehicle_rows(
         box = None if is_uav else by_name.get(status.system_id)
         uv = (expected_px or {}).get(status.system_id)
         unseen = is_uav or expected_px is None or not state.valid[k - 1]
-        in_view = None if unseen else uv is not None and _inside(uv, size)
-        standing = standing_of(status.position_state, box, in_view, lapsed=lapsed)
+        lies = status.system_id in contradicted and box is None
+        in_view = None if unseen or lies else uv is not None and _inside(uv, size)
         rows.append(
             VehicleRow(
                 system_id=status.system_id,
@@ -179,8 +181,6 @@ def vehicle_rows(
                 heading=state.uav.yaw if is_uav else float(state.heading[k - 1]),
                 std_m=float("nan") if is_uav else float(state.std_m[k - 1]),
                 in_view=in_view,
-                standing=standing,
-                standing_since_us=standing_since(status.system_id, standing),
                 expected_px=uv,
                 track_id=box.track_id if box else 0,
                 confidence=box.confidence if box else float("nan"),
@@ -204,25 +204,45 @@ def vehicle_rows(
     return tuple(rows)
 
 
+def with_standings(
+    snapshot: Snapshot, standing_since: Callable[[int, Standing], int], *, lapsed: bool
+) -> tuple[VehicleRow, ...]:
+    """The fleet table with the standing of each vehicle.
+
+    Args:
+        snapshot: With its alarms, and rows without standings.
+        standing_since: Since when a vehicle has had a standing.
+        lapsed: The last frame came so long ago that nothing is known of what the camera sees.
+    """
+    by_name = {box.system_id: box for box in reversed(snapshot.boxes) if box.system_id}
+    rows = []
+    for row in snapshot.vehicles:
+        standing = standing_of(row, by_name.get(row.system_id), snapshot, lapsed=lapsed)
+        since_us = standing_since(row.system_id, standing)
+        rows.append(replace(row, standing=standing, standing_since_us=since_us))
+    return tuple(rows)
+
+
 def _inside(uv: tuple[float, float], size: tuple[int, int]) -> bool:
     return bool(0 <= uv[0] < size[0] and 0 <= uv[1] < size[1])
 
 
-def standing_of(position_state: str, box: Box | None, in_view: bool | None, *, lapsed: bool) -> Standing:
+def standing_of(row: VehicleRow, box: Box | None, now: Snapshot, *, lapsed: bool) -> Standing:
     """Standing of a vehicle: how sure the box with its name is, or why no box has it.
 
     Args:
-        position_state: of its row.
+        row: its own.
         box: The one with its name, None without one.
-        in_view: Whether its reported position is in view, None unknown.
+        now: The snapshot with its alarms: a name on which nobody is to act is not confirmed.
         lapsed: The last frame came so long ago that nothing is known of what the camera sees.
     """
     if box is not None:
         if box.coasting:
             return "coasting"
-        return "confirmed" if box.confidence >= CONFIRMED else "tentative"
-    if position_state in ("never", "lost", "refused", "contested"):
+        sure = box.confidence >= CONFIRMED and row.system_id not in now.doubted
+        return "confirmed" if sure else "tentative"
+    if row.position_state in ("never", "lost", "refused", "contested") or row.system_id in now.conflicts:
         return "no position"
-    if in_view is False:
+    if row.in_view is False:
         return "out of view"
     return "no new frame" if lapsed else "unidentified"

@@ -47,6 +47,8 @@ class AlarmRule(Generic[Subject]):
     """Whether each detail is an alarm of its own."""
     kept_while: Callable[[Subject, Snapshot], bool] | None = None
     """While this holds, an alarm that was raised before is not over, and none is raised."""
+    doubts_name: bool = False
+    """Nobody is to act on the vehicle's name meanwhile: it does not count as confirmed."""
     lasts_s: float = 0.0
     """It must last so long to be raised."""
     clears_after_s: float = CLEARS_AFTER_S

@@ -158,6 +158,7 @@ def _alarm(state: _State) -> Alarm:
         advice=rule.advice,
         since_us=state.raised_us,
         system_id=finding.system_id,
+        doubts_name=rule.doubts_name,
     )
 
 

@@ -155,6 +155,7 @@ CONDITION_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         meaning=f"it had a position, and its receiver reports none or only 2D for {NO_FIX_S:g} s",
         advice="its position is guessed from motion: do not act on its name; look for trees, walls and jammers near it",
         condition=_without_fix,
+        doubts_name=True,
         lasts_s=NO_FIX_S,
     ),
     AlarmRule(
@@ -166,6 +167,7 @@ CONDITION_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         advice="put right what it names",
         condition=lambda row, _: bool(row.condition.arming) and answers(row) and not row.contested,
         detail=lambda row, _: first_of(row.condition.arming),
+        kept_while=lambda row, _: bool(row.condition.arming) and not answers(row),
         lasts_s=CHECKS_S,
     ),
     AlarmRule(
@@ -177,6 +179,7 @@ CONDITION_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         advice="bring it back and look at it; do not start with it",
         condition=lambda row, _: bool(row.condition.faults) and answers(row) and not row.contested,
         detail=lambda row, _: first_of(row.condition.faults),
+        kept_while=lambda row, _: bool(row.condition.faults) and not answers(row),
         lasts_s=CHECKS_S,
     ),
     AlarmRule(

@@ -73,6 +73,11 @@ def _camera_off(health: Health, error: float, std: float, limit_deg: float) -> b
     return health.fit > 1.0 - FIT and math.degrees(std) < TURNED_STD_DEG and abs(math.degrees(error)) > limit_deg
 
 
+def _unsure(health: Health, std: float) -> bool:
+    """Whether it is not known whether the camera still has that error."""
+    return not (health.fit > 1.0 - FIT and math.degrees(std) < TURNED_STD_DEG)
+
+
 def _off(error: float, more: str, less: str) -> str:
     return f"{abs(math.degrees(error)):.0f}° {more if error > 0.0 else less}"
 
@@ -202,6 +207,7 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         advice="it is corrected in flight; measure it and put it into the mission as video_offset_s",
         condition=_video_clock_off,
         detail=_video_clock,
+        kept_while=lambda health, _: not health.time_offset_std_s < CLOCK_OFFSET_S,
         lasts_s=CLOCK_OFFSET_FOR_S,
     ),
     AlarmRule(
@@ -214,6 +220,7 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         advice="it is corrected in flight; add it to the mission's yaw_deg if clockwise, else subtract it; with a "
         "gimbal roll_deg",
         condition=_turned,
+        kept_while=lambda health, _: _unsure(health, health.yaw_offset_std),
         detail=lambda health, _: _off(health.yaw_offset, "clockwise", "counterclockwise"),
         lasts_s=TURNED_FOR_S,
     ),
@@ -226,6 +233,7 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         f"{TURNED_FOR_S:g} s: by how much is given",
         advice="it is corrected in flight; add it to the mission's pitch_deg if above, else subtract it",
         condition=_tilted,
+        kept_while=lambda health, _: _unsure(health, health.pitch_offset_std),
         detail=lambda health, _: _off(health.pitch_offset, "above it", "below it"),
         lasts_s=TURNED_FOR_S,
     ),
@@ -238,6 +246,7 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         advice="it is corrected for the names; switch off mirroring or flipping in the camera or its link: the mission "
         "cannot state it",
         condition=lambda health, _: health.mirrored,
+        kept_while=lambda health, _: math.isnan(health.fit),
     ),
     AlarmRule(
         key="no match",
@@ -249,6 +258,7 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         advice="check that the recording is of this flight, then the mission's video_offset_s, mount, pitch_deg, "
         "yaw_deg and focal length, and the UAV's heading and height",
         condition=lambda health, _: health.fit < FIT,
+        kept_while=lambda health, _: math.isnan(health.fit),
         lasts_s=NO_FIT_FOR_S,
     ),
     AlarmRule(

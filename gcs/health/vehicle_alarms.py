@@ -11,7 +11,7 @@ from mavlink.estimation.interpolation import LOST_S
 from mavlink.estimation.origin import FLEET_SPAN_M
 from mavlink.state import SILENT_S
 
-__all__ = ["APART_M", "APART_S", "APART_STDS", "VEHICLE_RULES", "answers"]
+__all__ = ["APART_M", "APART_S", "APART_STDS", "FITS_S", "LEFT_S", "VEHICLE_RULES", "answers"]
 
 NO_HEARTBEAT_S = 10.0
 """A vehicle whose positions come is not silent for a few heartbeats that a bad link has swallowed, but after this."""
@@ -37,6 +37,9 @@ two, and is stale between them."""
 APART_M, APART_STDS, APART_S = 8.0, 3.0, 1.0
 """A vehicle's box may be so far from its position, beyond so many times its receiver's 1σ, for so long: biases wander
 by some metres, and boxes are next to each other."""
+LEFT_S, FITS_S = 2.0, 2.0
+"""For so long a vehicle without a name must report to be far from the box that it was; and for so long one that was
+contradicted must be at its box again: a tracker may exchange two boxes, and a wrong position passes others."""
 
 
 def _ever_received(row: VehicleRow) -> bool:
@@ -125,6 +128,7 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         each_detail=True,
         kept_while=lambda row, _: _silent(row) and bool(row.refused_for),
         lasts_s=UNSTEADY_S,
+        doubts_name=True,
     ),
     AlarmRule(
         key="no position",
@@ -148,6 +152,7 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         advice="its receiver is jammed, spoofed or failing: do not act on its name; it may stop or land by itself",
         condition=lambda row, _: bool(row.doubted_for) and _ever_received(row),
         detail=lambda row, _: row.doubted_for,
+        doubts_name=True,
     ),
     AlarmRule(
         key="compass",
@@ -167,6 +172,7 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         advice="nothing can be named without it: check its stream rates (ArduPilot: SRn_EXTRA1, from 4.7 on "
         "MAVn_EXTRA1)",
         condition=_no_attitude,
+        kept_while=lambda row, now: row.role == "uav" and now.pose != "known" and _silent(row),
         lasts_s=NO_ATTITUDE_S,
     ),
     AlarmRule(
@@ -193,16 +199,21 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         condition=lambda row, _: row.contested,
         clears_after_s=0.0,
         logged_by="mavlink.duplicate_id.duplicate_id",
+        doubts_name=True,
     ),
     AlarmRule(
         key="conflict",
         level="alarm",
         kind="identity",
         text="its position contradicts the video",
-        meaning=f"the position or the name is wrong: for {APART_S:g} s its box is more than {APART_M:g} m and "
-        f"{APART_STDS:g} times its receiver's 1σ away from where it reports to be. Other names are not touched by it",
+        meaning=f"the position or the name is wrong: for {APART_S:g} s its box, or for {LEFT_S:g} s the one that "
+        f"surely was it, is more than {APART_M:g} m and {APART_STDS:g} times its receiver's 1σ away from where it "
+        f"reports to be. Over when it has been at its box again for {FITS_S:g} s; a name that it loses before is not "
+        "given again until then. Other names are not touched by it",
         advice="do not act on its name; compare its position with what you see",
         condition=_contradicted,
+        kept_while=lambda row, now: row.system_id in now.conflicts,
+        doubts_name=True,
     ),
     AlarmRule(
         key="loss",

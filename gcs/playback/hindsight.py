@@ -168,7 +168,7 @@ def _renamed(snapshot: Snapshot, courses: Mapping[int, _Course], mission: Missio
         for box in snapshot.boxes
     )
     named = {box.system_id: box for box in reversed(new) if box.system_id}
-    rows = [row if row.role == "uav" else _row(row, named.get(row.system_id)) for row in snapshot.vehicles]
+    rows = [row if row.role == "uav" else _row(row, named.get(row.system_id), snapshot) for row in snapshot.vehicles]
     return replace(snapshot, boxes=new, vehicles=tuple(rows))
 
 
@@ -215,9 +215,9 @@ def _part(box: Box, whole: Box | None) -> Box:
     return replace(box, system_id=whole.system_id, confidence=whole.confidence, none_of_ours=whole.none_of_ours)
 
 
-def _row(row: VehicleRow, box: Box | None) -> VehicleRow:
+def _row(row: VehicleRow, box: Box | None, now: Snapshot) -> VehicleRow:
     """The vehicle's line with the box that has its name."""
-    standing = standing_of(row.position_state, box, row.in_view, lapsed=row.standing == "no new frame")
+    standing = standing_of(row, box, now, lapsed=row.standing == "no new frame")
     return replace(
         row,
         standing=standing,

@@ -214,6 +214,8 @@ def expected_place(snapshot: Snapshot, row: VehicleRow) -> str:
     """Where a vehicle without a box should be, by its report, and whether the picture shows that place."""
     if row.position_state not in ("ok", "stale"):
         return "not known: it has no usable position"
+    if row.system_id in snapshot.conflicts:
+        return "not known: its position contradicts the video"
     if snapshot.pose == "unknown":
         return "not known: the camera's pose is unknown"
     if row.expected_px is None:

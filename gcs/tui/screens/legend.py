@@ -19,11 +19,11 @@ __all__ = ["LEGEND"]
 MEANINGS: Final[Mapping[Standing, str]] = MappingProxyType(
     {
         "confirmed": "confirmed: a box is this vehicle",
-        "tentative": "tentative: a box may be this vehicle",
+        "tentative": "tentative: a box may be this vehicle, or an alarm forbids to act on its name",
         "coasting": "coasting: its box is predicted, not seen in this frame",
         "unidentified": "unknown: it should be in the picture, and no box is it",
         "out of view": "out of view: it reports a place that the picture does not show",
-        "no position": "no position: it reports no place that can be used",
+        "no position": "no position: it reports no place that can be used, or one that the video contradicts",
         "no new frame": "no new frame: the video has shown nothing new for two seconds",
     }
 )

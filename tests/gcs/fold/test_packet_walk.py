@@ -74,7 +74,7 @@ def test_the_page_says_how_many_files_a_packet_passes(tmp_path):
                 pipeline.add_packet(packet)
             state = pipeline.fleet.at(packets[-1].t_us)
             pipeline.fleet.take_reports()
-            return vehicle_rows(mission, state, (), {}, (0, 0), lambda system_id, standing: 0)
+            return vehicle_rows(mission, state, (), {}, (0, 0))
 
         for k in range(4):
             boot_ms = 60_000 + 100 * k

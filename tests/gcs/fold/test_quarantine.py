@@ -9,7 +9,7 @@ import pytest
 
 from assoc.identification.identifier import Candidates, Identities
 from gcs.fold.candidates import doubt_words
-from gcs.fold.quarantine import limit_doubted, withhold_contested
+from gcs.fold.quarantine import limit_doubted, withhold_names
 from gcs.session.identity_log import IdentityLog, read_identity
 from mavlink.fleet.fleet import Fleet
 from tests.support.fake_station import START_US, make_snapshot
@@ -47,7 +47,7 @@ def state_of(*contested, doubted=()):
 
 
 def test_contested_names_are_not_given():
-    kept = withhold_contested(IDENTITIES, state_of(12))
+    kept = withhold_names(IDENTITIES, state_of(12))
     assert kept.system_id.tolist() == [11, 0, 0, 13]
     assert kept.runner_up.tolist() == [0, 11, 11, 14]
     for name in ("confidence", "residual_m", "position_age_s", "projection", "topology", "fused"):
@@ -57,7 +57,7 @@ def test_contested_names_are_not_given():
 
 
 def test_nobody_is_named_while_the_cameras_own_id_is_contested():
-    kept = withhold_contested(IDENTITIES, state_of(1))
+    kept = withhold_names(IDENTITIES, state_of(1))
     assert not kept.system_id.any() and not kept.runner_up.any()
     assert kept.confidence[2] == IDENTITIES.confidence[2]
 
@@ -71,7 +71,7 @@ def test_what_a_vehicles_own_doubt_takes_goes_to_none_of_ours():
 
 
 def test_doubts_are_told_of_answers_that_are_not_sure():
-    told = withhold_contested(limit_doubted(IDENTITIES, state_of(12, doubted=(13,)), 0.5), state_of(12))
+    told = withhold_names(limit_doubted(IDENTITIES, state_of(12, doubted=(13,)), 0.5), state_of(12))
     assert doubt_words(told) == [
         "",
         "several senders use its id",
@@ -82,11 +82,11 @@ def test_doubts_are_told_of_answers_that_are_not_sure():
 
 @pytest.mark.parametrize("identities", [None, IDENTITIES])
 def test_without_a_contest_nothing_changes(identities):
-    assert withhold_contested(identities, state_of()) is identities
+    assert withhold_names(identities, state_of()) is identities
 
 
 def test_no_row_of_the_identity_log_carries_a_contested_name(tmp_path):
-    kept = withhold_contested(IDENTITIES, state_of(12))
+    kept = withhold_names(IDENTITIES, state_of(12))
     base = make_snapshot()
     boxes = tuple(
         replace(base.boxes[0], track_id=int(track), system_id=int(vehicle), confidence=float(sure), coasting=False)

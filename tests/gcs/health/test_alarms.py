@@ -8,7 +8,7 @@ import pytest
 from gcs.health.alarms import Alarms
 from gcs.health.event_throttle import EventThrottle
 from gcs.health.link_rates import LinkRates
-from gcs.snapshot import Event, Health, LinkHealth, VehicleRow
+from gcs.snapshot import Event, Health, LinkHealth, VehicleCondition, VehicleRow
 from tests.support.fake_station import START_US, make_snapshot
 
 LINK = LinkHealth(name="udpin:0.0.0.0:14550", packets=100, bytes=4000, bad=0, dropped=0, silent_s=0.0)
@@ -21,6 +21,8 @@ BASE = replace(make_snapshot(), vehicles=ROWS, boxes=(), health=WELL, image=None
 
 
 TURNED = replace(WELL, fit=0.99)
+MEASURED = replace(TURNED, yaw_offset=0.0, pitch_offset=0.0, yaw_offset_std=0.02, pitch_offset_std=0.02)
+SETTLED = replace(MEASURED, time_offset_std_s=0.02)
 
 
 class Watch:
@@ -102,6 +104,31 @@ def test_every_trouble_of_a_vehicle_is_one_alarm_raised_once_and_cleared_once(wa
 def test_every_trouble_of_the_station_is_an_alarm(watch, health, key, level):
     active = watch.see(12, health=health)
     assert {k: alarm.level for k, alarm in active.items()} == {key: level}
+    assert watch.see(10, health=SETTLED) == {}
+
+
+@pytest.mark.parametrize(
+    ("found", "key"),
+    [
+        (replace(SETTLED, time_offset_s=0.8), "video clock"),
+        (replace(SETTLED, fit=0.01), "no match"),
+        (replace(SETTLED, yaw_offset=-1.6), "camera heading"),
+        (replace(SETTLED, pitch_offset=0.25), "camera pitch"),
+        (replace(SETTLED, mirrored=True), "camera mirrored"),
+    ],
+)
+def test_what_is_wrong_with_the_camera_is_not_over_while_nobody_knows(watch, found, key):
+    assert set(watch.see(12, health=found)) == {key}
+    assert set(watch.see(60)) == {key}, "the estimate begins anew, or little is seen"
+    assert watch.see(10, health=SETTLED) == {}
+
+
+@pytest.mark.parametrize("what", ["arming", "faults"])
+def test_what_a_vehicle_says_is_not_over_when_it_falls_silent(watch, what):
+    condition = VehicleCondition(**{what: ("compass",)})
+    watch.see(15, changed(1, condition=condition))
+    active = watch.see(20, changed(1, condition=condition, heartbeat_age_s=20.0, position_state="lost"))
+    assert set(active) == {"silent 11", {"arming": "arming 11", "faults": "part 11"}[what]}
     assert watch.see(10) == {}
 
 
@@ -140,6 +167,7 @@ def test_unsigned_packets_without_keys_are_only_told_as_such(watch):
 def test_conflict_with_the_frame(watch):
     assert watch.see(1, conflicts=frozenset({12}))["conflict 12"].system_id == 12
     assert set(Watch().see(5, conflicts=frozenset({12}), pose="no attitude")) == {"attitude 1"}
+    assert set(watch.see(10, conflicts=frozenset({12}), pose="no attitude")) == {"conflict 12", "attitude 1"}
 
 
 def test_getting_worse_is_told_and_is_the_same_alarm(watch):

@@ -1,0 +1,141 @@
+"""Vehicles whose positions contradict the video, from when that is seen until their reports fit the picture again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+
+from assoc.identification.identifier import Identities
+from gcs.certainty import CONFIRMED
+from gcs.health.vehicle_alarms import APART_M, APART_S, APART_STDS, FITS_S, LEFT_S
+from mavlink.state import FleetState
+
+__all__ = ["Contradictions"]
+
+FITS = 0.75
+"""Of the distance from which on a vehicle is contradicted: one that is nearer to its box fits."""
+FRESH_S = 2.0
+"""An older report fits nothing."""
+
+
+class Contradictions:
+    """Measures how far vehicles are from their boxes, and remembers who was contradicted.
+
+    A name that is lost by it ends nothing: of a vehicle without one it counts how far it reports to be from the box
+    that surely was it. What the identifier alone takes for a contradiction stands while it does so.
+
+    Attributes:
+        standing: system ids of vehicles whose reports contradict the video or one another, or did and have not fitted
+            since.
+        suspected: those, and those whose reports do now, for too short a time yet.
+        withheld: those of them that lost their names meanwhile, and do not fit: they get none.
+    """
+
+    def __init__(self) -> None:
+        self.standing: frozenset[int] = frozenset()
+        self.suspected: frozenset[int] = frozenset()
+        self.withheld: frozenset[int] = frozenset()
+        self._proved: frozenset[int] = frozenset()
+        self._lost: frozenset[int] = frozenset()
+        """Those who stand until they fit, and those of them who lost their names."""
+        self._apart_us: dict[int, int] = {}
+        self._left_us: dict[int, int] = {}
+        self._fits_us: dict[int, int] = {}
+        """Since when each vehicle is far from its box, far from the one that it was, and at its box."""
+        self._was: dict[int, int] = {}
+        """The track that surely was a vehicle when it last was at its box."""
+
+    def update(
+        self,
+        t_us: int,
+        identities: Identities | None,
+        state: FleetState,
+        seen: Collection[int],
+        stated: Collection[int],
+    ) -> None:
+        """Take in one frame.
+
+        Args:
+            t_us: its time.
+            identities: as found, None without a camera pose, which ends nothing.
+            state: the fleet then.
+            seen: tracks that were detected in it.
+            stated: vehicles that the operator has named a box: their names are not withheld.
+        """
+        if identities is None:
+            self._apart_us, self._left_us, self._fits_us = {}, {}, {}
+            return
+        std_m = dict(zip(state.system_id.tolist(), state.std_m.tolist(), strict=True))
+        limit_m = {vehicle: APART_M + APART_STDS * std_m[vehicle] for vehicle in std_m}
+        columns = ("track_id", "system_id", "confidence", "residual_m", "position_age_s")
+        fits, apart, sure = set[int](), set[int](), dict[int, int]()
+        for track, vehicle, confidence, away_m, age_s in zip(
+            *(getattr(identities, name).tolist() for name in columns), strict=True
+        ):
+            # a box that is predicted goes on to fit, and proves nothing else
+            if vehicle not in limit_m or not (track in seen or vehicle in self._fits_us):
+                continue
+            if away_m > limit_m[vehicle] and track in seen:
+                apart.add(vehicle)
+            elif away_m <= FITS * limit_m[vehicle] and age_s < FRESH_S:
+                fits.add(vehicle)
+                if confidence >= CONFIRMED:
+                    sure[vehicle] = track
+        left = self._left(identities, seen, limit_m)
+        # where most are elsewhere it is the camera that is
+        left = left if len(left) <= len(fits) else set()
+        self._apart_us, self._left_us, self._fits_us = (
+            {vehicle: before.get(vehicle, t_us) for vehicle in now}
+            for before, now in ((self._apart_us, apart), (self._left_us, left), (self._fits_us, fits))
+        )
+        at_home = _lasting(self._fits_us, t_us, FITS_S)
+        self._was |= {vehicle: track for vehicle, track in sure.items() if vehicle in at_home}
+        accused = _lasting(self._apart_us, t_us, APART_S) | _lasting(self._left_us, t_us, LEFT_S)
+        accused |= _at_one_place(identities.conflict, state)
+        self._proved = (self._proved - at_home) | accused
+        self.standing = self._proved | frozenset(identities.conflict)
+        self.suspected = self.standing | apart | left
+        nameless = self._proved - set(identities.system_id.tolist())
+        self._lost = (self._lost & self._proved) | nameless
+        self.withheld = self._lost - fits - set(stated)
+
+    def _left(self, identities: Identities, seen: Collection[int], limit_m: dict[int, float]) -> set[int]:
+        """Vehicles without a name that report to be far from the box that surely was them, and from all others."""
+        rows = {track: row for row, track in enumerate(identities.track_id.tolist())}
+        named, found = identities.system_id.tolist(), identities.candidates
+        taken = set(named)
+        # a track that ended, or surely is another vehicle now, tells nothing of the one that it was
+        for vehicle, track in list(self._was.items()):
+            row = rows.get(track)
+            if row is None or (named[row] not in (0, vehicle) and identities.confidence[row] >= CONFIRMED):
+                del self._was[vehicle]
+        away_m: dict[int, dict[int, float]] = {}
+        for track, row in rows.items():
+            if track not in seen:
+                continue
+            columns = (found.system_id[row].tolist(), found.distance_m[row].tolist(), found.report_age_s[row].tolist())
+            for vehicle, distance_m, age_s in zip(*columns, strict=True):
+                if age_s < FRESH_S and named[row] in (0, vehicle):
+                    away_m.setdefault(vehicle, {})[track] = distance_m
+        return {
+            vehicle
+            for vehicle, track in self._was.items()
+            if vehicle not in taken
+            and track in away_m.get(vehicle, {})
+            and min(away_m[vehicle].values()) > limit_m[vehicle]
+        }
+
+
+def _at_one_place(vehicles: Collection[int], state: FleetState) -> set[int]:
+    """Those of some vehicles that report to be where another of them is."""
+    place = dict(zip(state.system_id.tolist(), state.p_enu[:, :2].tolist(), strict=True))
+    return {
+        vehicle
+        for vehicle in vehicles
+        for other in vehicles
+        if vehicle != other and math.dist(place[vehicle], place[other]) < APART_M
+    }
+
+
+def _lasting(since_us: dict[int, int], t_us: int, least_s: float) -> set[int]:
+    return {vehicle for vehicle, began_us in since_us.items() if t_us - began_us >= least_s * 1e6}

@@ -1,0 +1,68 @@
+"""A vehicle that lies about its place is told as one until its reports fit the picture again, seen or not."""
+
+import pytest
+
+from tests.support.alarm_scenes import OTHER, UGV, FilmedScene
+
+KEY = f"conflict {UGV}"
+WORDS = "its position contradicts the video"
+
+
+def on(snapshot):
+    return KEY in {alarm.key for alarm in snapshot.alarms}
+
+
+def lying(shift_m):
+    """A scene in which one has lied for six seconds, and its snapshots from when that was told."""
+    scene = FilmedScene().run(10, filmed=True)
+    assert scene.row(UGV).standing == "confirmed"
+    scene.vehicles[1].shift_m = shift_m
+    began_us = scene.t_us
+    scene.run(6, filmed=True)
+    told = next(k for k, snapshot in enumerate(scene.kept) if on(snapshot))
+    assert scene.kept[told].t_us - began_us < 4_000_000
+    return scene, told
+
+
+@pytest.mark.parametrize("shift_m", [15.0, 40.0])
+def test_it_is_over_when_the_report_fits_again_and_not_when_its_box_is_gone(shift_m):
+    scene, told = lying(shift_m)
+    scene.hidden = {UGV}
+    scene.run(6, filmed=True)
+    scene.run(3)
+    scene.hidden = set()
+    scene.run(3, filmed=True)
+    assert all(on(snapshot) for snapshot in scene.kept[told:])
+    scene.vehicles[1].shift_m = 0.0
+    scene.run(11, filmed=True)
+    assert not on(scene.last) and scene.row(UGV).standing == "confirmed"
+    assert not any(f"conflict {OTHER}" in {alarm.key for alarm in each.alarms} for each in scene.kept)
+
+
+def test_a_name_that_is_lost_by_it_is_not_given_again_and_why_is_told():
+    scene, told = lying(40.0)
+    scene.run(8, filmed=True)
+    names = [UGV in {box.system_id for box in snapshot.boxes} for snapshot in scene.kept[told:]]
+    gone = names.index(False)
+    assert not any(names[gone:])
+    assert scene.lost(UGV)[-1] == WORDS
+    candidates = [each for box in scene.last.boxes for each in box.candidates if each.system_id == UGV]
+    assert candidates and all(each.against.startswith(WORDS) for each in candidates)
+    row = scene.row(UGV)
+    assert (row.standing, row.in_view, row.position_state) == ("no position", None, "ok")
+
+
+def test_a_name_under_that_alarm_is_never_confirmed():
+    scene, told = lying(15.0)
+    standings = {row.standing for each in scene.kept[told:] for row in each.vehicles if row.system_id == UGV}
+    assert "confirmed" not in standings
+    assert scene.row(OTHER).standing == "confirmed"
+
+
+def test_one_that_leaves_the_picture_with_its_position_is_not_accused():
+    scene = FilmedScene().run(10, filmed=True)
+    scene.hidden = {UGV}
+    scene.run(6, filmed=True)
+    scene.hidden = set()
+    scene.run(4, filmed=True)
+    assert not any(snapshot.conflicts for snapshot in scene.kept)
