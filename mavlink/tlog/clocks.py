@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega
 
+from infra.clock_steps import level_steps, restarts
 from mavlink.tlog.log import Tlog
 from mavlink.tlog.scan import Ints
 
@@ -19,7 +19,7 @@ __all__ = ["ClockStep", "SenderClock", "sender_clocks"]
 
 _STEP_US = 2_000_000
 _AROUND = 200  # samples on either side of a step: late traffic is over by then
-_MAX_STEPS = 1000
+_BACK_MS = 1001
 _WRAP_MS = 1 << 32
 _CHUNKS = 40
 
@@ -104,41 +104,38 @@ def _clock(tlog: Tlog, key: int, rows: Ints, boot_ms: Ints) -> SenderClock:
 
 
 def _restarts(boot_ms: Ints) -> list[int]:
-    """Where the boot clock restarts: all of the next samples are less than all of the last. A wrap is no restart."""
-    places = []
-    for i in np.flatnonzero(np.diff(boot_ms) < -1000).tolist():
-        before, after = boot_ms[max(0, i - 7) : i + 1], boot_ms[i + 1 : i + 9]
-        wrapped = before.min() > _WRAP_MS - 60_000 and after.max() < 60_000
-        if before.min() > after.max() and not wrapped:
-            places.append(i + 1)
-    return places
+    """Where the boot clock restarts; a wrap is no restart."""
+    return [
+        i
+        for i in restarts(boot_ms, _BACK_MS)
+        if boot_ms[max(0, i - 8) : i].min() <= _WRAP_MS - 60_000 or boot_ms[i : i + 8].max() >= 60_000
+    ]
 
 
 def _speed(t_us: Ints, boot_ms: Ints) -> float:
-    """The middle one of the speeds of some parts, so that steps of either clock do not count.
+    """The speed that holds for most of the time by the sender's clock, so that steps of either clock do not count.
 
-    NaN below a second by both clocks, and where the stamps do not change.
+    Messages of a burst come within a millisecond: a part within one says nothing, and counts for next to nothing. NaN
+    below a second by both clocks, and where the stamps do not change.
     """
     if t_us.size < 4 or max(np.ptp(t_us), 1000 * np.ptp(boot_ms)) < 1_000_000:
         return float("nan")
     at = np.unique(np.linspace(0, t_us.size - 1, min(_CHUNKS, t_us.size // 2) + 1).astype(np.int64))
     wall, own = np.diff(t_us[at]), 1000 * np.diff(boot_ms[at])
     moving = wall > 0
-    return float(np.median(own[moving] / wall[moving])) if moving.any() else float("nan")
+    if not moving.any():
+        return float("nan")
+    speed, own = own[moving] / wall[moving], np.maximum(own[moving], 0)
+    order = np.argsort(speed)
+    share = np.cumsum(own[order])
+    # a sender whose clock stands still has no time of its own to weigh by
+    middle = int(np.searchsorted(share, 0.5 * share[-1])) if share[-1] else len(order) // 2
+    return float(speed[order[middle]])
 
 
 def _steps(tlog: Tlog, rows: Ints, epoch_us: Ints) -> list[ClockStep]:
     """Where the time of boot, by the stamps, moves and stays."""
-    steps: list[ClockStep] = []
-    level = _level(epoch_us[:_AROUND])
-    for i in (np.flatnonzero(np.abs(np.diff(epoch_us)) > _STEP_US) + 1)[:_MAX_STEPS].tolist():
-        after = _level(epoch_us[i : i + _AROUND])
-        if abs(after - level) > _STEP_US and abs(int(epoch_us[i]) - after) < _STEP_US:
-            row = int(rows[i])
-            steps.append(ClockStep(row=row, offset=int(tlog.index.offset[row]), by_s=(after - level) * 1e-6))
-            level = after
-    return steps
-
-
-def _level(epoch_us: NDArray[np.int64]) -> int:
-    return int(np.median(epoch_us))
+    return [
+        ClockStep(row=int(rows[i]), offset=int(tlog.index.offset[rows[i]]), by_s=by_us * 1e-6)
+        for i, by_us in level_steps(epoch_us, _STEP_US, _AROUND)
+    ]

@@ -22,6 +22,7 @@ from gcs.importing.vehicle_log import (
     in_order,
     whole_places,
 )
+from infra.clock_steps import level_steps
 
 __all__ = ["read_ardupilot"]
 
@@ -29,7 +30,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Rows = NDArray[np.void]
 
-_WANTED = ("GPS", "GPA", "POS", "ATT", "MNT", "XKF1", "NKF1", "PARM")
+_WANTED = ("GPS", "GPA", "POS", "ATT", "MNT", "XKF1", "XKF4", "NKF1", "NKF4", "PARM")
 _GPS_EPOCH_S, _LEAP_S, _WEEK_S = 315_964_800, 18, 604_800
 _FIX_3D = 3
 _GAP_US = 2_000_000
@@ -38,6 +39,8 @@ _M_PER_HDOP = 1.5
 """1σ of a single-frequency receiver at a dilution of 1."""
 _LATEST = 0.95
 """Quantile of the differences of GPS time and the log's: a record is written some time after the fix that it has."""
+_STEP_US, _AROUND, _MOST_TOLD = 2_000_000, 8, 3
+"""Of GPS time against the log's: a step larger than this, that so many fixes agree about; and how many are told."""
 _ID_NAMES = (b"SYSID_THISMAV", b"MAV_SYSID")
 _LATEST_US = 1 << 53
 
@@ -50,7 +53,7 @@ def read_ardupilot(path: Path) -> VehicleLog:
     """
     tables = read_tables(path, _WANTED)
     places, what = _places(tables, path)
-    zero_us = _zero_us(tables)
+    zero_us, contradictions = _zero_us(tables)
     attitudes = _angles(tables.rows("ATT", "TimeUS", "Roll", "Pitch", "Yaw"), ("Roll", "Pitch", "Yaw"))
     heading = at_times(places.t_us, attitudes.t_us, attitudes.angles[:, 2], _GAP_US, turns=True)
     gimbal = _gimbal(tables)
@@ -66,7 +69,11 @@ def read_ardupilot(path: Path) -> VehicleLog:
         places=replace(places, t_us=places.t_us + shift_us, heading=heading),
         attitudes=replace(attitudes, t_us=attitudes.t_us + shift_us),
         gimbal=replace(gimbal, t_us=gimbal.t_us + shift_us),
-        notes=ImportNotes(found=tuple(found), skipped={name: count for name, count in left_out.items() if count}),
+        notes=ImportNotes(
+            found=tuple(found),
+            assumed=contradictions,
+            skipped={name: count for name, count in left_out.items() if count},
+        ),
     )
 
 
@@ -86,12 +93,32 @@ def _ordered(table: Rows) -> Rows:
 
 
 def _fixes(tables: DataflashTables, *columns: str) -> Rows | None:
-    """Records of the first receiver with a fix."""
+    """Records with a fix, of the receiver that has most of them."""
     table = tables.rows("GPS", "TimeUS", "Status", *columns)
     if table is None:
         return None
-    table = _first(table, "I")
-    return np.asarray(table[table["Status"] >= _FIX_3D])
+    return _of_receiver(np.asarray(table[table["Status"] >= _FIX_3D]), _receiver(tables))
+
+
+def _receiver(tables: DataflashTables) -> int:
+    """Number of the receiver with most fixes."""
+    table = tables.rows("GPS", "Status", "I")
+    numbers = [] if table is None else table["I"][table["Status"] >= _FIX_3D].tolist()
+    return max(sorted(set(numbers)), key=numbers.count, default=0)
+
+
+def _of_receiver(table: Rows, number: int) -> Rows:
+    return np.asarray(table[table["I"] == number]) if "I" in (table.dtype.names or ()) else table
+
+
+def _of_flying_core(tables: DataflashTables, name: str, table: Rows) -> Rows:
+    """Rows of the filter's core that flew, by the records of type 4; of the first core without them."""
+    chosen = tables.rows(name.replace("1", "4"), "TimeUS", "PI")
+    if "C" not in (table.dtype.names or ()) or chosen is None:
+        return _first(table, "C")
+    chosen = _ordered(chosen)
+    before = np.maximum(np.searchsorted(_times(chosen), _times(table), side="right") - 1, 0)
+    return np.asarray(table[table["C"] == chosen["PI"][before]])
 
 
 def _places(tables: DataflashTables, path: Path) -> tuple[PlaceTrack, str]:
@@ -122,7 +149,7 @@ def _velocity(tables: DataflashTables, t_us: Ints) -> Floats:
     for name in ("XKF1", "NKF1"):
         table = tables.rows(name, "TimeUS", "VN", "VE", "VD")
         if table is not None:
-            table = _ordered(_first(table, "C"))
+            table = _ordered(_of_flying_core(tables, name, table))
             axes = [table[axis].astype(float) for axis in ("VN", "VE", "VD")]
             return np.column_stack([at_times(t_us, _times(table), axis, _GAP_US) for axis in axes])
     fixes = _fixes(tables, "Spd", "GCrs", "VZ")
@@ -137,6 +164,7 @@ def _velocity(tables: DataflashTables, t_us: Ints) -> Floats:
 def _std_m(tables: DataflashTables) -> float:
     """As the receiver estimates it, else by its dilution."""
     accuracy = tables.rows("GPA", "HAcc")
+    accuracy = None if accuracy is None else _of_receiver(accuracy, _receiver(tables))
     if accuracy is not None and (accuracy["HAcc"] > 0).any():
         return float(np.median(accuracy["HAcc"][accuracy["HAcc"] > 0].astype(float)))
     fixes = _fixes(tables, "HDop")
@@ -147,15 +175,25 @@ def _std_m(tables: DataflashTables) -> float:
     )
 
 
-def _zero_us(tables: DataflashTables) -> int | None:
-    """Unix µs of the log's time 0, None where no receiver knew it."""
+def _zero_us(tables: DataflashTables) -> tuple[int | None, tuple[str, ...]]:
+    """Unix µs of the log's time 0, None where no receiver knew it, and in words where receivers contradict themselves.
+
+    What GPS time has over the log's is the same all the time; where it steps, that counts which holds longest.
+    """
     fixes = _fixes(tables, "GMS", "GWk")
     if fixes is None or not (fixes["GWk"] > 0).any():
-        return None
+        return None, ()
     fixes = fixes[fixes["GWk"] > 0]
     unix_us = (_GPS_EPOCH_S - _LEAP_S + fixes["GWk"].astype(np.int64) * _WEEK_S) * 1_000_000
     unix_us = unix_us + fixes["GMS"].astype(np.int64) * 1000
-    return int(np.quantile(unix_us - _times(fixes), _LATEST, method="nearest"))
+    zero_us = unix_us - _times(fixes)
+    longest = zero_us[np.abs(zero_us - np.quantile(zero_us, 0.5, method="nearest")) < _STEP_US]
+    steps = level_steps(zero_us, _STEP_US, _AROUND)
+    told = tuple(
+        f"GPS time steps by {by_us * 1e-6:+.1f} s at {_times(fixes)[row] * 1e-6:.0f} s: what holds longest counts"
+        for row, by_us in steps[:_MOST_TOLD]
+    )
+    return int(np.quantile(longest, _LATEST, method="nearest")), told
 
 
 def _angles(table: Rows | None, names: tuple[str, str, str]) -> AngleTrack:

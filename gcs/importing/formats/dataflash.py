@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.importing.formats.text_file import open_file
+from infra.clock_steps import restarts
 
 __all__ = ["DataflashTables", "read_tables"]
 
@@ -31,6 +32,13 @@ _TYPES = {
 _SCALES = {"c": 0.01, "C": 0.01, "e": 0.01, "E": 0.01, "L": 1e-7}
 _MOST_RECORDS = 2_000_000
 """Of one type: eleven hours at 50 a second."""
+_NEAR, _FAR = 256, 1 << 20
+"""Bytes that are searched at once, little by little more."""
+_BACK_US = 1_000_000
+_BEFORE_2015 = {"TimeMS": "TimeUS", "RelAlt": "RelHomeAlt"}
+_GPS_BEFORE_2015 = {"TimeMS": "GMS", "Week": "GWk", "T": "TimeUS"}
+"""Names then and now; milliseconds since boot become microseconds."""
+_TYPES_BEFORE_2015 = {"EKF1": "NKF1"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,21 +74,24 @@ def read_tables(path: Path, wanted: Collection[str]) -> DataflashTables:
     """The wanted records of a log.
 
     Raises:
-        ImportFileError: it cannot be read, or has no format in it.
+        ImportFileError: it cannot be read, has no format in it, or more than one start of the vehicle.
     """
     with open_file(path) as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         layouts: dict[int, _RecordLayout] = {}
         starts: dict[int, array[int]] = {}
+        begun: list[int] = []
         at, size, damaged, beyond = 0, len(data), 0, 0
         while 0 <= at < size - 3:
             kind = data[at + 2] if data[at : at + 2] == _HEAD else -1
             length = _FMT_BYTES if kind == _FMT else layouts[kind].size if kind in layouts else 0
             if not length or at + length > size:
-                after = data.find(_HEAD, at + 1)
+                after = _next_head(data, at + 1)
                 damaged += (after if after >= 0 else size) - at
                 at = after
                 continue
             if kind == _FMT:
+                if data[at + 3] == _FMT:
+                    begun.append(at)
                 _add_layout(layouts, data[at + 3 : at + length])
             elif layouts[kind].name in wanted:
                 kept = starts.setdefault(kind, array("Q"))
@@ -92,7 +103,48 @@ def read_tables(path: Path, wanted: Collection[str]) -> DataflashTables:
         tables = {layouts[kind].name: _table(data, rows, layouts[kind]) for kind, rows in starts.items()}
     if not layouts:
         raise ImportFileError(f"{path}: not a dataflash log: no format of a record in it")
+    _check_one_start(path, tables, {layouts[kind].name: rows for kind, rows in starts.items()}, begun)
     return DataflashTables(tables=tables, damaged=damaged, beyond=beyond)
+
+
+def _next_head(data: mmap.mmap, at: int) -> int:
+    """Where the next record may begin, -1 nowhere. ``mmap.find`` reads past whole pages before CPython 3.11.5."""
+    size = _NEAR
+    while at < len(data):
+        found = data[at : at + size].find(_HEAD)
+        if found >= 0:
+            return at + found
+        at, size = at + size - 1, min(2 * size, _FAR)
+    return -1
+
+
+def _check_one_start(
+    path: Path, tables: dict[str, NDArray[np.void]], starts: dict[str, array[int]], begun: list[int]
+) -> None:
+    """See that the vehicle was started once: times since two starts would lie over each other.
+
+    Args:
+        path: for messages.
+        tables: records by type.
+        starts: where their contents begin, bytes.
+        begun: where the format of formats stands, which is the first record of a log.
+
+    Raises:
+        ImportFileError: it was started again.
+    """
+    again = [
+        starts[name][row] - len(_HEAD) - 1
+        for name, table in tables.items()
+        if "TimeUS" in (table.dtype.names or ())
+        for row in restarts(np.minimum(table["TimeUS"], 1 << 62).astype(np.int64), _BACK_US)[:1]
+    ]
+    if again or len(begun) > 1:
+        # the formats of a log stand in front of its first times
+        at = begun[1] if len(begun) > 1 else min(again)
+        raise ImportFileError(
+            f"{path}: two logs in one file: the vehicle was started again at byte {at}; cut it there, as with "
+            f"head -c {at}, and give the flight that was filmed"
+        )
 
 
 def _add_layout(layouts: dict[int, _RecordLayout], body: bytes) -> None:
@@ -101,7 +153,10 @@ def _add_layout(layouts: dict[int, _RecordLayout], body: bytes) -> None:
     name, chars, columns = (
         part.split(b"\0")[0].decode("ascii", "replace") for part in (body[2:6], body[6:22], body[22:86])
     )
-    names = columns.split(",")
+    name = _TYPES_BEFORE_2015.get(name, name)
+    then = _GPS_BEFORE_2015 if name == "GPS" and "Week" in columns else _BEFORE_2015
+    old = columns.split(",")
+    names = [then.get(column, column) if "TimeUS" not in old else column for column in old]
     known = chars and all(char in _TYPES for char in chars)
     if kind in layouts or kind == _FMT or not known or len(chars) != len(names) or len(set(names)) != len(names):
         return
@@ -109,7 +164,9 @@ def _add_layout(layouts: dict[int, _RecordLayout], body: bytes) -> None:
         return
     dtype = np.dtype([(column, _TYPES[char]) for column, char in zip(names, chars, strict=True)])
     if dtype.itemsize == size - 3:
-        layouts[kind] = _RecordLayout(name, size, tuple(_SCALES.get(char, 1.0) for char in chars), dtype)
+        in_ms = [column == "TimeUS" and column != was for column, was in zip(names, old, strict=True)]
+        scales = [1000.0 if ms else _SCALES.get(char, 1.0) for ms, char in zip(in_ms, chars, strict=True)]
+        layouts[kind] = _RecordLayout(name, size, tuple(scales), dtype)
 
 
 def _table(data: mmap.mmap, starts: array[int], layout: _RecordLayout) -> NDArray[np.void]:

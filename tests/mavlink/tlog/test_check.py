@@ -229,3 +229,14 @@ def test_repair_says_what_became_of_times(tmp_path, data, said):
     result = run("repair", path, out)
     assert said in result.output
     assert np.array_equal(Tlog.open(out).index.t_us, Tlog.open(path).index.t_us)
+
+
+def test_messages_in_bursts_do_not_make_time_run_slower(tmp_path):
+    encoder = MavlinkEncoder(1)
+    packets = [
+        Packet(T0 + second * SECOND + each * 300, encoder.attitude(5000 + 1000 * second, 0.0, 0.0, 0.0))
+        for second in range(20)
+        for each in range(27)
+    ]
+    log = Tlog.open(written(tmp_path, packets))
+    assert check(log).speed == pytest.approx(1.0, abs=0.001)

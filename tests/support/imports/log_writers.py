@@ -47,6 +47,7 @@ DATAFLASH = {
     "POS": (66, "QLLfff", "TimeUS,Lat,Lng,Alt,RelHomeAlt,RelOriginAlt"),
     "ATT": (67, "QccccCCCCB", "TimeUS,DesRoll,Roll,DesPitch,Pitch,DesYaw,Yaw,ErrRP,ErrYaw,AEKF"),
     "XKF1": (68, "QBfff", "TimeUS,C,VN,VE,VD"),
+    "XKF4": (70, "QBb", "TimeUS,C,PI"),
     "MNT": (69, "QBffffffff", "TimeUS,I,DRoll,Roll,DPitch,Pitch,DYawB,YawB,DYawE,YawE"),
 }
 SIZES = {
@@ -58,6 +59,7 @@ SIZES = {
     "I": "I",
     "H": "H",
     "Q": "Q",
+    "b": "b",
     "f": "f",
     "n": "4s",
     "N": "16s",
@@ -66,27 +68,47 @@ SIZES = {
 
 
 def dataflash(
-    flown: Flown, system_id: int, *, gimbal_deg: tuple[float, float, float] | None = None, gps: bool = True
+    flown: Flown,
+    system_id: int,
+    *,
+    gimbal_deg: tuple[float, float, float] | None = None,
+    gps: bool = True,
+    receiver: int = 0,
+    core: int = 0,
+    late_us: int = 0,
 ) -> bytes:
-    """An ArduPilot log of one vehicle."""
+    """An ArduPilot log of one vehicle.
+
+    Args:
+        flown: the flight.
+        system_id: whose.
+        gimbal_deg: roll, pitch, yaw from the nose, which it keeps.
+        gps: whether a receiver knows place and date.
+        receiver: which of them; those with lower numbers never have a fix.
+        core: of the filter, that flies; the other one drifts.
+        late_us: by how much it was started later than the log's own clock says.
+    """
     data = b"".join(_format(name) for name in DATAFLASH)
     places, (at_us, angles) = wire_places(flown, system_id), wire_attitudes(flown, system_id)
     zero_us = int(places["t_us"][0]) - BOOT_US
     records = [(0, _record("PARM", BOOT_US, b"SYSID_THISMAV", float(system_id), 1.0))]
     for k, t in enumerate(places["t_us"].tolist()):
         us, lat, lon = t - zero_us, round(places["lat"][k] * 1e7), round(places["lon"][k] * 1e7)
-        week, ms = divmod((t - GPS_EPOCH_US) // 1000, WEEK_MS)
+        week, ms = divmod((t + late_us - GPS_EPOCH_US) // 1000, WEEK_MS)
         alt, height = places["alt_m"][k], places["height_m"][k]
         speed = (
             math.hypot(places["vn"][k], places["ve"][k]),
             math.degrees(math.atan2(places["ve"][k], places["vn"][k])) % 360.0,
         )
         if gps:
-            fix = (0, 3, ms, week, 14, 80, lat, lon, round(alt * 100), *speed, places["vd"][k], 0.0, 1)
+            records += [(t, _record("GPS", us, dead, 0, *(0,) * 11, 1)) for dead in range(receiver)]
+            fix = (receiver, 3, ms, week, 14, 80, lat, lon, round(alt * 100), *speed, places["vd"][k], 0.0, 1)
             records.append((t, _record("GPS", us, *fix)))
         records.append((t, _record("POS", us, lat, lon, alt, height, height)))
-        records.append((t, _record("XKF1", us, 0, places["vn"][k], places["ve"][k], places["vd"][k])))
-        records.append((t, _record("XKF1", us, 1, 0.0, 0.0, 0.0)))
+        records.append((t, _record("XKF1", us, core, places["vn"][k], places["ve"][k], places["vd"][k])))
+        records.append((t, _record("XKF1", us, 1 - core, 6.0, 0.0, 0.0)))
+        if core:
+            records += [(t, _record("XKF4", us, each, core)) for each in (0, 1)]
     for t, (roll, pitch, yaw) in zip(at_us.tolist(), np.degrees(angles).tolist(), strict=True):
         cdeg = (0, round(roll * 100), 0, round(pitch * 100), 0, round(yaw % 360.0 * 100), 0, 0, 0)
         records.append((t, _record("ATT", t - zero_us, *cdeg)))

@@ -1,0 +1,44 @@
+"""Where a clock begins again or was set, by the times that it gave in the order in which they were written.
+
+A single time that is late or damaged is no such place: what comes after has to agree with it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["level_steps", "restarts"]
+
+Ints = NDArray[np.int64]
+
+_NEXT = 8
+"""Times on either side that have to agree about a restart."""
+_MOST_STEPS = 1000
+
+
+def restarts(times: Ints, least: int) -> list[int]:
+    """Places from which times (n,) begin again: all of the next are less than all of the last, by ``least`` or more."""
+    return [
+        i
+        for i in (np.flatnonzero(np.diff(times) <= -least) + 1).tolist()
+        if times[max(0, i - _NEXT) : i].min() > times[i : i + _NEXT].max()
+    ]
+
+
+def level_steps(offsets: Ints, least: int, around: int) -> list[tuple[int, int]]:
+    """Places where the difference of two clocks (n,) moves by more than ``least`` and stays, and by how much.
+
+    Args:
+        offsets: one clock less the other.
+        least: smaller steps are lateness.
+        around: how many samples on either side make a level: lateness is over by then.
+    """
+    steps: list[tuple[int, int]] = []
+    level = int(np.median(offsets[:around])) if len(offsets) else 0
+    for i in (np.flatnonzero(np.abs(np.diff(offsets)) > least) + 1)[:_MOST_STEPS].tolist():
+        after = int(np.median(offsets[i : i + around]))
+        if abs(after - level) > least and abs(int(offsets[i]) - after) < least:
+            steps.append((i, after - level))
+            level = after
+    return steps
