@@ -35,10 +35,13 @@ def level_steps(offsets: Ints, least: int, around: int) -> list[tuple[int, int]]
         around: how many samples on either side make a level: lateness is over by then.
     """
     steps: list[tuple[int, int]] = []
-    level = int(np.median(offsets[:around])) if len(offsets) else 0
+    start = 0
     for i in (np.flatnonzero(np.abs(np.diff(offsets)) > least) + 1)[:_MOST_STEPS].tolist():
-        after = int(np.median(offsets[i : i + around]))
-        if abs(after - level) > least and abs(int(offsets[i]) - after) < least:
-            steps.append((i, after - level))
-            level = after
+        before, after = offsets[max(start, i - around) : i], offsets[i : i + around]
+        if min(len(before), len(after)) < min(_NEXT, around):
+            continue
+        by = int(np.median(after)) - int(np.median(before))
+        if abs(by) > least and abs(int(offsets[i]) - int(np.median(after))) < least:
+            steps.append((i, by))
+            start = i
     return steps

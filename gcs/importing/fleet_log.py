@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from gcs.errors import ImportFileError
 from gcs.importing.messages import TlogRecord
 from gcs.importing.vehicle_log import PlaceTrack, whole_places
 from mavlink.protocol.modes import is_aircraft, is_ground_vehicle, is_vehicle
+from mavlink.tlog.clocks import sender_clocks
 from mavlink.tlog.log import Tlog
 
 __all__ = ["FleetTlog", "open_fleet"]
@@ -18,6 +21,11 @@ __all__ = ["FleetTlog", "open_fleet"]
 _HEARTBEAT, _GLOBAL_POSITION = 0, 33
 _UNKNOWN_SPEED = 32767
 _UNKNOWN_HEADING = 36000
+_MOST_SPEED = 1.25
+_SAME_STEP_S, _SAME_STEP_US = 1.0, 10_000_000
+"""Steps that two vehicles' clocks show are one if they are as large as each other, and as close."""
+
+Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,9 +33,15 @@ class FleetTlog:
     """A telemetry log, opened."""
 
     tlog: Tlog
+    t_us: Ints
+    """(n,) Unix µs of each record, on one clock also where the recorder's was set."""
+    autopilots: Mapping[int, int]
+    """Component that is the autopilot, by system id: what others of that system report is not where it is."""
     aircraft: tuple[int, ...]
     """System ids by their heartbeats, ascending."""
     ground: tuple[int, ...]
+    assumed: tuple[str, ...] = ()
+    """In words, about the recorder's clock."""
 
     @property
     def system_ids(self) -> frozenset[int]:
@@ -36,9 +50,9 @@ class FleetTlog:
 
     def places(self, system_id: int) -> PlaceTrack:
         """Positions of a vehicle by arrival, Unix µs."""
-        rows, wire = self.tlog.columns(_GLOBAL_POSITION, system_id)
-        order = np.argsort(self.tlog.index.t_us[rows], kind="stable")
-        wire, t_us = wire[order], self.tlog.index.t_us[rows][order].astype(np.int64)
+        t_us, wire = self.columns(_GLOBAL_POSITION, system_id)
+        order = np.argsort(t_us, kind="stable")
+        wire, t_us = wire[order], t_us[order]
         v = np.column_stack([wire[name].astype(np.float64) for name in ("vx", "vy", "vz")])
         heading = np.radians(wire["hdg"] * 0.01)
         places = PlaceTrack(
@@ -53,16 +67,23 @@ class FleetTlog:
         )
         return places.select(whole_places(places.lat_deg, places.lon_deg))
 
+    def columns(self, message_id: int, system_id: int) -> tuple[Ints, NDArray[np.void]]:
+        """Times and columns of what a vehicle's autopilot sends of one kind, in the order of the file."""
+        rows, wire = self.tlog.columns(message_id, system_id)
+        mine = self.tlog.index.component_id[rows] == self.autopilots.get(system_id, 0)
+        return self.t_us[rows[mine]], wire[mine]
+
     def records_of(self, system_id: int) -> Iterator[TlogRecord]:
         """The records of one system, by arrival."""
-        packets = sorted(self.tlog.packets(system_ids=(system_id,)), key=lambda packet: packet.t_us)
-        return ((packet.t_us, packet.raw) for packet in packets)
+        rows = self.tlog.select(system_ids=(system_id,))
+        packets = zip(self.t_us[rows].tolist(), self.tlog.packets(system_ids=(system_id,)), strict=True)
+        return ((t_us, packet.raw) for t_us, packet in sorted(packets, key=lambda each: each[0]))
 
     def records(self, without: Collection[int]) -> Iterator[TlogRecord]:
         """All records but those of some systems, as they are, in the order of the file."""
-        for packet in self.tlog.packets():
+        for t_us, packet in zip(self.t_us.tolist(), self.tlog.packets(), strict=True):
             if packet.system_id not in without:
-                yield packet.t_us, packet.raw
+                yield t_us, packet.raw
 
 
 def open_fleet(path: Path) -> FleetTlog:
@@ -70,16 +91,64 @@ def open_fleet(path: Path) -> FleetTlog:
 
     Raises:
         TlogError: it cannot be read as one.
+        ImportFileError: its times are not those of the flight.
     """
     tlog = Tlog.open(path)
+    t_us, assumed = _on_one_clock(tlog)
     rows, wire = tlog.columns(_HEARTBEAT)
     kinds: dict[int, int] = {}
-    senders = tlog.index.system_id[rows].tolist()
-    for system_id, kind, autopilot in zip(senders, wire["type"].tolist(), wire["autopilot"].tolist(), strict=True):
+    autopilots: dict[int, int] = {}
+    senders = zip(tlog.index.system_id[rows].tolist(), tlog.index.component_id[rows].tolist(), strict=True)
+    beats = zip(senders, wire["type"].tolist(), wire["autopilot"].tolist(), strict=True)
+    for (system_id, component_id), kind, autopilot in beats:
         if is_vehicle(kind, autopilot):
             kinds.setdefault(system_id, kind)
+            autopilots.setdefault(system_id, component_id)
     return FleetTlog(
         tlog=tlog,
+        t_us=t_us,
+        autopilots=autopilots,
+        assumed=assumed,
         aircraft=tuple(sorted(i for i, kind in kinds.items() if is_aircraft(kind))),
         ground=tuple(sorted(i for i, kind in kinds.items() if is_ground_vehicle(kind))),
     )
+
+
+def _on_one_clock(tlog: Tlog) -> tuple[Ints, tuple[str, ...]]:
+    """Times of all records on the recorder's clock as it was for most of them, and in words where it was set.
+
+    That it was set is told by the vehicles' own clocks, which went on.
+
+    Raises:
+        ImportFileError: the stamps run faster or slower than the vehicles' clocks.
+    """
+    t_us = tlog.index.t_us.astype(np.int64)
+    clocks = sender_clocks(tlog)
+    known = [clock for clock in clocks if np.isfinite(clock.speed)]
+    if not known or tlog.index.time_source == "none":
+        return t_us, ()
+    most = max(known, key=lambda clock: clock.samples)
+    if not 1.0 / _MOST_SPEED < most.speed < _MOST_SPEED:
+        raise ImportFileError(
+            f"{tlog.path}: the vehicles' clocks run {most.speed:.2g} times as fast as the stamps, which are therefore "
+            "not the times of the flight; give the log that was recorded in it"
+        )
+    ahead_us, said = np.zeros_like(t_us), list[str]()
+    for step in most.steps:
+        # the vehicle that reports first after it tells the place best
+        same = [
+            other
+            for clock in known
+            for other in clock.steps
+            if abs(other.by_s - step.by_s) < _SAME_STEP_S and abs(int(t_us[other.row] - t_us[step.row])) < _SAME_STEP_US
+        ]
+        first = min(same, key=lambda other: other.row)
+        ahead_us[first.row :] += round(step.by_s * 1e6)
+        said.append(f"the recorder's clock was set by {step.by_s:+.1f} s at byte {first.offset}")
+    if not said:
+        return t_us, ()
+    values, counts = np.unique(ahead_us, return_counts=True)
+    kept_us = values[np.argmax(counts)]
+    begins = int(tlog.index.offset[np.argmax(ahead_us == kept_us)])
+    words = f"{tlog.path.name}: {', '.join(said)}: all times are on the clock that it has from byte {begins} on"
+    return t_us - ahead_us + kept_us, (words,)

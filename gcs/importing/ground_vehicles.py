@@ -44,6 +44,12 @@ class GroundVehicles:
         return float(np.median(alt)) if len(alt) else float("nan")
 
     @property
+    def assumed(self) -> tuple[str, ...]:
+        """What was assumed of them, with the file where there is one for each."""
+        of_tlog = self.tlog.assumed if self.tlog is not None else ()
+        return (*of_tlog, *(f"{log.source}: {words}" for log in self.logs.values() for words in log.notes.assumed))
+
+    @property
     def middle(self) -> tuple[float, float]:
         """Median latitude and longitude, degrees."""
         lat = np.concatenate([track.lat_deg for track in self.places.values()])

@@ -99,7 +99,7 @@ def import_flight(out: Path, options: ImportOptions) -> ImportReport:
     if options.clock_s is None:
         seen = _uav_records(uav, uav_id, fleet, timeline)
         timeline = searched_times(film, uav, fleet, mission, seen, timeline, options.clock_within_s)
-    check_overlap(film, timeline, fleet.span_us)
+    check_overlap(film, timeline, uav, fleet.span_us, {words: None for words in fleet.assumed})
     report = _report(film, fleet, uav, chosen, timeline, uav_id)
     unused = (("not read", "; ".join(unread)), ("not in the mission", _not_in_mission(fleet, uav_id)))
     found = (*report.found, *((subject, text) for subject, text in unused if text))
@@ -203,14 +203,14 @@ def _report(
         found.append(("uav", f"system {uav_id} of the telemetry"))
     for system_id, log in fleet.logs.items():
         found.append((f"ugv {system_id}", f"{log.source}: {', '.join(log.notes.found)}"))
-        assumed += log.notes.assumed
         left_out |= {f"{log.source}: {reason}": count for reason, count in log.notes.skipped.items()}
+    assumed += fleet.assumed
     count = sum(map(len, fleet.places.values()))
     found.append(("ugv", f"{len(fleet.places)} vehicles, {count} positions"))
     found += [("camera", chosen.optics), ("direction", chosen.direction), ("clock", timeline.said)]
     return ImportReport(
         found=tuple(found),
-        assumed=tuple(assumed),
+        assumed=tuple(dict.fromkeys(assumed)),
         left_out=left_out,
         uav_id=uav_id,
         ugv_ids=tuple(sorted(fleet.places)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 
@@ -101,19 +102,47 @@ def _of_film(film: ImportedFilm, fleet_span_us: tuple[int, int]) -> tuple[int, s
     return fleet_span_us[0], "nothing: the film is taken to begin with the fleet's telemetry"
 
 
-def check_overlap(film: ImportedFilm, timeline: FilmTimes, fleet_span_us: tuple[int, int]) -> None:
-    """See that the fleet reports while it is filmed.
+def check_overlap(
+    film: ImportedFilm,
+    timeline: FilmTimes,
+    uav: VehicleLog | None,
+    fleet_span_us: tuple[int, int],
+    assumed: Collection[str] = (),
+) -> None:
+    """See that the UAV and the fleet report while it is filmed.
+
+    Args:
+        film: what was filmed.
+        timeline: when.
+        uav: the UAV's log; None: its telemetry is in the fleet's.
+        fleet_span_us: first and last position of the fleet, Unix µs.
+        assumed: of the fleet's times, for the message.
 
     Raises:
-        ImportFileError: it does not.
+        ImportFileError: one of them does not.
     """
     first_us, last_us = timeline.film_us, timeline.film_us + film_length_us(film)
-    overlap_us = min(last_us, fleet_span_us[1]) - max(first_us, fleet_span_us[0])
-    if overlap_us < min(_LEAST_OVERLAP_US, last_us - first_us):
+    taken = f"{film.path}: taken {_words(first_us, last_us)} by {timeline.said}"
+    said = "".join(f" ({words})" for words in assumed)
+    if not _overlap((first_us, last_us), fleet_span_us):
         raise ImportFileError(
-            f"{film.path}: taken {_words(first_us, last_us)} by {timeline.said}, while the fleet reports "
-            f"{_words(*fleet_span_us)}; give by how much the fleet's clock is ahead of the film's: --clock +SECONDS"
+            f"{taken}, while the fleet reports {_words(*fleet_span_us)}; give by how much the fleet's clock is ahead "
+            f"of the film's: --clock +SECONDS{said}"
         )
+    if uav is None:
+        return
+    span_us = (int(uav.places.t_us[0]) + timeline.uav_shift_us, int(uav.places.t_us[-1]) + timeline.uav_shift_us)
+    if not _overlap((first_us, last_us), span_us):
+        away = "" if uav.clock != "video" else f", {uav.places.t_us[0] * 1e-6:.1f} s after the film's first frame"
+        raise ImportFileError(
+            f"{taken}, while {uav.source} tells of {_words(*span_us)}{away}: it does not cover the film; is it of that "
+            "flight, are its times in the unit of their column?"
+        )
+
+
+def _overlap(film_us: tuple[int, int], span_us: tuple[int, int]) -> bool:
+    shared_us = min(film_us[1], span_us[1]) - max(film_us[0], span_us[0])
+    return shared_us >= min(_LEAST_OVERLAP_US, film_us[1] - film_us[0])
 
 
 def _words(first_us: int, last_us: int) -> str:

@@ -49,20 +49,19 @@ def _log(path: Path, fleet: FleetTlog, system_id: int) -> VehicleLog:
         places=replace(places.select(in_order(places.t_us)), std_m=_std_m(fleet, system_id)),
         attitudes=attitudes,
         gimbal=gimbal,
-        notes=ImportNotes(found=found[: 3 if len(gimbal) else 2]),
+        notes=ImportNotes(found=found[: 3 if len(gimbal) else 2], assumed=fleet.assumed),
     )
 
 
 def _std_m(fleet: FleetTlog, system_id: int) -> float:
     """Median of what the receiver estimates, NaN where it does not."""
-    _, wire = fleet.tlog.columns(_GPS_RAW, system_id)
+    _, wire = fleet.columns(_GPS_RAW, system_id)
     known = (wire["h_acc"] > 0) & (wire["h_acc"] < _UNKNOWN_MM)
     return float(np.median(wire["h_acc"][known])) * 1e-3 if known.any() else float("nan")
 
 
 def _attitudes(fleet: FleetTlog, system_id: int) -> AngleTrack:
-    rows, wire = fleet.tlog.columns(_ATTITUDE, system_id)
-    t_us = fleet.tlog.index.t_us[rows].astype(np.int64)
+    t_us, wire = fleet.columns(_ATTITUDE, system_id)
     order = in_order(t_us)
     angles = np.column_stack([wire[name].astype(float) for name in ("roll", "pitch", "yaw")])
     return AngleTrack(t_us=t_us[order], angles=angles[order])
@@ -73,7 +72,7 @@ def _gimbal(fleet: FleetTlog, system_id: int) -> AngleTrack:
     rows, wire = fleet.tlog.columns(_GIMBAL, system_id)
     if not len(rows):
         return AngleTrack.empty()
-    t_us = fleet.tlog.index.t_us[rows].astype(np.int64)
+    t_us = fleet.t_us[rows]
     order = in_order(t_us)
     angles = np.array([euler_from_quaternion(*q) for q in wire["q"][order].astype(float).tolist()]).reshape(-1, 3)
     earth = yaw_frame(int(wire["flags"][0])) == "earth"

@@ -15,14 +15,16 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator
-from datetime import UTC, datetime
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
+from gcs.importing.formats.table_columns import KNOWN, TIMES, column_of, in_our_units, unix_us
 from gcs.importing.formats.text_file import text_lines
+from gcs.importing.row_times import NO_ZONE, row_times, unix_seconds
 from gcs.importing.vehicle_log import (
     AngleTrack,
     ImportNotes,
@@ -30,37 +32,14 @@ from gcs.importing.vehicle_log import (
     PlaceTrack,
     VehicleLog,
     ViewTrack,
-    in_order,
     whole_places,
 )
+from infra.plain_text import plain
 
 __all__ = ["read_csv"]
 
 Floats = NDArray[np.float64]
 
-_ALIASES = {
-    "latitude": "lat", "lat_deg": "lat", "latitude_deg": "lat",
-    "longitude": "lon", "lng": "lon", "lon_deg": "lon", "longitude_deg": "lon", "longtitude": "lon",
-    "altitude": "alt_m", "alt": "alt_m", "altitude_m": "alt_m", "abs_alt": "alt_m", "ele": "alt_m",
-    "height": "height_m", "rel_alt": "height_m", "relative_alt_m": "height_m",
-    "timestamp": "time", "utc": "time", "datetime": "time", "t_us": "time_us", "unix_us": "time_us",
-    "unix_s": "time_s", "t_s": "elapsed_s", "elapsed": "elapsed_s",
-    "yaw": "yaw_deg", "pitch": "pitch_deg", "roll": "roll_deg", "heading": "heading_deg",
-    "gimbal_yaw": "gimbal_yaw_deg", "gimbal_pitch": "gimbal_pitch_deg", "gimbal_roll": "gimbal_roll_deg",
-    "h_acc": "std_m", "h_acc_m": "std_m", "sysid": "system_id", "id": "system_id",
-}  # fmt: skip
-"""What else columns are called."""
-_KNOWN = frozenset(_ALIASES.values()) | {"frame", "speed_mps", "course_deg", "hfov_deg", "vn_mps", "ve_mps", "vd_mps"}
-_TIMES: tuple[tuple[str, LogClock, float], ...] = (
-    ("time_us", "utc", 1.0),
-    ("time_s", "utc", 1e6),
-    ("time", "utc", 1e6),
-    ("elapsed_s", "video", 1e6),
-    ("frame", "frame", 1.0),
-)
-"""Columns of times, best first, with their clock and µs."""
-_UNIX_FROM_S = 1e8
-"""Seconds below this, three years, do not count from 1970."""
 _LATEST_US = 4_102_444_800_000_000  # the year 2100
 _MOST_ROWS = 2_000_000
 _MOST_COLUMNS = 400
@@ -75,66 +54,128 @@ def read_csv(path: Path) -> list[VehicleLog]:
     """
     lines = text_lines(path)
     header = next(lines, "")
+    if header.strip(_AROUND + "\ufeff").lower().startswith("sep="):
+        header = next(lines, "")  # Excel tells itself what separates cells
     between = max(",;\t", key=header.count)
-    names = [_column(cell) for cell in header.split(between)[:_MOST_COLUMNS]]
-    time, clock, unit_us = _time_column(names, path)
-    missing = [name for name in ("lat", "lon") if name not in names]
-    if missing:
-        raise ImportFileError(f"{path}: column {missing[0]} is missing; the first line must name the columns")
-    columns = [name for name in dict.fromkeys(names) if name in _KNOWN]
-    skipped: Counter[str] = Counter()
-    rows = _rows(path, lines, between, [names.index(name) for name in columns], columns.index(time), skipped)
-    table = np.fromiter(rows, np.dtype((np.float64, len(columns))))
-    if not len(table):
-        raise ImportFileError(f"{path}: no row in it that can be used; {', '.join(names[:8])} were expected as numbers")
-    by_name = dict(zip(columns, table.T, strict=True))
-    t_us, clock = _microseconds(by_name[time], clock, unit_us)
-    good = whole_places(by_name["lat"], by_name["lon"]) & (t_us >= 0) & (t_us < _LATEST_US)
-    skipped["rows without a place or time that can be"] += int(np.count_nonzero(~good))
-    owner = by_name.get("system_id", np.zeros(len(table)))
+    cells = header.split(between)[:_MOST_COLUMNS]
+    table = _Table(path, between, [column_of(cell) for cell in cells])
+    table.read(lines)
+    by_name, assumed = in_our_units(
+        table.columns(), {cell.strip(_AROUND + "\ufeff").lower() for cell in cells}, f"{path}"
+    )
+    where = f"{path}: column {cells[table.names.index(table.time)].strip(_AROUND)}"
+    times, clock, said = unix_us(table.time, by_name[table.time], dated=table.dated, where=where)
+    t_us = np.rint(np.clip(times, -1.0, _LATEST_US))
+    assumed += said + ((NO_ZONE,) if table.zoneless else ())
+    good = whole_places(by_name["lat"], by_name["lon"])
+    if not good.any():
+        worst = f"{by_name['lat'][0]:g}, {by_name['lon'][0]:g}"
+        raise ImportFileError(
+            f"{path}: no row in it that can be used: lat, lon such as {worst} are no place in degrees"
+        )
+    good &= (t_us >= 0) & (t_us < _LATEST_US)
+    owner = _owners(by_name)
+    if "id" in by_name and owner is None:
+        assumed += ("the column id counts rows: it is no system id",)
+    owner = np.zeros(len(t_us)) if owner is None else owner
+    theirs = (owner >= 0) & (owner <= 255) & (owner == np.floor(owner))
+    table.skipped["rows without a place or time that can be"] += int(np.count_nonzero(~good))
+    table.skipped["rows with a system id that is none of 1 to 255"] += int(np.count_nonzero(good & ~theirs))
     logs = []
-    for system_id in np.unique(owner[good & (owner >= 0) & (owner <= 255) & (owner == np.floor(owner))]).tolist():
+    for system_id in np.unique(owner[good & theirs]).tolist():
         mine = np.flatnonzero(good & (owner == system_id))
-        mine = mine[in_order(t_us[mine].astype(np.int64))]
-        part = {name: column[mine] for name, column in by_name.items()}
-        logs.append(_log(path, int(system_id), t_us[mine].astype(np.int64), clock, part, +skipped))
+        whose = f"{path}, system {system_id:g}" if system_id else f"{path}"
+        at = np.column_stack([by_name["lat"][mine], by_name["lon"][mine]])
+        ordered = row_times(t_us[mine].astype(np.int64), at, whose)
+        part = {name: column[mine[ordered.rows]] for name, column in by_name.items()}
+        notes = ImportNotes(
+            assumed=(*assumed, *ordered.assumed), skipped=dict(+(table.skipped + Counter(ordered.skipped)))
+        )
+        logs.append(_log(path, int(system_id), ordered.t_us, clock, part, notes))
     if not logs:
-        raise ImportFileError(f"{path}: no row in it that can be used: places are degrees, system ids 1 to 255")
+        seen = f"{owner[good][0]:g}" if good.any() else ""
+        why = f"system ids are 1 to 255, not {seen}" if seen else "its times are none of 1970 to 2099"
+        raise ImportFileError(f"{path}: no row in it that can be used: {why}")
     return logs
 
 
-def _column(cell: str) -> str:
-    name = cell.strip(_AROUND + "\ufeff").lower().replace(" ", "_")
-    return _ALIASES.get(name, name)
+def _owners(columns: dict[str, Floats]) -> Floats | None:
+    """(n,) system ids, None without; a column ``id`` that differs in each row counts rows."""
+    if "system_id" in columns:
+        return columns["system_id"]
+    ids = columns.get("id")
+    return None if ids is None or (len(ids) > 1 and len(np.unique(ids)) == len(ids)) else ids
 
 
-def _time_column(names: list[str], path: Path) -> tuple[str, LogClock, float]:
-    for each in _TIMES:
-        if each[0] in names:
-            return each
-    wanted = ", ".join(name for name, _, _ in _TIMES)
-    raise ImportFileError(f"{path}: no column of times; the first line must name one of {wanted}")
+class _Table:
+    """Numbers of a table's rows as they are read."""
 
+    def __init__(self, path: Path, between: str, columns: list[tuple[str, float]]) -> None:
+        self.names = [name for name, _ in columns]
+        self.skipped: Counter[str] = Counter()
+        self.dated = self.zoneless = False
+        self._path, self._between = path, between
+        self._strange = ""
+        time = next((name for name in TIMES if name in self.names), None)
+        if time is None:
+            wanted = ", ".join(TIMES)
+            raise ImportFileError(f"{path}: no column of times; the first line must name one of {wanted}")
+        missing = [name for name in ("lat", "lon") if name not in self.names]
+        if missing:
+            seen = ", ".join(self.names[:8])
+            raise ImportFileError(
+                f"{path}: column {missing[0]} is missing; the first line must name the columns, it has {seen}"
+            )
+        self.time = time
+        self._kept = [name for name in dict.fromkeys(self.names) if name in KNOWN]
+        self._places = [self.names.index(name) for name in self._kept]
+        self._factors = np.array([columns[place][1] for place in self._places])
 
-def _rows(
-    path: Path, lines: Iterator[str], between: str, places: list[int], time: int, skipped: Counter[str]
-) -> Iterator[list[float]]:
-    """Numbers of each row, NaN for cells that are empty or none."""
-    count = 0
-    for line in lines:
-        if not line.strip():
-            continue
-        cells = line.split(between)
-        row = [_number(cells[place], between) if place < len(cells) else math.nan for place in places]
-        if math.isnan(row[time]) and places[time] < len(cells):
-            row[time] = _iso_s(cells[places[time]].strip(_AROUND))
-        count += 1
-        if count > _MOST_ROWS:
-            raise ImportFileError(f"{path}: more than {_MOST_ROWS} rows; cut it where the flight ends")
-        if math.isfinite(row[time]):
-            yield row
-        else:
-            skipped["rows without a time"] += 1
+    def columns(self) -> dict[str, Floats]:
+        """By our names, NaN for cells that are empty or no number."""
+        return dict(zip(self._kept, self._rows.T * self._factors[:, None], strict=True))
+
+    def read(self, lines: Iterator[str]) -> None:
+        """Read all rows.
+
+        Raises:
+            ImportFileError: no row has a time, or there are too many.
+        """
+        self._rows = np.fromiter(self._numbers(lines), np.dtype((np.float64, len(self._kept))))
+        if len(self._rows):
+            return
+        if self._strange:
+            raise ImportFileError(
+                f"{self._path}: no row in it that can be used: the time {self._strange!r} is not understood; give ISO "
+                "8601, such as 2025-10-09T08:53:20Z, or Unix time"
+            )
+        raise ImportFileError(f"{self._path}: no row in it that can be used: no time in the column of times")
+
+    def _numbers(self, lines: Iterator[str]) -> Iterator[list[float]]:
+        time = self._kept.index(self.time)
+        place, count = self._places[time], 0
+        for line in lines:
+            if not line.strip():
+                continue
+            cells = line.split(self._between)
+            row = [_number(cells[k], self._between) if k < len(cells) else math.nan for k in self._places]
+            if math.isnan(row[time]) and place < len(cells):
+                row[time] = self._date(cells[place].strip(_AROUND))
+            count += 1
+            if count > _MOST_ROWS:
+                raise ImportFileError(f"{self._path}: more than {_MOST_ROWS} rows; cut it where the flight ends")
+            if math.isfinite(row[time]):
+                yield row
+            else:
+                self.skipped["rows without a time"] += 1
+
+    def _date(self, text: str) -> float:
+        seconds, zoned = unix_seconds(text)
+        if math.isnan(seconds):
+            self._strange = self._strange or plain(text)[:40]
+            return seconds
+        self.dated, self.zoneless = True, self.zoneless or not zoned
+        return seconds
 
 
 def _number(cell: str, between: str) -> float:
@@ -146,24 +187,8 @@ def _number(cell: str, between: str) -> float:
     return value if math.isfinite(value) else math.nan
 
 
-def _iso_s(text: str) -> float:
-    """Unix seconds of a date, taken as UTC where it has no zone."""
-    try:
-        when = datetime.fromisoformat(text)
-    except ValueError:
-        return math.nan
-    return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
-
-
-def _microseconds(times: Floats, clock: LogClock, unit_us: float) -> tuple[Floats, LogClock]:
-    """Times in µs, and their clock: small numbers of seconds count from the video's first frame."""
-    if clock == "utc" and unit_us > 1.0 and np.nanmedian(times) < _UNIX_FROM_S:
-        clock = "video"
-    return np.rint(np.clip(times * unit_us, -1.0, _LATEST_US)), clock
-
-
 def _log(
-    path: Path, system_id: int, t_us: NDArray[np.int64], clock: LogClock, part: dict[str, Floats], skipped: Counter[str]
+    path: Path, system_id: int, t_us: NDArray[np.int64], clock: LogClock, part: dict[str, Floats], notes: ImportNotes
 ) -> VehicleLog:
     def column(name: str) -> Floats:
         return part.get(name, np.full(len(t_us), np.nan))
@@ -174,7 +199,7 @@ def _log(
         return found
 
     body, gimbal = (
-        angles("roll_deg", "pitch_deg", "yaw_deg"),
+        angles("roll_deg", "pitch_deg", "yaw_deg" if "yaw_deg" in part else "heading_deg"),
         angles("gimbal_roll_deg", "gimbal_pitch_deg", "gimbal_yaw_deg"),
     )
     if "gimbal_roll_deg" not in part:
@@ -205,7 +230,7 @@ def _log(
         attitudes=AngleTrack(t_us=t_us[whole], angles=body[whole]),
         gimbal=AngleTrack(t_us=t_us[pitched], angles=gimbal[pitched]),
         view=ViewTrack(t_us=t_us[seen], hfov=hfov[seen], source=f"field of view in {path.name}"),
-        notes=ImportNotes(found=(f"table, {len(t_us)} positions", *words), skipped=dict(skipped)),
+        notes=replace(notes, found=(f"table, {len(t_us)} positions", *words)),
     )
 
 

@@ -17,6 +17,7 @@ from gcs.errors import ImportFileError
 from gcs.importing.cameras import from_focal_length
 from gcs.importing.formats.dji_cue import DjiCue, read_cue
 from gcs.importing.formats.subtitles import SubtitleCue
+from gcs.importing.row_times import check_one_clock
 from gcs.importing.smoothing import smoothed_places
 from gcs.importing.vehicle_log import AngleTrack, ImportNotes, PlaceTrack, VehicleLog, ViewTrack, whole_places
 
@@ -59,6 +60,7 @@ def log_of_cues(source: str, cues: Iterable[SubtitleCue]) -> VehicleLog:
     if not rows:
         why = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
         raise ImportFileError(f"{source}: no position in it ({why}); is it a DJI drone's, with satellites in view?")
+    check_one_clock(np.array([t for t, _ in rows], np.int64), source, blocks=True)
     rows, late = _in_order(rows)
     if late:
         skipped["repeated or out of order"] += late

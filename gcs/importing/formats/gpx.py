@@ -10,7 +10,6 @@ import math
 import re
 from collections import Counter
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 from xml.parsers import expat
@@ -19,7 +18,8 @@ import numpy as np
 
 from gcs.errors import ImportFileError
 from gcs.importing.formats.text_file import open_file
-from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog, in_order, whole_places
+from gcs.importing.row_times import NO_ZONE, row_times, unix_seconds
+from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog, whole_places
 from infra.plain_text import plain
 
 __all__ = ["read_gpx"]
@@ -28,7 +28,9 @@ _MOST_POINTS = 1_000_000
 _MOST_TRACKS = 255
 _MOST_TEXT, _MOST_DEPTH = 200, 64
 _CHUNK = 1 << 16
-_NUMBER = re.compile(r"(\d{1,3})(?!.*\d)")
+_NUMBER = re.compile(r"(?<!\d)(\d{1,3})(?!.*\d)")
+_DATES = re.compile(r"\d{5,}|\d{1,4}(?:[-._:/T]\d{1,2}){2,}")
+"""Dates and times in a name: no number of a vehicle."""
 
 
 @dataclass(slots=True)
@@ -49,6 +51,7 @@ class _GpxReader:
         self._text = ""
         self._place = (math.nan, math.nan)
         self._ele = self._time = math.nan
+        self.zoneless = False
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         name = tag.rpartition(":")[2]
@@ -76,7 +79,9 @@ class _GpxReader:
         elif name == "ele" and above == "trkpt":
             self._ele = _number(self._text)
         elif name == "time" and above == "trkpt":
-            self._time = _unix_s(self._text)
+            self._time, zoned = unix_seconds(self._text)
+            self._time = self._time if self._time >= 0.0 else math.nan
+            self.zoneless |= not zoned
         elif name == "trkpt" and self.tracks:
             self._add()
         self._text = ""
@@ -115,24 +120,29 @@ def read_gpx(path: Path) -> list[VehicleLog]:
             if not any(track.points for track in reader.tracks):
                 raise ImportFileError(f"{path}: not a GPX file: {error}") from None
             reader.skipped["ends in the middle"] += 1
-    logs = [_log(path, track, reader.skipped) for track in reader.tracks if track.points]
+    notes = ImportNotes(assumed=(NO_ZONE,) if reader.zoneless else (), skipped=reader.skipped)
+    logs = [_log(path, track, notes) for track in reader.tracks if track.points]
     if not logs:
         raise ImportFileError(f"{path}: no track point with a place and a time in it")
     return logs
 
 
-def _log(path: Path, track: _GpxTrack, skipped: Counter[str]) -> VehicleLog:
+def _log(path: Path, track: _GpxTrack, notes: ImportNotes) -> VehicleLog:
     table = np.array(track.points)
-    t_us = np.rint(table[:, 0] * 1e6).astype(np.int64)
-    rows = in_order(t_us)
-    number = _NUMBER.search(track.name)
+    source = f"{path.name} ({track.name})" if track.name else path.name
+    ordered = row_times(np.rint(table[:, 0] * 1e6).astype(np.int64), table[:, 1:3], source)
+    table, number = table[ordered.rows], _NUMBER.search(_DATES.sub("", track.name))
     system_id = int(number.group(1)) if number else 0
     return VehicleLog(
-        source=f"{path.name} ({track.name})" if track.name else path.name,
+        source=source,
         clock="utc",
         system_id=system_id if system_id <= 255 else 0,
-        places=PlaceTrack.of(t_us[rows], table[rows, 1], table[rows, 2], alt_m=table[rows, 3]),
-        notes=ImportNotes(found=(f"GPX track, {len(rows)} points",), skipped=dict(skipped)),
+        places=PlaceTrack.of(ordered.t_us, table[:, 1], table[:, 2], alt_m=table[:, 3]),
+        notes=ImportNotes(
+            found=(f"GPX track, {len(table)} points",),
+            assumed=(*notes.assumed, *ordered.assumed),
+            skipped={**notes.skipped, **ordered.skipped},
+        ),
     )
 
 
@@ -142,12 +152,3 @@ def _number(text: str) -> float:
     except ValueError:
         return math.nan
     return value if math.isfinite(value) else math.nan
-
-
-def _unix_s(text: str) -> float:
-    try:
-        when = datetime.fromisoformat(text.strip())
-    except ValueError:
-        return math.nan
-    seconds = (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
-    return seconds if seconds >= 0.0 else math.nan

@@ -20,6 +20,7 @@ import numpy as np
 
 from gcs.errors import ImportFileError
 from gcs.importing.formats.subtitles import SubtitleCue
+from gcs.importing.row_times import check_one_clock
 from gcs.importing.smoothing import smoothed_places
 from gcs.importing.vehicle_log import AngleTrack, ImportNotes, VehicleLog, in_order, whole_places
 
@@ -62,6 +63,7 @@ def siyi_log(source: str, cues: Sequence[SubtitleCue]) -> VehicleLog:
     if not rows:
         raise ImportFileError(f"{source}: no position in its subtitles; were satellites in view?")
     table, unix_us = np.array(rows), np.array(dates, np.int64)
+    check_one_clock(table[:, 0].astype(np.int64), source, blocks=True)
     order = in_order(table[:, 0].astype(np.int64))
     table, unix_us = table[order], unix_us[order]
     t_us = table[:, 0].astype(np.int64)

@@ -1,0 +1,41 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gcs.errors import ImportFileError
+from gcs.importing.film import ImportedFilm
+from gcs.importing.timeline import check_overlap, find_timeline
+from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog
+
+T0 = 1_790_000_000_000_000
+FILM = ImportedFilm(
+    path=Path("film.mp4"), elapsed_us=np.arange(100) * 200_000, width=640, height=480, created_us=0, model=""
+)
+FLEET = (T0, T0 + 30_000_000)
+
+
+def uav_log(first_s, last_s, clock):
+    t_us = np.arange(round(first_s * 1e6), round(last_s * 1e6), 200_000) + (T0 if clock == "utc" else 0)
+    places = PlaceTrack.of(t_us, np.full(len(t_us), 47.1), np.full(len(t_us), 8.1))
+    return VehicleLog(source="uav.csv", clock=clock, places=places, notes=ImportNotes())
+
+
+@pytest.mark.parametrize("clock", ["video", "utc"])
+@pytest.mark.parametrize(("first_s", "last_s", "covers"), [(0, 30, True), (15, 60, True), (65000, 94500, False)])
+def test_a_log_of_the_uav_has_to_cover_the_film(first_s, last_s, covers, clock):
+    uav = uav_log(first_s, last_s, clock)
+    times = find_timeline(FILM, uav, FLEET, 0.0)
+    if clock == "utc":
+        times = find_timeline(FILM, None, FLEET, 0.0)  # as a search in the film may have it
+    if covers:
+        check_overlap(FILM, times, uav, FLEET)
+        return
+    with pytest.raises(ImportFileError, match=r"while uav\.csv tells of .*: it does not cover the film"):
+        check_overlap(FILM, times, uav, FLEET)
+
+
+def test_what_was_assumed_of_the_fleet_is_told_where_it_does_not_fit():
+    times = find_timeline(FILM, None, FLEET, 3600.0)
+    with pytest.raises(ImportFileError, match=r"--clock \+SECONDS \(rover\.gpx: times without a zone are UTC\)$"):
+        check_overlap(FILM, times, None, FLEET, ["rover.gpx: times without a zone are UTC"])

@@ -1,0 +1,81 @@
+"""Telemetry logs with the troubles that stations and companions make."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gcs.errors import ImportFileError
+from gcs.importing.fleet_log import open_fleet
+from gcs.importing.sources import read_vehicle_logs
+from mavlink.protocol.encoder import ROVER, MavlinkEncoder
+
+T0 = 1_790_000_000_000_000
+STEPS = 200
+"""Of a fifth of a second."""
+
+
+def path_of(k):
+    return 47.1 + 4e-6 * k, 8.1, 430.0
+
+
+def written(path: Path, *, set_back_s=0.0, companion=False, speed=1.0, systems=(11, 12)):
+    """A log of rovers, the recorder's clock set back in the middle."""
+    autopilots = {i: MavlinkEncoder(i) for i in systems}
+    companions = {i: MavlinkEncoder(i, 191) for i in systems}
+    with path.open("wb") as file:
+        for k in range(STEPS):
+            for system_id, speaker in autopilots.items():
+                stamp = T0 + round(k * 200_000 / speed) + system_id
+                stamp -= round(set_back_s * 1e6) if k >= STEPS // 3 else 0
+                place = path_of(k)
+                frames = [speaker.global_position_int(5000 + 200 * k, *place, 0.0, (2.0, 0.0, 0.0), 0.0)]
+                if k % 5 == 0:
+                    frames.append(speaker.heartbeat(kind=ROVER))
+                if companion:
+                    elsewhere = (place[0] + 0.01, place[1], 100.0)
+                    frames.append(
+                        companions[system_id].global_position_int(5000 + 200 * k, *elsewhere, 0.0, (0.0, 0.0, 0.0), 0.0)
+                    )
+                file.writelines(struct.pack(">Q", stamp) + frame for frame in frames)
+    return path
+
+
+def assert_path(places, start_us):
+    assert places.t_us == pytest.approx(start_us + np.arange(STEPS) * 200_000, abs=5000)
+    assert places.lat_deg == pytest.approx(path_of(np.arange(STEPS))[0], abs=2e-7)
+    assert places.alt_m == pytest.approx(430.0)
+
+
+@pytest.mark.parametrize("set_back_s", [3600.0, -3600.0, 7.0])
+def test_a_recorder_whose_clock_was_set_is_put_on_one_clock(set_back_s, tmp_path):
+    fleet = open_fleet(written(tmp_path / "fleet.tlog", set_back_s=set_back_s))
+    (said,) = fleet.assumed
+    assert said.startswith(f"fleet.tlog: the recorder's clock was set by {-set_back_s:+.1f} s at byte ")
+    start_us = T0 - round(set_back_s * 1e6)  # as it was for two thirds of the log
+    assert_path(fleet.places(11), start_us + 11)
+    assert_path(fleet.places(12), start_us + 12)
+    stamps = [t_us for t_us, _ in fleet.records(())]
+    assert min(stamps) == start_us + 11
+    assert np.abs(np.diff(stamps)).max() <= 200_000
+    assert [t_us for t_us, _ in fleet.records_of(11)] == [t_us for t_us in stamps if (t_us - start_us) % 100_000 == 11]
+    (log, _) = read_vehicle_logs(tmp_path / "fleet.tlog")
+    assert log.notes.assumed == fleet.assumed
+
+
+def test_a_whole_log_is_taken_as_it_is(tmp_path):
+    fleet = open_fleet(written(tmp_path / "fleet.tlog"))
+    assert fleet.assumed == ()
+    assert (fleet.t_us == fleet.tlog.index.t_us).all()
+
+
+def test_what_a_companion_reports_is_not_where_the_vehicle_is(tmp_path):
+    fleet = open_fleet(written(tmp_path / "fleet.tlog", companion=True))
+    assert_path(fleet.places(11), T0 + 11)
+
+
+def test_stamps_that_run_faster_than_the_vehicles_are_refused(tmp_path):
+    path = written(tmp_path / "fleet.tlog", speed=10.0)
+    with pytest.raises(ImportFileError, match=r"fleet\.tlog: the vehicles' clocks run 10 times as fast as the stamps"):
+        open_fleet(path)
