@@ -31,6 +31,8 @@ class ImportedFilm:
     """(n,) µs of each frame since the first."""
     width: int
     height: int
+    shown_as: str = ""
+    """In words, how its pictures are shown otherwise than they are coded; empty as coded."""
     created_us: int
     """Unix µs as the container has it, 0 unknown."""
     model: str
@@ -44,7 +46,7 @@ def open_film(path: Path) -> ImportedFilm:
         VideoError: no such file, or no video in it.
     """
     with closing(VideoFile.open(path)) as video:
-        elapsed_us, size = video.times_us, (video.width, video.height)
+        elapsed_us, size, shown_as = video.times_us, (video.width, video.height), video.shown_as
     with closing(open_video(path)) as container:
         tags = {name.lower(): value for name, value in container.metadata.items()}
     return ImportedFilm(
@@ -52,6 +54,7 @@ def open_film(path: Path) -> ImportedFilm:
         elapsed_us=elapsed_us,
         width=size[0],
         height=size[1],
+        shown_as=shown_as,
         created_us=_unix_us(tags.get("creation_time", "")),
         model=plain(next((tags[name] for name in _MODEL_TAGS if name in tags), ""))[:_MOST_WORDS],
     )

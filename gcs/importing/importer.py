@@ -187,9 +187,8 @@ def _report(
     uav_id: int,
 ) -> ImportReport:
     length_s = float(film.elapsed_us[-1]) * 1e-6
-    found = [
-        ("video", f"{film.path.name}: {len(film.elapsed_us)} frames of {film.width}×{film.height} px, {length_s:.1f} s")
-    ]
+    size = f"{film.width}×{film.height} px" + (f" ({film.shown_as})" if film.shown_as else "")
+    found = [("video", f"{film.path.name}: {len(film.elapsed_us)} frames of {size}, {length_s:.1f} s")]
     assumed = [*timeline.assumed, *chosen.assumed]
     left_out: dict[str, int] = {}
     if uav is not None:

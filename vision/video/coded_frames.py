@@ -16,7 +16,7 @@ from av.packet import Packet
 from av.video.stream import VideoStream
 
 from vision.errors import VideoError
-from vision.video.frame_index import coded_packets, open_video
+from vision.video.frame_index import coded_packets, film_stream, open_video
 from vision.video.recording_parts import read_parts
 
 __all__ = ["CodedFilm", "CodedFrame"]
@@ -39,6 +39,9 @@ class CodedFilm:
         path: the file, the first when there are several.
         stream: of the first file: how all of them are coded.
         n: frames in display order, up to the last one that was recorded.
+        size: width and height as it is shown, px.
+        turned: the container asks players to turn its pictures; not every other container can.
+        shown_as: in words, how its pictures are shown otherwise than they are coded; empty as coded.
 
     Raises:
         VideoError: no video, or its files are not coded alike, so that one copy cannot hold them.
@@ -48,9 +51,14 @@ class CodedFilm:
         self.path = path
         self._parts = read_parts(path)
         self.n = self._parts[-1].end
+        index = self._parts[0].index
+        self.size, self.shown_as = (index.width, index.height), index.shown_as
+        self.turned = index.quarter_turns != 0
+        if not any(key in index.order for key in index.key_pts.tolist()):
+            raise VideoError(f"video {path}: its only key frame is trimmed away, so that it cannot be copied")
         self._open = ExitStack()
         containers = [self._open.enter_context(closing(open_video(part.path))) for part in self._parts]
-        self._streams = [(container, container.streams.video[0]) for container in containers]
+        self._streams = [(container, film_stream(container)) for container in containers]
         self.stream = self._streams[0][1]
         for part, (_, stream) in zip(self._parts, self._streams, strict=True):
             if _coding(stream) != _coding(self.stream):

@@ -9,7 +9,7 @@ from collections.abc import Generator, Iterable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 
 import av
@@ -21,9 +21,20 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
+from infra.clock_steps import restarts
 from vision.errors import VideoError
 
-__all__ = ["ONE_FILE", "FrameIndex", "FrameReader", "bgr", "coded_packets", "open_video", "read_index", "reason"]
+__all__ = [
+    "ONE_FILE",
+    "FrameIndex",
+    "FrameReader",
+    "bgr",
+    "coded_packets",
+    "film_stream",
+    "open_video",
+    "read_index",
+    "reason",
+]
 
 
 ONE_FILE = (
@@ -31,6 +42,10 @@ ONE_FILE = (
     "h264,hevc,vvc,av1,mjpeg,yuv4mpegpipe,gif"
 )
 """Containers that are one file: a playlist would have FFmpeg open whatever its author names, pipes included."""
+_LEAST_ASPECT = 0.1
+"""A pixel that is narrower than this is a damaged number."""
+_MOST_TRIED = 64
+"""Packets until the first picture."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,25 +61,33 @@ class FrameIndex:
     key_pts: NDArray[np.int64]
     """Frames that decoding can begin at, ascending."""
     tick_us: float
+    quarter_turns: int = 0
+    """Counterclockwise, that the container asks for."""
+    shown_as: str = ""
+    """In words, how pictures are shown otherwise than they are coded; empty as coded."""
 
 
 def read_index(path: Path) -> FrameIndex:
-    """Read a file through without decoding."""
+    """Read a file through without decoding more than one frame: width and height are those that players show."""
     with closing(open_video(path)) as container:
-        stream = container.streams.video[0]
+        stream = film_stream(container)
         stamps: list[int] = []
         keys: list[int] = []
-        for pts, packet in coded_packets(container, stream):
+        for pts, packet in _decodable(container, stream):
             if packet.is_keyframe:
                 keys.append(pts)
-            stamps.append(pts)
+            if not packet.is_discard:
+                stamps.append(pts)
         shown = sorted(set(stamps))
-        width, height = stream.codec_context.width, stream.codec_context.height
-        if not shown or not width:
+        if not shown or not stream.codec_context.width:
             raise VideoError(f"video {path}: no frame with a time stamp in it; remux it, for example to .mkv")
+        _check_one_film(path, stamps, stream.time_base)
+        width, height, quarter_turns, shown_as = _picture(path, stream)
         return FrameIndex(
             width=width,
             height=height,
+            quarter_turns=quarter_turns,
+            shown_as=shown_as,
             pts=shown,
             order={stamp: i for i, stamp in enumerate(shown)},
             key_pts=np.array(sorted(keys), dtype=np.int64),
@@ -72,18 +95,85 @@ def read_index(path: Path) -> FrameIndex:
         )
 
 
+def film_stream(container: InputContainer) -> VideoStream:
+    """The film among a file's video tracks: cover pictures and tracks of one frame are passed over."""
+    best = container.streams.best("video")
+    return best if isinstance(best, VideoStream) else container.streams.video[0]
+
+
 def coded_packets(container: InputContainer, stream: VideoStream) -> Iterator[tuple[int, Packet[VideoStream]]]:
-    """Time stamp and packet of every frame that is shown, in the file's order."""
-    first: int | None = None
+    """Time stamp and packet of every frame that is shown and needs no hidden one, in the file's order."""
+    shown = ((pts, packet) for pts, packet in _stamped(container, stream) if not packet.is_discard)
+    yield from _from_key(shown)
+
+
+def _decodable(container: InputContainer, stream: VideoStream) -> Iterator[tuple[int, Packet[VideoStream]]]:
+    """Likewise of every frame that can be decoded: the first ones of a trimmed film are hidden, and needed."""
+    return _from_key(_stamped(container, stream))
+
+
+def _stamped(container: InputContainer, stream: VideoStream) -> Iterator[tuple[int, Packet[VideoStream]]]:
     for packet in _packets(container, stream):
         pts = _stamp(packet)
-        if pts is None or packet.is_discard:
-            continue
+        if pts is not None:
+            yield pts, packet
+
+
+def _from_key(packets: Iterable[tuple[int, Packet[VideoStream]]]) -> Iterator[tuple[int, Packet[VideoStream]]]:
+    first: int | None = None
+    for pts, packet in packets:
         if packet.is_keyframe and first is None:
             first = pts
         # frames ahead of the first key frame have nothing to be decoded from
         if first is not None and pts >= first:
             yield pts, packet
+
+
+def _check_one_film(path: Path, stamps: list[int], tick: Fraction | None) -> None:
+    """See that time stamps do not begin again: frames of two films would lie between each other.
+
+    Raises:
+        VideoError: they do.
+    """
+    second = round(1 / (tick or Fraction(1, 1_000_000)))
+    for at in restarts(np.array(stamps, dtype=np.int64), second)[:1]:
+        raise VideoError(
+            f"video {path}: time stamps begin again after {at} of {len(stamps)} frames: two films in one file; cut it "
+            "there, or remux it so that they go on"
+        )
+
+
+def _picture(path: Path, stream: VideoStream) -> tuple[int, int, int, str]:
+    """Width, height and quarter turns of the pictures as they are shown, and that in words."""
+    coded = stream.codec_context
+    width, height = coded.width, coded.height
+    # how a picture is turned is told with a decoded one
+    with closing(open_video(path)) as container:
+        first = _first_frame(container, film_stream(container))
+    turns = round(first.rotation / 90.0) % 4 if first is not None else 0
+    aspect = float(stream.sample_aspect_ratio or coded.sample_aspect_ratio or 1.0)
+    words = []
+    if _LEAST_ASPECT < aspect < 1.0 / _LEAST_ASPECT and aspect != 1.0:
+        # nothing is lost where the shorter side of a pixel is drawn out
+        width, height = (round(width * aspect), height) if aspect > 1.0 else (width, round(height / aspect))
+        words.append(f"pixels {aspect:.3g} times as wide as high")
+    if turns:
+        words.append(("turned by 90° to the left", "turned by 180°", "turned by 90° to the right")[turns - 1])
+    if turns % 2:
+        width, height = height, width
+    said = f"coded {coded.width}×{coded.height} px, {', '.join(words)}" if words else ""
+    return width, height, turns, said
+
+
+def _first_frame(container: InputContainer, stream: VideoStream) -> VideoFrame | None:
+    """None where it does not decode."""
+    for _, packet in islice(_decodable(container, stream), _MOST_TRIED):
+        try:
+            for frame in stream.codec_context.decode(packet):
+                return frame
+        except av.FFmpegError:
+            continue
+    return None
 
 
 class FrameReader:
@@ -150,7 +240,7 @@ class FrameReader:
 
     def _open(self, index: int = 0) -> None:
         self._container = open_video(self._path)
-        self._stream = self._container.streams.video[0]
+        self._stream = film_stream(self._container)
         # frame threads can wait for each other for ever when a decoder is given up in the middle of a frame
         self._stream.thread_type = "SLICE"
         self._start(_packets(self._container, self._stream), index)
@@ -188,7 +278,11 @@ class FrameReader:
                 yield index, frame
 
     def _image(self, frame: VideoFrame) -> NDArray[np.uint8]:
-        return bgr(frame, self._index.width, self._index.height)
+        turns, size = self._index.quarter_turns, (self._index.width, self._index.height)
+        if not turns:
+            return bgr(frame, *size)
+        coded = bgr(frame, *(size if turns % 2 == 0 else size[::-1]))
+        return np.ascontiguousarray(np.rot90(coded, turns))
 
 
 def bgr(frame: VideoFrame, width: int, height: int) -> NDArray[np.uint8]:

@@ -45,6 +45,9 @@ class KlvExport:
             codec = self._film.stream.codec_context.name
             self._film.close()
             raise GcsError(f"{job.video}: MPEG-TS carries no {codec}; export .mp4 first, or code the film as H.264")
+        if self._film is not None and self._film.turned:
+            self._film.close()
+            raise GcsError(f"{job.video}: MPEG-TS cannot turn pictures as this film asks; export .mp4 first")
         self._mission = plain(job.name)
         self._times_us = job.times_us
         self._sets: list[tuple[int, bytes]] = []

@@ -50,6 +50,8 @@ def _why_not(film: CodedFilm) -> str:
     """Why a film cannot be copied, empty when it can."""
     if film.stream.codec_context.name != "h264":
         return f"it is {film.stream.codec_context.name} and not H.264"
+    if film.shown_as:
+        return f"its pictures are {film.shown_as}"
     with CodedFilm(film.path) as ahead:
         if any(later.index < frame.index for frame, later in pairwise(ahead.frames())):
             return "it has B-frames"

@@ -17,7 +17,7 @@ from av.subtitles.stream import SubtitleStream
 
 from gcs.export.film_times import copying, retimed, shown_times
 from gcs.export.job import ExportJob
-from gcs.export.subtitles.ass import EMPTY_SIZE, AssNames, ass_header
+from gcs.export.subtitles.ass import AssNames, ass_header
 from gcs.export.subtitles.cues import Cue, Cues
 from gcs.export.unfinished import Unfinished
 from gcs.snapshot import Snapshot
@@ -39,8 +39,7 @@ class MkvExport:
         self._title = plain(job.name)
         self._times_ms = shown_times(job.times_us[: self._film.n], TIME_BASE)
         self._cues = Cues(self._times_ms * 1000)
-        coded = self._film.stream.codec_context
-        self._size = (coded.width, coded.height) if coded.width and coded.height else EMPTY_SIZE
+        self._size = self._film.size
         self._names = AssNames(self._size)
         self._lines: list[tuple[int, int, bytes]] = []
         self._unfinished = Unfinished(job.path)

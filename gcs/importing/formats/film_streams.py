@@ -19,7 +19,7 @@ from gcs.importing.formats.sei import unregistered_messages
 from gcs.importing.formats.subtitles import MOST_CUES, SubtitleCue
 from gcs.importing.formats.timed_bytes import TimedBytes
 from infra.plain_text import plain
-from vision.video.frame_index import open_video
+from vision.video.frame_index import film_stream, open_video
 
 __all__ = ["FilmStreams", "read_streams"]
 
@@ -54,7 +54,7 @@ def read_streams(path: Path) -> FilmStreams:
     rows: list[tuple[str, float, bytes]] = []
     found, size, first_s = FilmStreams(), 0, math.inf
     with closing(open_video(path)) as container:
-        video = container.streams.video[0]
+        video = film_stream(container)
         found.unread += _unread(container.streams.data)
         for stream, t_s, data in _packets(container, [video, *container.streams.subtitles, *container.streams.data]):
             if stream is video:
@@ -106,7 +106,8 @@ def _packets(container: Any, streams: list[Any]) -> Iterator[tuple[Any, float, b
     try:
         for packet in container.demux(*streams):
             stamp = packet.pts if packet.pts is not None else packet.dts
-            if stamp is not None and packet.size and packet.time_base:
+            # of a trimmed film what is hidden is not shown, nor counted from
+            if stamp is not None and packet.size and packet.time_base and not packet.is_discard:
                 yield packet.stream, float(stamp * packet.time_base), bytes(packet)
     except (av.FFmpegError, ValueError):
         return
