@@ -96,7 +96,9 @@ def _intrinsics(film: ImportedFilm, uav: VehicleLog | None, options: CameraOptio
         return _of_width(size, hfov), f"{math.degrees(hfov):.1f}° by the {uav.view.source}"
     known = camera_model(film.model) if film.model else None
     if known is None:
-        said = f" (its container says {film.model})" if film.model else ""
+        there = [f"its container says {film.model}"] if film.model else []
+        there += [uav.view.source] if uav is not None and uav.view.source else []
+        said = f" ({'; '.join(there)})" if there else ""
         raise ImportFileError(
             f"{film.path}: nothing tells the camera's field of view{said}; give --fov in degrees across the picture, "
             "--camera NAME or --lens FILE"

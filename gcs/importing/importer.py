@@ -87,9 +87,9 @@ def import_flight(out: Path, options: ImportOptions) -> ImportReport:
     uav, unread = _uav_log(options, coarse=not fleet.aircraft)
     uav, swapped = _above(on_film(uav, film), fleet) if uav is not None else (None, ())
     uav = replace(uav, places=filled_in(uav.places)) if uav is not None else None
+    uav_id = _uav_id(fleet, uav, unread)
     chosen, uav = choose_camera(film, uav, options.camera)
     timeline = find_timeline(film, uav, fleet.span_us, options.clock_s)
-    uav_id = _uav_id(fleet, uav)
     mission = Mission(
         uav=MissionVehicle(system_id=uav_id),
         ugv=tuple(MissionVehicle(system_id=i) for i in sorted(fleet.places)),
@@ -165,11 +165,16 @@ def _above(uav: VehicleLog, fleet: GroundVehicles) -> tuple[VehicleLog, tuple[st
     )
 
 
-def _uav_id(fleet: GroundVehicles, uav: VehicleLog | None) -> int:
-    """Of the UAV: its own, else one that nobody uses."""
+def _uav_id(fleet: GroundVehicles, uav: VehicleLog | None, unread: tuple[str, ...]) -> int:
+    """Of the UAV: its own, else one that nobody uses.
+
+    Raises:
+        ImportFileError: there is no UAV, or no id for it.
+    """
     if uav is None:
         if not fleet.aircraft:
-            raise ImportFileError("nothing tells where the UAV was; give its log with --uav")
+            there = f" (not read: {'; '.join(unread)})" if unread else ""
+            raise ImportFileError(f"nothing tells where the UAV was; give its log with --uav{there}")
         return int(fleet.aircraft[0])
     wanted: list[int] = [uav.system_id, *range(1, LAST_ID + 1)]
     free = [system_id for system_id in wanted if system_id and system_id not in fleet.used_ids]

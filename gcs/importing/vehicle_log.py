@@ -133,7 +133,7 @@ class ViewTrack:
     hfov: Floats
     """(n,) horizontal field of view."""
     source: str = ""
-    """In words, how it is known."""
+    """In words, how it is known; of an empty track, what there is that does not tell it."""
 
     def __len__(self) -> int:
         return len(self.t_us)

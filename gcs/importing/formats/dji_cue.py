@@ -2,6 +2,7 @@
 
     keyed        [latitude: 41.4247] [longitude: 2.2341] [rel_alt: 15.1 abs_alt: 127.6] [gb_yaw: −12.3 gb_pitch: −45 …]
                  spelled ``longtitude`` by some; [altitude: …] alone by others; focal_len 24.00, or 240 in tenths
+                 [drone_yaw: … drone_pitch: … drone_roll: …] or [Drone: Yaw:…, Pitch:…, Roll:…] of the body
     positional   F/2.8, SS 206, ISO 100, EV 0, GPS (lon, lat, satellites), D 24.1m, H 45.0m, H.S 0.0m/s, V.S 0.0m/s
                  with HOME (lon, lat, altitude), F.PRY (…) of the body and G.PRY (…) of the gimbal, or RTK for GPS
     barometer    HOME(lon,lat) 2017.07.29 15:18:50 / GPS(lon,lat,satellites) BAROMETER:0.5
@@ -21,6 +22,7 @@ __all__ = ["DjiCue", "read_cue"]
 
 _NUMBER = r"[-+]?\d{1,9}(?:[.,]\d{1,12})?"
 _KEYED = re.compile(rf"\b([a-z_]{{2,16}})\s*:\s*({_NUMBER})(?![\w/])", re.IGNORECASE)
+_BLOCK = re.compile(r"\b(drone|gimbal)\s?:\s?([a-z][^\[\]<]{4,80})", re.IGNORECASE)
 _TUPLE = re.compile(r"\b(GPS|RTK|HOME|F\.PRY|G\.PRY)\s{0,4}\(([^()]{3,80})\)", re.IGNORECASE)
 _BAROMETER = re.compile(rf"\bBAROMETER\s*[:(]\s*({_NUMBER})", re.IGNORECASE)
 _HEIGHT = re.compile(rf"(?:^|[\s,])H:?\s?({_NUMBER})\s?m\b")
@@ -60,6 +62,8 @@ class DjiCue:
 def read_cue(text: str) -> DjiCue | None:
     """What a subtitle says; None without a position."""
     keyed = {name.lower(): value for name, value in _KEYED.findall(text)}
+    for whose, angles in _BLOCK.findall(text):
+        keyed |= {f"{whose.lower()}_{name.lower()}": value for name, value in _KEYED.findall(angles)}
     lat, lon = keyed.get("latitude"), keyed.get("longitude") or keyed.get("longtitude")
     tuples = {name.upper(): value for name, value in _TUPLE.findall(text)}
     if lat and lon:
@@ -72,14 +76,17 @@ def _keyed(keyed: dict[str, str], lat: str, lon: str, text: str) -> DjiCue:
         return next((_value(keyed[name]) for name in names if name in keyed), math.nan)
 
     gimbal = [number(f"gb_{name}", f"gimbal_{name}") for name in ("roll", "pitch", "yaw")]
+    body = [number(f"drone_{name}") for name in ("roll", "pitch", "yaw")]
+    of = [name for name, angles in (("gimbal", gimbal), ("body", body)) if math.isfinite(angles[1])]
     return DjiCue(
-        family="keyed, with the gimbal's angles" if math.isfinite(gimbal[1]) else "keyed",
+        family=f"keyed, with the angles of the {' and the '.join(of)}" if of else "keyed",
         lat_deg=_value(lat),
         lon_deg=_value(lon),
         decimals=min(_decimals(lat), _decimals(lon)),
         alt_m=number("abs_alt", "altitude"),
         height_m=number("rel_alt"),
         gimbal_deg=(gimbal[0], gimbal[1], gimbal[2]),
+        body_deg=(body[0], body[1], body[2]),
         focal_mm=_focal_mm(keyed.get("focal_len", "")),
         zoom=_zoom(keyed.get("dzoom_ratio", keyed.get("dzoom", ""))),
         unix_us=_unix_us(text),

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,7 +107,7 @@ def _zero_us(t_us: NDArray[np.int64], read: Sequence[DjiCue]) -> int:
         return 0
     # dates that are cut to whole seconds are on average half a second early
     cut = all(cue.unix_us % 1_000_000 == 0 for cue in read)
-    return max(0, int(np.median(zeros)) + (500_000 if cut else 0))
+    return max(0, int(np.quantile(zeros, 0.5, method="lower")) + (500_000 if cut else 0))
 
 
 def _places(t_us: NDArray[np.int64], read: Sequence[DjiCue], decimals: int) -> PlaceTrack:
@@ -134,9 +135,14 @@ def _angles(
 def _view(t_us: NDArray[np.int64], read: Sequence[DjiCue]) -> ViewTrack:
     """By the focal length; none where there is digital zoom, since whether the focal length has it in is not known."""
     focal = np.array([cue.focal_mm for cue in read])
-    if any(cue.zoom != 1.0 for cue in read) or not np.isfinite(focal).any():
+    known, zoom = np.isfinite(focal), max(cue.zoom for cue in read)
+    if not known.any():
         return ViewTrack.empty()
-    known = np.isfinite(focal)
+    if zoom != 1.0:
+        said = f"a focal length of {np.median(focal[known]):.4g} mm and a digital zoom of {zoom:.2f}"
+        return replace(
+            ViewTrack.empty(), source=f"{said} in the subtitles, which do not tell whether the one has the other in it"
+        )
     return ViewTrack(
         t_us=t_us[known],
         hfov=from_focal_length(focal[known]),

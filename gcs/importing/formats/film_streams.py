@@ -36,7 +36,7 @@ class FilmStreams:
 
     cues: list[SubtitleCue] = field(default_factory=list)
     klv: list[TimedBytes] = field(default_factory=list)
-    """Packets that begin with a set of MISB ST 0601."""
+    """Packets with a set of MISB ST 0601, perhaps behind others."""
     messages: list[TimedBytes] = field(default_factory=list)
     """User data of the pictures, each beginning with its UUID."""
     unread: list[str] = field(default_factory=list)
@@ -97,18 +97,25 @@ def _parts(stream: Any, data: bytes) -> Iterator[tuple[str, bytes]]:  # noqa: AN
             data = data[2 : 2 + int.from_bytes(data[:2], "big")]
         if data:
             yield "text", data
-    elif data.startswith(SETS_KEY):
+    elif SETS_KEY in data:
         yield "klv", data
 
 
 def _packets(container: Any, streams: list[Any]) -> Iterator[tuple[Any, float, bytes]]:  # noqa: ANN401 - untyped streams
-    """Stream, seconds and content of each packet up to the end or to where the file breaks off."""
+    """Stream, seconds and content of each packet up to the end or to where the file breaks off.
+
+    Data without time stamps, as MISB ST 1402 allows, have the time of the pictures that they stand beside.
+    """
+    picture_s = math.nan
     try:
         for packet in container.demux(*streams):
             stamp = packet.pts if packet.pts is not None else packet.dts
+            t_s = picture_s if stamp is None or not packet.time_base else float(stamp * packet.time_base)
+            if packet.stream is streams[0]:
+                picture_s = t_s
             # of a trimmed film what is hidden is not shown, nor counted from
-            if stamp is not None and packet.size and packet.time_base and not packet.is_discard:
-                yield packet.stream, float(stamp * packet.time_base), bytes(packet)
+            if packet.size and math.isfinite(t_s) and not packet.is_discard:
+                yield packet.stream, t_s, bytes(packet)
     except (av.FFmpegError, ValueError):
         return
 

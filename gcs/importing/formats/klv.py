@@ -10,8 +10,10 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.export.motion_imagery.misb import CHECKSUM, SETS_KEY, SIGNED, TIME, UNSIGNED, checksum
@@ -25,11 +27,15 @@ from gcs.importing.vehicle_log import (
     in_order,
     whole_places,
 )
+from infra.clock_steps import level_steps
 from mavlink.geodesy import rotation_from_euler
 
 __all__ = ["log_of_klv"]
 
 _MOST_SET = 1 << 20
+_ABOVE_ELLIPSOID = {75, 104}
+_STEP_US, _AROUND, _MOST_TOLD = 500_000, 8, 3
+"""Of the date against the video's clock: larger than what a set waits for its picture; how many sets agree."""
 
 
 def log_of_klv(source: str, packets: Sequence[TimedBytes]) -> VehicleLog:
@@ -54,7 +60,12 @@ def log_of_klv(source: str, packets: Sequence[TimedBytes]) -> VehicleLog:
         raise ImportFileError(f"{source}: its KLV never tells where the sensor was ({len(packets)} packets{why})")
     rows = [row for row, good in zip(rows, known.tolist(), strict=True) if good]
     places = places[known]
-    t_us, zero_us = _times(rows)
+    if not np.isfinite(places[:, 2]).any() and any(items.keys() & _ABOVE_ELLIPSOID for _, items in rows):
+        raise ImportFileError(
+            f"{source}: its KLV tells how high the sensor was above the ellipsoid alone (tag 75 or 104), not above sea "
+            "level (tag 15), which are up to 100 m apart"
+        )
+    t_us, zero_us, assumed = _times(rows)
     order = in_order(t_us)
     t_us, places, items = t_us[order], places[order], [rows[k][1] for k in order.tolist()]
     body = np.array([_platform(each) for each in items]).reshape(-1, 3)
@@ -75,23 +86,35 @@ def log_of_klv(source: str, packets: Sequence[TimedBytes]) -> VehicleLog:
                 f"KLV (MISB ST 0601) in the video, {len(t_us)} positions",
                 f"{int(whole.sum())} attitudes, {int(pointed.sum())} of the sensor",
             ),
+            assumed=assumed,
             skipped=dict(skipped),
         ),
     )
 
 
-def _times(rows: Sequence[tuple[int, dict[int, float]]]) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], int]:
-    """µs since the video's first frame of each set, and Unix µs of that frame, 0 unknown.
+def _times(rows: Sequence[tuple[int, dict[int, float]]]) -> tuple[NDArray[np.int64], int, tuple[str, ...]]:
+    """µs since the video's first frame of each set, Unix µs of that frame, 0 unknown, and in words where dates step.
 
-    Sets come with the video's clock, which says when they were put in, and have the time of what they tell.
+    Sets come with the video's clock, which says when they were put in, and have the time of what they tell. A date that
+    steps against that clock was set, as by a receiver that learns the leap seconds: then the video's clock counts.
     """
     t_us = np.array([t for t, _ in rows], np.int64)
     stamped = [int(items.get(TIME, 0)) for _, items in rows]
     if not all(stamped):
-        return t_us, 0
+        return t_us, 0, ()
     unix_us = np.array(stamped, np.int64)
-    zero_us = int(np.median(unix_us - t_us))
-    return unix_us - zero_us, zero_us
+    zeros_us = unix_us - t_us
+    steps = level_steps(zeros_us, _STEP_US, _AROUND)
+    if steps:
+        starts = [0, *(row for row, _ in steps), len(rows)]
+        first, last = max(pairwise(starts), key=lambda part: part[1] - part[0])
+        said = ", ".join(f"{by_us * 1e-6:+.1f} s at {t_us[row] * 1e-6:.1f} s" for row, by_us in steps[:_MOST_TOLD])
+        words = (
+            f"the date in its KLV steps by {said}: the video's time stamps count, and the date that holds longest",
+        )
+        return t_us, int(np.median(zeros_us[first:last])), words
+    zero_us = int(np.median(zeros_us))
+    return unix_us - zero_us, zero_us, ()
 
 
 def _sets(data: bytes, skipped: Counter[str]) -> Iterator[dict[int, float]]:
@@ -149,6 +172,8 @@ def _items(body: bytes) -> dict[int, float] | None:
 
 def _value(tag: int, raw: bytes) -> float | None:
     """In degrees, metres or µs; None for tags that are not used, of another length, or unknown."""
+    if tag in _ABOVE_ELLIPSOID:
+        return 0.0  # that it is there is all that is used
     if (tag == CHECKSUM and len(raw) == 2) or (tag == TIME and len(raw) == 8):
         return int.from_bytes(raw, "big")
     if tag in UNSIGNED and len(raw) == UNSIGNED[tag][0]:

@@ -126,7 +126,7 @@ def log_of_messages(source: str, messages: Sequence[TimedBytes]) -> VehicleLog:
     return VehicleLog(
         source=source,
         clock="video",
-        zero_us=int(np.median(utc_us[dated] - t_us[dated])) if dated.any() else 0,
+        zero_us=int(np.quantile(utc_us[dated] - t_us[dated], 0.5, method="lower")) if dated.any() else 0,
         places=PlaceTrack.of(
             t_us[known][order],
             places[order, 0],

@@ -69,7 +69,9 @@ def siyi_log(source: str, cues: Sequence[SubtitleCue]) -> VehicleLog:
     t_us = table[:, 0].astype(np.int64)
     dated = unix_us > 0
     # dates are cut to whole seconds: on average half a second early
-    zero_us = int(np.median(unix_us[dated] - t_us[dated])) + _HALF_SECOND_US if dated.any() else 0
+    zero_us = (
+        int(np.quantile(unix_us[dated] - t_us[dated], 0.5, method="lower")) + _HALF_SECOND_US if dated.any() else 0
+    )
     known = np.isfinite(table[:, 5])
     return VehicleLog(
         source=source,

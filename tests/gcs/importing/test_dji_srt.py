@@ -1,3 +1,4 @@
+import dataclasses
 import re
 
 import numpy as np
@@ -154,3 +155,40 @@ def test_what_is_none_is_one_clear_line(text, tmp_path):
     with pytest.raises(ImportFileError, match=r"DJI_0001\.SRT") as caught:
         read(tmp_path, text)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "angles",
+    [
+        "[Drone: Yaw:30.6, Pitch:3.0, Roll:-0.5]",
+        "[drone_yaw: 30.6 drone_pitch: 3.0 drone_roll: -0.5]",
+        "[drone_yaw: 30.6, drone_pitch: 3.0, drone_roll: -0.5]",
+    ],
+)
+def test_the_bodys_angles(angles):
+    text = f"[latitude: 48.0] [longitude: 11.0] [gb_yaw: 10 gb_pitch: -60 gb_roll: 0] {angles} </font>"
+    cue = read_cue(text)
+    assert cue.body_deg == (-0.5, 3.0, 30.6)
+    assert cue.gimbal_deg == (0.0, -60.0, 10.0)
+    assert cue.family == "keyed, with the angles of the gimbal and the body"
+    assert read_cue(text.replace("gb_yaw: 10 gb_pitch: -60 gb_roll: 0", "Gimbal: Pitch:-60, Yaw:10, Roll:0")) == cue
+
+
+def test_a_digital_zoom_is_told_where_the_field_of_view_is_missed(tmp_path):
+    text = srt("keyed", SPOTS).replace("[rel_alt", "[focal_len: 643.30] [dzoom_ratio: 4.00] [rel_alt")
+    log = read(tmp_path, text)
+    assert not len(log.view)
+    assert "a focal length of 643.3 mm and a digital zoom of 4.00 in the subtitles" in log.view.source
+
+
+def test_subtitles_of_two_films_in_one_file_are_refused(tmp_path):
+    with pytest.raises(ImportFileError, match=r"times begin again: position 201 of 400 is 19\.9 s earlier"):
+        read(tmp_path, srt("keyed", SPOTS) + srt("keyed", [(t, SPOTS[0][1]) for t, _ in SPOTS]))
+
+
+def test_a_date_that_steps_is_that_of_most_subtitles(tmp_path):
+    late = [
+        (t, dataclasses.replace(spot, unix_us=spot.unix_us + 3_600_000_000 * (k >= 101)))
+        for k, (t, spot) in enumerate(SPOTS[:201])
+    ]
+    assert abs(read(tmp_path, srt("keyed", late)).zero_us - 1_700_000_000_000_000) < 1000

@@ -1,5 +1,8 @@
+import dataclasses
 import io
 import json
+from fractions import Fraction
+from types import SimpleNamespace
 
 import av
 import klvdata
@@ -9,7 +12,7 @@ import pytest
 from gcs.errors import ImportFileError
 from gcs.export.motion_imagery.misb import SETS_KEY
 from gcs.importing.film_log import read_film_log
-from gcs.importing.formats.film_streams import read_streams
+from gcs.importing.formats.film_streams import _packets, _parts, read_streams
 from gcs.importing.formats.klv import log_of_klv
 from gcs.importing.formats.sei import TELEMETRY_UUID, log_of_messages, unregistered_messages
 from gcs.importing.formats.siyi import siyi_log
@@ -189,3 +192,54 @@ def test_klv_sets_begin_with_their_key(flown, tmp_path):
     streams = read_streams(with_klv(flown, tmp_path / "cam.ts"))
     assert len(streams.klv) == FRAMES
     assert all(packet.data.startswith(SETS_KEY) for packet in streams.klv)
+
+
+def packets(flown, **more):
+    """KLV beside the pictures, without the file."""
+    return [
+        TimedBytes(round(t * 1e6), klv_set(spot, (0.0, 0.0, 30.0), **more.get("set", {}))) for t, spot in flown.spots()
+    ]
+
+
+def test_a_date_that_steps_gives_way_to_the_films_own_times(flown):
+    spots = [
+        (t, dataclasses.replace(spot, unix_us=spot.unix_us + 18_000_000 * (k >= 24)))
+        for k, (t, spot) in enumerate(flown.spots())
+    ]
+    stepped = log_of_klv("a.ts", [TimedBytes(round(t * 1e6), klv_set(spot, (0.0, 0.0, 30.0))) for t, spot in spots])
+    whole = log_of_klv("a.ts", packets(flown))
+    assert stepped.places.t_us == pytest.approx(whole.places.t_us, abs=5000)
+    assert abs(stepped.zero_us - whole.zero_us) < 5000
+    (said,) = stepped.notes.assumed
+    assert said.startswith(f"the date in its KLV steps by +18.0 s at {spots[24][0]:.1f} s")
+    assert whole.notes.assumed == ()
+
+
+def test_a_height_above_the_ellipsoid_is_named_and_not_taken_for_one_above_the_sea(flown):
+    with pytest.raises(ImportFileError, match=r"above the ellipsoid alone \(tag 75 or 104\)"):
+        log_of_klv("a.ts", packets(flown, set={"height_tag": 75}))
+
+
+def test_sets_behind_others_are_found(flown, tmp_path):
+    security = bytes.fromhex("060e2b3402030101") + bytes(8) + b"\x03abc"
+    behind = log_of_klv("a.ts", [TimedBytes(each.t_us, security + each.data) for each in packets(flown)])
+    assert behind.places.t_us == pytest.approx(log_of_klv("a.ts", packets(flown)).places.t_us)
+    assert [kind for kind, _ in _parts(SimpleNamespace(type="data", codec_context=None), security + SETS_KEY)] == [
+        "klv"
+    ]
+
+
+def test_data_without_time_stamps_has_that_of_the_pictures_beside_it():
+    class Packet(SimpleNamespace):
+        dts, size, time_base, is_discard = None, 1, Fraction(1, 10), False
+
+        def __bytes__(self):
+            return b"x"
+
+    told = [Packet(stream=name, pts=pts) for name, pts in (("klv", None), ("film", 5), ("klv", None), ("film", 6))]
+    container = SimpleNamespace(demux=lambda *_: told)
+    assert [(stream, t_s) for stream, t_s, _ in _packets(container, ["film", "klv"])] == [
+        ("film", 0.5),
+        ("klv", 0.5),
+        ("film", 0.6),
+    ]

@@ -25,8 +25,10 @@ ASS = (
 """What FFmpeg wants to know before it opens an encoder of subtitles."""
 
 
-def klv_set(spot: Spot, body_deg: tuple[float, float, float], *, elevation_deg: float = -90.0) -> bytes:
-    """A set of ST 0601: time, platform, sensor."""
+def klv_set(
+    spot: Spot, body_deg: tuple[float, float, float], *, elevation_deg: float = -90.0, height_tag: int = 15
+) -> bytes:
+    """A set of ST 0601: time, platform, sensor; tag 75 instead of 15 tells the height above the ellipsoid."""
     roll, pitch, heading = body_deg
 
     def unsigned(value: float, least: float, largest: float, size: int) -> bytes:
@@ -43,7 +45,7 @@ def klv_set(spot: Spot, body_deg: tuple[float, float, float], *, elevation_deg: 
         7: signed(roll, 50.0, 2),
         13: signed(spot.lat, 90.0, 4),
         14: signed(spot.lon, 180.0, 4),
-        15: unsigned(spot.alt, -900.0, 19000.0, 2),
+        height_tag: unsigned(spot.alt, -900.0, 19000.0, 2),
         16: unsigned(FOV_DEG, 0.0, 180.0, 2),
         18: unsigned(0.0, 0.0, 360.0, 4),
         19: signed(elevation_deg, 180.0, 4),
