@@ -43,7 +43,7 @@ class Threaded:
     def __init__(self, url: str, path: Path) -> None:
         self._stop = threading.Event()
         source = parse_source(url)
-        port = Port(bind(source.host, source.port), source.host, self._go_on, READ_TIMEOUT_S)
+        port = Port(bind(source.host, source.port), source, (), self._go_on, READ_TIMEOUT_S)
         self._reader = StreamReader(Settings(source=url, record=str(path)), self._go_on, lambda progress: None)
 
         def read() -> None:

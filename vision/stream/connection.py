@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import io
 import struct
-import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -22,9 +21,11 @@ from av.video.stream import VideoStream as CodedStream
 
 from vision.errors import VideoError
 from vision.stream.exposure_times import Exposures, klv_time_s, sei_time_s, sender_report
+from vision.stream.messages import Sender
 from vision.stream.port import Port
-from vision.stream.rtp import MPEG_TS, TICK_HZ, Depacketizer, Unit, parse
-from vision.stream.source import Source
+from vision.stream.rtp import TICK_HZ, Depacketizer, Unit, parse
+from vision.stream.source import Codec, Source
+from vision.stream.trial import SEARCH, mpegts_payload
 from vision.video.frame_index import ONE_FILE, reason
 
 __all__ = ["OPEN_TIMEOUT_S", "READ_TIMEOUT_S", "Input", "datagrams", "listen", "open_input"]
@@ -33,14 +34,8 @@ OPEN_TIMEOUT_S = 3.0
 """Longest wait for a connection, seconds."""
 READ_TIMEOUT_S = 2.0
 """Longest wait for the next packet, seconds."""
-SEARCH = {"analyzeduration": "10000000", "probesize": "50000000", "fpsprobesize": "0"}
-"""Time to find out what a stream holds: key frames may be far apart. One whose size is known opens at once."""
 READ_BYTES = 32768
 """Most bytes that FFmpeg asks for at once."""
-PATIENCE_S = 6.0
-"""Wait for the first frame in RTP before it is reported that none can be decoded."""
-GUESS_S = 2.0
-"""Wait for the first frame of a guessed codec before the other one is tried."""
 _PRODUCER_TIME = struct.Struct("=qi")
 """FFmpeg's AVProducerReferenceTime: Unix µs, flags."""
 REORDERED = 2
@@ -62,6 +57,8 @@ class Input:
     """Unix time at which the packet that came out last came in."""
     live: Callable[[], bool] = lambda: True
     """False once nothing more comes and only what was held back is handed out."""
+    shown: Callable[[], None] = lambda: None
+    """To be called when a frame was decoded, or was left out on purpose."""
     drains: bool = False
     """Whether it ends by itself when it is time to stop, and hands out its last packet then."""
     exposures: Exposures = field(default_factory=Exposures)
@@ -92,19 +89,31 @@ def datagrams(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | 
         VideoError: what comes is no video that is known here.
     """
     av.logging.set_level(av.logging.PANIC)
-    first = port.wait()
-    if not first:
+    trial = port.wait()
+    if trial is None:
+        in_vain = port.senders.undecodable() if go_on() else None
+        if in_vain is not None:
+            raise VideoError(_undecodable(source, *in_vain))
         return None
-    packet = parse(first)
-    if source.codec == "mpegts" or (source.codec == "" and _is_mpegts(first)):
-        return _of_port(port, _mpegts(source, _Bytes(port, lambda data: 0)))
-    if packet is not None and packet.kind == MPEG_TS:
-        return _of_port(port, _mpegts(source, _Bytes(port, _rtp_header)))
-    return _rtp(source, port, go_on)
+    if trial.kind == "rtp":
+        return _rtp(source, port, trial.codec)
+    return _of_port(port, _mpegts(source, _Bytes(port)))
+
+
+def _undecodable(source: Source, sender: Sender, rtp: bool) -> str:
+    if rtp:
+        return (
+            f"video {source.text}: RTP comes from {sender}, but no frame yet that decoding can begin with; let the "
+            "sender repeat its SPS and PPS with every key frame, or name its .sdp file instead"
+        )
+    return (
+        f"video {source.text}: what comes from {sender} is neither MPEG-TS nor RTP with H.264 or H.265 that can be "
+        "decoded"
+    )
 
 
 def _of_port(port: Port, opened: Input) -> Input:
-    return replace(opened, arrival_s=lambda: port.arrival_s, live=lambda: port.live)
+    return replace(opened, arrival_s=lambda: port.arrival_s, live=lambda: port.live, shown=port.senders.shown)
 
 
 def _open(source: Source) -> InputContainer:
@@ -176,11 +185,10 @@ def listen(opened: Input, packet: Packet[CodedStream], arrival_s: float) -> None
 
 
 class _Bytes:
-    """What FFmpeg reads from: the datagrams of one connection behind their headers."""
+    """What FFmpeg reads from: the transport stream in the datagrams of one connection."""
 
-    def __init__(self, port: Port, header: Callable[[bytes], int]) -> None:
+    def __init__(self, port: Port) -> None:
         self._port = port
-        self._header = header
         self._rest = b""
 
     def read(self, size: int) -> bytes:
@@ -189,18 +197,9 @@ class _Bytes:
             data = self._port.read()
             if not data:
                 return b""
-            self._rest = data[self._header(data) :]
+            self._rest = mpegts_payload(data)
         piece, self._rest = self._rest[:size], self._rest[size:]
         return piece
-
-
-def _is_mpegts(data: bytes) -> bool:
-    return data[0] == 0x47 and len(data) % 188 == 0
-
-
-def _rtp_header(data: bytes) -> int:
-    packet = parse(data)
-    return len(data) if packet is None else len(data) - len(packet.payload)
 
 
 def _mpegts(source: Source, file: _Bytes) -> Input:
@@ -211,13 +210,11 @@ def _mpegts(source: Source, file: _Bytes) -> Input:
     return _input(source, container)
 
 
-def _rtp(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | None:
-    """Open at the first frame that decoding can begin with."""
-    depacketizer, decided, exposures = Depacketizer(source.codec), threading.Event(), Exposures()
-    units = _units(port, depacketizer, decided, exposures, guess=source.codec == "")
-    received = False
+def _rtp(source: Source, port: Port, codec: Codec) -> Input | None:
+    """Open at the first frame that decoding can begin with; None when the connection ends before."""
+    depacketizer, exposures = Depacketizer(codec), Exposures()
+    units = _units(port, depacketizer, exposures)
     for unit in units:
-        received = True
         if not unit.key:
             continue
         try:
@@ -226,33 +223,15 @@ def _rtp(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | None:
         except (av.FFmpegError, OSError, ValueError):
             continue
         if opened.stream.codec_context.width:
-            decided.set()
             packets = _packets(unit, units, bool(opened.stream.codec_context.has_b_frames))
             return _of_port(port, replace(opened, tick_s=1 / TICK_HZ, packets=packets, exposures=exposures))
         opened.container.close()
-    if not go_on():
-        return None
-    if received:
-        raise VideoError(
-            f"video {source.text}: RTP comes, but no frame yet that decoding can begin with; let the sender repeat "
-            "its SPS and PPS with every key frame, or name its .sdp file instead"
-        )
-    raise VideoError(
-        f"video {source.text}: what comes is neither MPEG-TS nor RTP with H.264 or H.265 that can be decoded"
-    )
+    return None
 
 
-def _units(
-    port: Port, depacketizer: Depacketizer, decided: threading.Event, exposures: Exposures, *, guess: bool
-) -> Iterator[Unit]:
-    """Access units; until the codec is decided, it is guessed again from time to time, and at last given up."""
-    began_s = guessed_s = time.monotonic()
+def _units(port: Port, depacketizer: Depacketizer, exposures: Exposures) -> Iterator[Unit]:
+    """Access units, and the exposure times that reports give them."""
     while data := port.read():
-        if not decided.is_set():
-            if time.monotonic() - began_s > PATIENCE_S:
-                return
-            if guess and time.monotonic() - guessed_s > GUESS_S:
-                depacketizer.codec, guessed_s = "", time.monotonic()
         for report, arrival_s in ((data, port.arrival_s), *port.reports()):
             reported = sender_report(report)
             stamp = depacketizer.full_time(reported.source, reported.time) if reported is not None else None

@@ -9,10 +9,32 @@ from __future__ import annotations
 
 import msgspec
 
-__all__ = ["IMAGE_BYTES", "FrameReply", "FrameRequest", "Progress", "Settings", "VideoReport", "VideoRequest"]
+__all__ = [
+    "IMAGE_BYTES",
+    "FrameReply",
+    "FrameRequest",
+    "Preference",
+    "Progress",
+    "Sender",
+    "Settings",
+    "VideoReport",
+    "VideoRequest",
+]
 
 IMAGE_BYTES = 7680 * 4320 * 3
 """The largest image that is handed over; memory is used only for what is written."""
+
+
+class Sender(msgspec.Struct, frozen=True):
+    """Who sends datagrams to a port."""
+
+    host: str
+    port: int
+    stream: int = 0
+    """SSRC in RTP, else 0."""
+
+    def __str__(self) -> str:
+        return f"{self.host}:{self.port}" + (f" (SSRC {self.stream:08x})" if self.stream else "")
 
 
 class Settings(msgspec.Struct, kw_only=True, tag=True):
@@ -32,6 +54,8 @@ class Settings(msgspec.Struct, kw_only=True, tag=True):
     """File descriptor of the memory for images."""
     port: int = -1
     """File descriptor of the port that is bound; −1: there is none."""
+    proven: list[Sender] = []
+    """Who has shown a picture on it before, the first with the best right."""
 
 
 class FrameRequest(msgspec.Struct, kw_only=True, tag=True):
@@ -39,6 +63,12 @@ class FrameRequest(msgspec.Struct, kw_only=True, tag=True):
 
     number: int
     wait_s: float
+
+
+class Preference(msgspec.Struct, kw_only=True, tag=True):
+    """Parent to process: the sender to be listened to before all others."""
+
+    sender: Sender
 
 
 class FrameReply(msgspec.Struct, kw_only=True, tag=True):
@@ -65,6 +95,11 @@ class Progress(msgspec.Struct, kw_only=True, tag=True):
     undecoded: int = 0
     damaged: int = 0
     strangers: int = 0
+    sender: Sender | None = None
+    """Who is listened to."""
+    rival: Sender | None = None
+    """Who else sends video to the same port."""
+    proven: list[Sender] = []
     exposure_source: str = ""
     """Which data of the stream dates its frames, empty where none does."""
     exposure_delay_s: float = 0.0
@@ -85,5 +120,5 @@ class Progress(msgspec.Struct, kw_only=True, tag=True):
         )
 
 
-VideoRequest = Settings | FrameRequest
+VideoRequest = Settings | FrameRequest | Preference
 VideoReport = FrameReply | Progress

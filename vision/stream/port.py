@@ -1,8 +1,7 @@
 """A UDP port that is bound once and stays bound: nothing that is sent to it between two connections is lost.
 
 The station binds it and hands it to the video's process, so that it outlives that, too. Only one sender is listened to
-at a time. Another one is taken once the first has been silent for half a second, and then begins a connection of its
-own; until then its datagrams are counted and dropped.
+at a time (``vision.stream.senders``); another one begins a connection of its own.
 """
 
 from __future__ import annotations
@@ -13,10 +12,15 @@ import select
 import socket
 import struct
 import time
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Sequence
 
 from infra.stamped_udp import open_stamped_udp, receive_stamped
 from vision.errors import VideoError
+from vision.stream.messages import Sender
+from vision.stream.senders import Senders
+from vision.stream.source import Source
+from vision.stream.trial import Trial
 
 __all__ = ["Port", "bind"]
 
@@ -27,8 +31,6 @@ REPORT_BUFFER_BYTES = 1 << 16
 """Sender reports are some dozens of bytes, every few seconds."""
 SLICE_S = 0.2
 """Longest wait between two checks whether to stop."""
-TAKEOVER_S = 0.5
-"""Silence of the present sender after which another one may take its place, seconds."""
 MOST_REPORTS = 8
 """Taken at once: a sender reports every few seconds."""
 
@@ -73,37 +75,54 @@ class Port:
 
     Args:
         bound: from ``bind``.
-        host: what it was bound for.
+        source: what it was bound for.
+        proven: who has shown a picture on it before, the first with the best right.
         go_on: asked at least every 0.2 s; False ends every wait.
         silence_s: a connection without datagrams for so long is over.
 
     Attributes:
-        strangers: datagrams dropped because they came from another sender than the present one.
+        senders: who sends to it, and who of them is listened to.
         arrival_s: Unix time at which the datagram read last came to this machine.
     """
 
-    def __init__(self, bound: socket.socket, host: str, go_on: Callable[[], bool], silence_s: float) -> None:
-        self.strangers = 0
+    def __init__(
+        self,
+        bound: socket.socket,
+        source: Source,
+        proven: Sequence[Sender],
+        go_on: Callable[[], bool],
+        silence_s: float,
+    ) -> None:
+        self.senders = Senders(source.codec, proven)
         self.arrival_s = 0.0
         self._go_on = go_on
         self._silence_s = silence_s
         self._socket = bound
         # bound to all addresses although one was named: that one is the sender's
-        self._only = socket.gethostbyname(host) if host and bound.getsockname()[0] == ANY else ""
+        self._only = socket.gethostbyname(source.host) if source.host and bound.getsockname()[0] == ANY else ""
         self._socket.setblocking(False)
-        self._peer: tuple[str, int] | None = None
         self._open = False
         self._heard_s = 0.0
-        self._held: tuple[bytes, tuple[str, int], float] | None = None
+        self._held: deque[tuple[bytes, float]] = deque()
         self._control: socket.socket | None = None
 
-    def wait(self) -> bytes:
-        """The first datagram of the next connection, left to be read; empty when it is time to end."""
-        self._peer, self._open = None, False
-        while self._held is None and self._go_on():
-            self._held = self._receive()
-        self._open = self._held is not None
-        return self._held[0] if self._held else b""
+    def wait(self) -> Trial | None:
+        """Who is listened to next, its first datagrams left to be read.
+
+        None when it is time to end, and when ``senders.undecodable`` has something to tell.
+        """
+        self.senders.end()
+        self._open = False
+        while self._go_on():
+            self._receive()
+            successor = self.senders.successor()
+            if successor is not None:
+                trial = self.senders.begin(successor)
+                self._held, self._open, self._heard_s = trial.held, True, time.monotonic()
+                return trial
+            if self.senders.waited_in_vain:
+                return None
+        return None
 
     @property
     def live(self) -> bool:
@@ -117,21 +136,17 @@ class Port:
         return data
 
     def _next(self) -> bytes:
-        if self._peer is None and self._held is not None:
-            (data, self._peer, self.arrival_s), self._held = self._held, None
-            self._heard_s = time.monotonic()
+        if self._held:
+            data, self.arrival_s = self._held.popleft()
             return data
         while self._go_on():
             found = self._receive()
             now = time.monotonic()
-            if found is not None and found[1] == self._peer:
-                self._heard_s, self.arrival_s = now, found[2]
-                return found[0]
-            if found is not None and found[2] - self.arrival_s > TAKEOVER_S:
-                self._held = found
-                return b""
-            self.strangers += found is not None
-            if now - self._heard_s > self._silence_s:
+            if found is not None:
+                self._heard_s = now
+                data, self.arrival_s = found
+                return data
+            if self.senders.successor() is not None or now - self._heard_s > self._silence_s:
                 return b""
         return b""
 
@@ -146,7 +161,8 @@ class Port:
         try:
             while len(found) < MOST_REPORTS:
                 data, peer, t_us = receive_stamped(self._control)
-                if self._peer is not None and peer[0] == self._peer[0]:
+                present = self.senders.present
+                if present is not None and peer[0] == present.host:
                     found.append((data, t_us * 1e-6))
         except OSError:
             pass  # nothing more
@@ -166,7 +182,8 @@ class Port:
         if self._control is not None:
             self._control.close()
 
-    def _receive(self) -> tuple[bytes, tuple[str, int], float] | None:
+    def _receive(self) -> tuple[bytes, float] | None:
+        """The next datagram if it is one of the present sender, with its Unix time of arrival; waits 0.2 s at most."""
         try:
             if not select.select([self._socket], [], [], SLICE_S)[0]:
                 return None
@@ -176,6 +193,7 @@ class Port:
             time.sleep(0.01)
             return None
         if not data or (self._only and peer[0] != self._only):
-            self.strangers += bool(data)
+            self.senders.refused += bool(data)
             return None
-        return data, (peer[0], peer[1]), t_us * 1e-6
+        arrival_s = t_us * 1e-6
+        return (data, arrival_s) if self.senders.hear(data, (peer[0], peer[1]), arrival_s) else None

@@ -275,6 +275,7 @@ class _OpenStream:
             self._show(packet)
         else:
             self._reader.progress.undecoded += 1
+            self._source.shown()
 
     def _show(self, packet: Coded | None) -> None:
         """Decode; the last frame that comes out is the newest."""
@@ -284,6 +285,8 @@ class _OpenStream:
         except (av.FFmpegError, ValueError):
             reader.progress.undecoded += packet is not None
             return
+        if frames:
+            self._source.shown()
         for frame in frames:
             pts = frame.pts
             if pts is None:

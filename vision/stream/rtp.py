@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from vision.stream.source import Codec
 
-__all__ = ["TICK_HZ", "Depacketizer", "RtpPacket", "Unit", "guess_codec", "parse"]
+__all__ = ["TICK_HZ", "Depacketizer", "RtpPacket", "Unit", "guess_codec", "parse", "source_of"]
 
 TICK_HZ = 90_000
 """Clock of video in RTP."""
@@ -70,6 +70,14 @@ def parse(data: bytes) -> RtpPacket | None:
     if begin >= end:
         return None
     return RtpPacket(sequence, time, source, bool(second & 128), second & 127, data[begin:end])
+
+
+def source_of(data: bytes) -> int:
+    """SSRC of an RTP or RTCP packet, 0 of what is neither."""
+    if len(data) < 12 or data[0] >> 6 != 2:
+        return 0
+    at = 4 if 72 <= data[1] & 0x7F <= 76 else 8
+    return int.from_bytes(data[at : at + 4], "big")
 
 
 def guess_codec(payload: bytes) -> Codec:

@@ -28,7 +28,16 @@ from infra.processes.supervisor import Supervisor
 from infra.program_log import conceal_with
 from infra.shared_memory import make_memory, map_memory
 from vision.errors import VideoError
-from vision.stream.messages import IMAGE_BYTES, FrameReply, FrameRequest, Progress, Settings, VideoReport
+from vision.stream.messages import (
+    IMAGE_BYTES,
+    FrameReply,
+    FrameRequest,
+    Preference,
+    Progress,
+    Sender,
+    Settings,
+    VideoReport,
+)
 from vision.stream.pace import PACE_FRAMES, STALL_S, stall_after_s
 from vision.stream.port import bind
 from vision.stream.secrets import conceal_in
@@ -163,8 +172,23 @@ class VideoStream:
 
     @property
     def strangers(self) -> int:
-        """Datagrams of others than the sender being listened to, dropped; counted when a connection ends."""
+        """Datagrams of others than the sender being listened to, dropped."""
         return self._progress.strangers
+
+    @property
+    def sender(self) -> Sender | None:
+        """Who sends the datagrams that are listened to; None while nobody does, and where it is not datagrams."""
+        return self._progress.sender
+
+    @property
+    def rival(self) -> Sender | None:
+        """Who else sends video to the same port, None if nobody does; ``vision.stream.senders`` has the rule."""
+        return self._progress.rival
+
+    def prefer(self, sender: Sender) -> None:
+        """Listen to a sender before all others, from its next key frame on."""
+        with contextlib.suppress(OSError):  # it is gone, and another begins as the last one was
+            self._supervisor.process.channel.send(Preference(sender=sender), ANSWER_S)
 
     @property
     def exposure(self) -> str:
@@ -252,9 +276,11 @@ class VideoStream:
     def _begin(self, process: ChildProcess[VideoReport]) -> None:
         """Start a process that continues where the last one stopped, in a new file."""
         self._before = done = self._progress
-        self._progress = Progress(patience_s=START_PATIENCE_S, rows=[], segment=done.segment).after(done)
+        self._progress = Progress(patience_s=START_PATIENCE_S, rows=[], segment=done.segment, proven=done.proven).after(
+            done
+        )
         settings = msgspec.structs.replace(
-            self._settings, segment=done.segment, received=self.received, last_us=self._last_us
+            self._settings, segment=done.segment, received=self.received, last_us=self._last_us, proven=done.proven
         )
         with contextlib.suppress(OSError):  # it is gone already, which is seen when it is watched
             process.channel.send(settings)

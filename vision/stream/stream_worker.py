@@ -24,7 +24,7 @@ from infra.reporting import Backoff
 from infra.shared_memory import map_memory
 from vision.errors import VideoError
 from vision.stream.connection import OPEN_TIMEOUT_S, READ_TIMEOUT_S, Input, datagrams, open_input
-from vision.stream.messages import IMAGE_BYTES, FrameReply, FrameRequest, Progress, Settings, VideoRequest
+from vision.stream.messages import IMAGE_BYTES, FrameReply, FrameRequest, Preference, Progress, Settings, VideoRequest
 from vision.stream.port import Port, bind
 from vision.stream.reader import StreamReader
 from vision.stream.secrets import conceal_in, concealed
@@ -54,11 +54,13 @@ class _StreamWorker:
         self._station = station
         self._images = np.frombuffer(map_memory(settings.memory), dtype=np.uint8)
         self._source = parse_source(settings.source)
+        self._proven = settings.proven
+        self._port: Port | None = None
         self._bound = socket.socket(fileno=settings.port) if settings.port >= 0 else None
         self._stop = threading.Event()
         self._finished = threading.Event()
         self._once = threading.Lock()
-        self._reader = StreamReader(settings, self._go_on, self._send)
+        self._reader = StreamReader(settings, self._go_on, self._report)
 
     def run(self) -> None:
         """Run until asked to stop, or to a file's end."""
@@ -84,9 +86,9 @@ class _StreamWorker:
         port = self._bind()
         if port is None:
             return
+        self._port = port
         with closing(port):
             while self._go_on():
-                self._reader.progress.strangers = port.strangers
                 try:
                     opened = datagrams(self._source, port, self._go_on)
                     if opened is not None:
@@ -99,7 +101,7 @@ class _StreamWorker:
         while self._go_on():
             try:
                 bound = self._bound or bind(self._source.host, self._source.port)
-                return Port(bound, self._source.host, self._go_on, READ_TIMEOUT_S)
+                return Port(bound, self._source, self._proven, self._go_on, READ_TIMEOUT_S)
             except (VideoError, OSError) as error:
                 self._report_error(str(error))
                 self._pause(backoff)
@@ -146,6 +148,14 @@ class _StreamWorker:
                 self._reader.finish()
                 self._finished.set()
 
+    def _report(self, progress: Progress) -> None:
+        """Send progress, with who sends to the port."""
+        if self._port is not None:
+            senders = self._port.senders
+            progress.strangers, progress.sender, progress.rival = senders.refused, senders.present, senders.rival
+            progress.proven = list(senders.proven)
+        self._send(progress)
+
     def _send(self, message: Progress | FrameReply) -> None:
         try:
             self._station.send(message)
@@ -156,8 +166,11 @@ class _StreamWorker:
     def _answer_requests(self) -> None:
         """Hand out the newest frame whenever it is asked for; the end of the requests means stop."""
         with suppress(EOFError):
-            while isinstance(request := self._station.receive(), FrameRequest):
-                self._send(self._fetch(request))
+            while isinstance(request := self._station.receive(), FrameRequest | Preference):
+                if isinstance(request, FrameRequest):
+                    self._send(self._fetch(request))
+                elif self._port is not None:
+                    self._port.senders.prefer(request.sender)
         self._stop.set()
         self._finished.wait(SEAL_S)
         self._finish()

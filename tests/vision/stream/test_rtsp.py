@@ -1,18 +1,11 @@
-"""A camera over RTSP, played to its faults; and what is said of datagrams that no frame can be made of."""
+"""A camera over RTSP, played to its faults."""
 
 from __future__ import annotations
 
-import itertools
-import random
-
 import numpy as np
-import pytest
 
 from tests.support.video_senders import GOP, RtspServer, number_of, packed, reconnects
 from tests.support.waiting import until
-from vision.errors import VideoError
-from vision.stream import connection as stream_input
-from vision.stream.source import parse_source
 from vision.stream.stream import VideoStream
 from vision.video.video import VideoFile
 
@@ -89,38 +82,3 @@ def test_a_camera_that_dies_and_comes_back_goes_on_in_the_same_file(tmp_path):
     breaks = [k for k in range(1, len(numbers)) if numbers[k] != numbers[k - 1] + 1]
     assert len(breaks) == 1 and numbers[breaks[0]] % GOP == 0
     assert [path.name for path in tmp_path.iterdir()] == ["video.mkv"]
-
-
-class Endless:
-    """A port on which the same datagrams come over and over."""
-
-    arrival_s, live = 0.0, True
-
-    def __init__(self, datagrams):
-        self._datagrams = itertools.cycle(datagrams)
-        self._first = next(self._datagrams)
-
-    def wait(self):
-        return self._first
-
-    def read(self):
-        return next(self._datagrams)
-
-    def reports(self):
-        return []
-
-
-@pytest.mark.parametrize(
-    ("datagrams", "said"),
-    [
-        (
-            [data for k, frame in enumerate(packed(CLIP)) if k % GOP for data in frame],
-            "let the sender repeat its SPS and PPS",
-        ),
-        ([random.Random(1).randbytes(700) for _ in range(50)], "neither MPEG-TS nor RTP"),
-    ],
-)
-def test_why_no_frame_comes_is_told_while_datagrams_come_without_end(monkeypatch, datagrams, said):
-    monkeypatch.setattr(stream_input, "PATIENCE_S", 0.2)
-    with pytest.raises(VideoError, match=said):
-        stream_input.datagrams(parse_source("rtp://127.0.0.1:5600?codec=h264"), Endless(datagrams), lambda: True)
