@@ -273,6 +273,10 @@ class Health:
     skipped_frames: int = 0
     video: str = "none"
     """``waiting`` for the first frame, ``ok``, ``stalled``, ``ended``, ``none``."""
+    video_sender: str = ""
+    """Address that the video's datagrams come from, empty where it is not datagrams."""
+    video_rival: str = ""
+    """Address of another that sends video to the same port, empty without one."""
     links: tuple[LinkHealth, ...] = ()
     recorded_bytes: int = 0
     recording_since_us: int = 0

@@ -160,5 +160,8 @@ class Station(Protocol):
     def accept_held(self, system_ids: Sequence[int]) -> None:
         """The operator vouches for vehicles whose signed packets are held; nothing in a recording."""
 
+    def take_rival_video(self) -> None:
+        """The operator takes the other video where two senders contest its port; nothing in a recording."""
+
     def stop(self) -> None:
         """End threads, seal the recording; safe to call twice."""

@@ -57,6 +57,9 @@ class ScriptedStation(Station):
     def accept_held(self, system_ids: Sequence[int]) -> None:
         return None
 
+    def take_rival_video(self) -> None:
+        return None
+
     def stop(self) -> None:
         return None
 

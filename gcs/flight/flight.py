@@ -228,6 +228,13 @@ class Flight:
             except LinkError as error:
                 self._add_operator_event(system_id, f"signed packets stay held: {error}")
 
+    def take_rival_video(self) -> None:
+        """The operator takes the other video where two senders contest its port: an event."""
+        if taken := self._video.take_rival():
+            self._loop.add_event(
+                Event(t_us=now_us(), level="warning", kind="operator", text=f"video is to come from {taken}")
+            )
+
     def _add_operator_event(self, system_id: int, text: str) -> None:
         self._loop.add_event(
             Event(

@@ -89,6 +89,8 @@ class FlightMonitor:
             frames=throughput.frames,
             skipped_frames=stream.skipped if stream else 0,
             video=self._video.state,
+            video_sender=str(stream.sender or "") if stream else "",
+            video_rival=str(stream.rival or "") if stream else "",
             undecoded=stream.undecoded if stream else 0,
             links=tuple(map(_link, ingest.links)),
             recorded_bytes=recorder.bytes,

@@ -10,6 +10,7 @@ from gcs.snapshot import Event, Level
 from infra.wall_clock import now_us
 from mavlink.protocol.messages import VideoStreamInformation
 from vision.errors import VideoError
+from vision.stream.messages import Sender
 from vision.stream.secrets import concealed
 from vision.stream.source import offered, parse_source
 from vision.stream.stream import VideoStream
@@ -19,6 +20,8 @@ __all__ = ["AUTO", "FlightVideo", "check_source"]
 
 AUTO = "auto"
 """In place of a video's URL: what the UAV offers."""
+MANY_REFUSED = 20
+"""Datagrams of others that are dropped before it is told: some are the rest of an earlier flight."""
 
 
 def check_source(wanted: str) -> None:
@@ -48,6 +51,8 @@ class FlightVideo:
         self._offered = ""
         self._state = "none"
         self._reported = ("", "", 0)
+        self._sender: Sender | None = None
+        self._told_refused = False
         self._dated_by = ""
         if wanted not in ("", AUTO):
             self._open(wanted)
@@ -82,6 +87,14 @@ class FlightVideo:
         if self.stream is not None:
             yield from self._changes(self.stream)
 
+    def take_rival(self) -> str:
+        """Listen to the other sender where two contest the port: its address, empty where nobody does."""
+        rival = self.stream.rival if self.stream else None
+        if self.stream is None or rival is None:
+            return ""
+        self.stream.prefer(rival)
+        return str(rival)
+
     def close(self) -> None:
         """End the stream and its recording."""
         if self.stream:
@@ -110,6 +123,7 @@ class FlightVideo:
         if how and (kind := how.partition(",")[0].partition(":")[0]) != self._dated_by:
             self._dated_by = kind
             yield _event("warning" if "not used" in how else "info", "video", f"frames are dated {how}")
+        yield from self._senders(stream)
         before, self._reported = self._reported, now
         if now[0] and now[0] != before[0]:
             yield _event("warning", "video", f"video: {now[0]}")
@@ -119,6 +133,18 @@ class FlightVideo:
             yield _event("info", "recording", "video is recorded again")
         if now[2] > before[2]:
             yield _event("warning", "video", "the video's process was started again")
+
+    def _senders(self, stream: VideoStream) -> Iterator[Event]:
+        """Events for who sends datagrams: another one, and once that others send what is not used."""
+        if stream.sender is not None and stream.sender != self._sender:
+            before, self._sender = self._sender, stream.sender
+            came = f", and no longer from {before}" if before else ""
+            yield _event("warning" if before else "info", "video", f"video comes from {stream.sender}{came}")
+        if stream.strangers > MANY_REFUSED and not self._told_refused:
+            self._told_refused = True
+            yield _event(
+                "warning", "video", f"others send to the video's port too; {stream.strangers} datagrams dropped"
+            )
 
 
 def _event(level: Level, kind: str, text: str) -> Event:

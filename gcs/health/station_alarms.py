@@ -18,6 +18,8 @@ LATE_S = 1.0
 """A vehicle at 5 m/s is five metres from where an older frame shows it."""
 LATE_FOR_S = 3.0
 """A hold-up of the video that is over by then needs no action."""
+CONTEST_S = 1.0
+"""A camera that moves to another port sends from both for a moment."""
 CLOCK_OFFSET_S = 0.1
 """A vehicle at 5 m/s is half a metre elsewhere after a tenth of a second; also the 1σ up to which it is known."""
 CLOCK_OFFSET_FOR_S = 5.0
@@ -177,6 +179,19 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         meaning="no frame for 1 s, or for 2.5 intervals of a slow stream; it is opened again automatically",
         advice="check the camera and its link; names are not renewed meanwhile",
         condition=lambda health, _: health.video == "stalled",
+    ),
+    AlarmRule(
+        key="video contest",
+        level="alarm",
+        kind="video",
+        text="two senders contest the video's port",
+        meaning=f"for {CONTEST_S:g} s another sender's video has come there too: whose is shown and recorded is given, "
+        "and whose is not. The first to show a picture is listened to, and has its place back after a pause",
+        advice="compare the picture with what the camera sees; V takes the other one. Write the camera's own address "
+        "into the mission, as udp://192.168.1.10:5600: no other is listened to then",
+        condition=lambda health, _: bool(health.video_rival),
+        detail=lambda health, _: f"{health.video_sender} is shown, {health.video_rival} is not",
+        lasts_s=CONTEST_S,
     ),
     AlarmRule(
         key="undecoded",

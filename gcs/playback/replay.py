@@ -228,6 +228,9 @@ class Replay:
     def accept_held(self, system_ids: Sequence[int]) -> None:
         """What was held in flight stays held."""
 
+    def take_rival_video(self) -> None:
+        """The video of a flight stays as it was recorded."""
+
     def stop(self) -> None:
         """End both threads and close the video."""
         self._stop.set()

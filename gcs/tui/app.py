@@ -46,6 +46,7 @@ from gcs.tui.screens.leaving import Leave, LeaveFlight
 from gcs.tui.screens.marking import ask_for_mark
 from gcs.tui.screens.naming import ask_for_name, withdraw_name
 from gcs.tui.screens.prompts import Prompt
+from gcs.tui.screens.rival_video import ask_for_rival_video
 from gcs.tui.screens.saving import ask_to_save_screen, save_still
 from gcs.tui.terminal.terminal_app import MOST_FPS
 from gcs.tui.themes import THEMES, ThemeName, textual_theme
@@ -223,6 +224,10 @@ class RollcallApp(ReplayApp):
     def action_accept_held(self) -> None:
         """Accept vehicles whose signed packets are held."""
         ask_to_accept(self, self._station, self.snapshot, self.selected)
+
+    def action_take_rival_video(self) -> None:
+        """Take the other video where two senders contest its port."""
+        ask_for_rival_video(self, self._station, self.snapshot)
 
     def action_layout(self, layout: int) -> None:
         """One of three layouts."""

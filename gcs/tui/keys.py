@@ -87,6 +87,9 @@ STATION: Final = (
         id="station.command",
     ),
     _key("b", "accept_held", "accept", "Accept vehicles whose signed packets are held", id="station.believe"),
+    _key(
+        "V", "take_rival_video", "take", "Take the other video where two senders contest its port", id="station.video"
+    ),
     _key("equals_sign", "state_name", "name", "State which vehicle the picked box is", id="station.name", shown="="),
     _key(
         "backspace",

@@ -244,6 +244,7 @@ class FakeStation:
         self.said: list[Event] = list(make_events())
         self.seen: list[Alarm] = []
         self.accepted: list[int] = []
+        self.taken = 0
         self.stated: list[tuple[int, int | None]] = []
         self.stopped = 0
         self.folder: Path | None = None
@@ -272,6 +273,9 @@ class FakeStation:
 
     def accept_held(self, system_ids: Sequence[int]) -> None:
         self.accepted += system_ids
+
+    def take_rival_video(self) -> None:
+        self.taken += 1
 
     def stop(self) -> None:
         self.stopped += 1

@@ -303,6 +303,24 @@ def has_a_camera_that_stops(tmp_path):
         return judged_health(station.health(), 5.0)
 
 
+@raises("video contest")
+def has_two_cameras_on_one_port(tmp_path):
+    port = free_port()
+    with Station(tmp_path, video=f"udp://{HOST}:{port}") as station, Camera(port, coded(1000)):
+        assert until(lambda: station.video.stream.received)
+        first = station.video.stream.sender
+        with Camera(port, coded(1000)):
+            assert until(lambda: station.health().video_rival)
+            health = station.health()
+            assert health.video_sender == str(first) != health.video_rival
+            # who is taken instead is listened to from its next key frame on
+            assert station.video.take_rival() == health.video_rival
+            assert until(lambda: station.health().video_sender == health.video_rival)
+            assert station.health().video_rival == health.video_sender
+    assert any(health.video_rival in event.text for event in station.events)
+    return judged_health(health, 5.0)
+
+
 @raises("undecoded", "warning")
 def has_a_camera_with_a_bad_link(tmp_path):
     rng = np.random.default_rng(6)
