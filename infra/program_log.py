@@ -16,19 +16,19 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import TextIO
 
 from infra.files.safe_open import open_to_append
 from infra.plain_text import plain
+from infra.secrets import conceal
 
 __all__ = [
     "LogFile",
     "PlainFormatter",
     "child_environment",
-    "conceal_with",
     "least_level",
     "log_as_parent",
     "log_to_stream",
@@ -48,12 +48,6 @@ _VARIABLE = "ROLLCALL_LOG"
 
 _log = logging.getLogger(__name__)
 _handlers: list[logging.Handler] = []
-_concealers: list[Callable[[str], str]] = []
-
-
-def conceal_with(conceal: Callable[[str], str]) -> None:
-    """Have every line of this process's log files pass through a function that takes secrets out."""
-    _concealers.append(conceal)
 
 
 def least_level(otherwise: int) -> int:
@@ -72,10 +66,7 @@ class PlainFormatter(logging.Formatter):
         if record.exc_info:
             trace = "".join(traceback.format_exception(*record.exc_info))
             lines += ["    " + plain(line) for line in trace.splitlines()]
-        text = "\n".join(lines)
-        for conceal in _concealers:
-            text = conceal(text)
-        return text
+        return conceal("\n".join(lines))
 
 
 class LogFile(logging.Handler):

@@ -12,10 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from gcs.errors import StoreError
+from infra.secrets import conceal, conceal_in, concealed
 
-__all__ = ["is_of_this_process", "is_remote", "local_path", "remote_files", "store_errors"]
+__all__ = ["is_of_this_process", "is_pattern", "is_remote", "last_part", "local_path", "remote_files", "store_errors"]
 
 _LOCAL = ("file", "local")
+_WEB = ("http", "https")
+_MAGIC = frozenset("*?[")
 _OF_THIS_PROCESS = ("memory",)
 """What no other process can read."""
 
@@ -35,6 +38,20 @@ def is_of_this_process(address: str) -> bool:
     return _protocol(address) in _OF_THIS_PROCESS
 
 
+def is_pattern(address: str) -> bool:
+    """Whether it stands for several; on the web a ? begins what an address was signed with."""
+    return bool(_MAGIC & set(_place(address)))
+
+
+def last_part(address: str) -> str:
+    """The name of the file or folder at an address."""
+    return _place(address).rstrip("/").rpartition("/")[2]
+
+
+def _place(address: str) -> str:
+    return address.partition("?")[0] if _protocol(address).endswith(_WEB) else address
+
+
 def local_path(address: str) -> Path:
     """The path of an address that is not remote."""
     return Path(address.partition("://")[2] if _protocol(address) in _LOCAL else address)
@@ -49,7 +66,7 @@ def remote_files(address: str) -> tuple[Any, str]:
     try:
         from fsspec.core import url_to_fs
     except ImportError:
-        raise StoreError(f"{address}: needs fsspec: pip install 'rollcall-gcs[batch]'") from None
+        raise StoreError(f"{concealed(address)}: needs fsspec: pip install 'rollcall-gcs[batch]'") from None
     with store_errors(address):
         files, path = url_to_fs(address)
     return files, path
@@ -62,9 +79,11 @@ def store_errors(address: str) -> Iterator[None]:
     Raises:
         StoreError: in place of any other error.
     """
+    shown = concealed(address)
     try:
         yield
     except FileNotFoundError as error:
-        raise StoreError(f"{address}: no such file or folder") from error
+        raise StoreError(f"{shown}: no such file or folder") from error
     except Exception as error:
-        raise StoreError(f"{address}: {' '.join(str(error).split()) or type(error).__name__}") from error
+        said = conceal(conceal_in(" ".join(str(error).split()), address))
+        raise StoreError(f"{shown}: {said or type(error).__name__}") from error

@@ -12,6 +12,7 @@ from gcs.batch.work import fetched_path, identify_flight
 from gcs.errors import GcsError, StoreError
 from infra.processes.channel import MessageChannel
 from infra.program_log import LogFile
+from infra.secrets import conceal, hide
 from mavlink.errors import MavlinkError
 from sim.errors import SimError
 from vision.errors import VisionError
@@ -30,6 +31,8 @@ def work_on(job: FlightJob, channel: MessageChannel[FlightJob] | None = None) ->
         job: its scratch folder is there.
         channel: told how far it is.
     """
+    hide(job.address)
+    hide(job.out)
     due_s = 0.0
 
     def report(done: int, total: int) -> None:
@@ -57,6 +60,6 @@ def work_on(job: FlightJob, channel: MessageChannel[FlightJob] | None = None) ->
 
 
 def _failed(job: FlightJob, text: str, *, again: bool) -> FlightFailed:
-    line = " ".join(text.replace(str(fetched_path(job)), job.address).split())
+    line = conceal(" ".join(text.replace(str(fetched_path(job)), job.address).split()))
     _log.error("%s", line)
     return FlightFailed(line, again=again)

@@ -27,6 +27,7 @@ from gcs.batch.runner import RunLimits, share_of_memory
 from gcs.batch.stores import ASIDE, LOCK, ResultStore, open_results
 from gcs.errors import BatchError
 from gcs.export.tables.arrow import import_pyarrow
+from infra.secrets import concealed
 
 __all__ = ["BatchCounts", "BatchWork", "run_batch"]
 
@@ -129,7 +130,9 @@ def _check(results: ResultStore) -> None:
     """
     there = set(results.names("")) - {ASIDE, LOCK}
     if there and RECORDS not in there and FLIGHTS_TABLE not in there:
-        raise BatchError(f"{results.address}: holds something else than a batch's results; choose another folder")
+        raise BatchError(
+            f"{concealed(results.address)}: holds something else than a batch's results; choose another folder"
+        )
 
 
 def _run(jobs: Iterable[FlightJob], work: BatchWork, on_frames: OnFrames, note: Note) -> Results:
@@ -151,7 +154,7 @@ def _record(results: ResultStore, job: FlightJob, outcome: FlightDone | FlightFa
         flight=job.name,
         status=FAILED,
         error=outcome.error,
-        source=job.address,
+        source=concealed(job.address),
         version=job.version,
         versions={},
         options=job.options.text(),

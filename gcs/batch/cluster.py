@@ -17,6 +17,7 @@ from gcs.batch.jobs import FlightDone, FlightFailed, FlightJob
 from gcs.batch.local_pool import FlightResult
 from gcs.batch.runner import FlightRunner, RunLimits, share_of_memory
 from gcs.errors import ClusterError
+from infra.secrets import conceal
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -99,7 +100,9 @@ def _outcome(future: Future) -> FlightDone | FlightFailed:
         result: FlightDone | FlightFailed = future.result()
         return result
     # KilledWorker, or a worker that lacks what the others have
-    return FlightFailed(f"the cluster lost it: {' '.join(str(error).split()) or type(error).__name__}", again=False)
+    return FlightFailed(
+        conceal(f"the cluster lost it: {' '.join(str(error).split()) or type(error).__name__}"), again=False
+    )
 
 
 # What follows runs in the Dask workers.

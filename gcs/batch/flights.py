@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from gcs.batch.addresses import is_remote, local_path, remote_files, store_errors
+from gcs.batch.addresses import is_pattern, is_remote, last_part, local_path, remote_files, store_errors
 from gcs.errors import BatchError
 from infra.files.segments import segments
+from infra.secrets import concealed, hide
 from infra.session_format import LOG
 
 __all__ = ["BatchFlight", "find_flights"]
@@ -17,7 +18,6 @@ __all__ = ["BatchFlight", "find_flights"]
 LIST_SUFFIXES = (".txt", ".list")
 """Of files with a flight on each line."""
 LOG_SUFFIX = ".tlog"
-_MAGIC = frozenset("*?[")
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +49,8 @@ def find_flights(words: Iterable[str], note: Callable[[str], None] = lambda text
         known = by_name.setdefault(flight.name, flight)
         if known.address != flight.address:
             raise BatchError(
-                f"two flights are called {flight.name}: {known.address} and {flight.address}; "
-                f"give one another name, as OTHER={flight.address}"
+                f"two flights are called {flight.name}: {concealed(known.address)} and {concealed(flight.address)}; "
+                f"give one another name, as OTHER={concealed(flight.address)}"
             )
     if not by_name:
         raise BatchError("not one flight found; give session folders, telemetry logs, patterns of them, or a .txt list")
@@ -59,8 +59,10 @@ def find_flights(words: Iterable[str], note: Callable[[str], None] = lambda text
 
 def _flights(words: Iterable[str], folder: Path, note: Callable[[str], None]) -> Iterator[BatchFlight]:
     for word in words:
+        hide(word)
         name, named, rest = word.partition("=")
         if named and name and "/" not in name and not (folder / word).exists():
+            hide(rest)
             found = list(_addresses(rest, folder, note))
             if len(found) != 1:
                 raise BatchError(f"{word}: {len(found)} flights there; a name is for one")
@@ -89,8 +91,7 @@ def _checked(name: str) -> str:
 
 
 def _name_of(address: str) -> str:
-    last = address.rstrip("/").rpartition("/")[2]
-    return last.removesuffix(LOG_SUFFIX)
+    return last_part(address).removesuffix(LOG_SUFFIX)
 
 
 def _addresses(word: str, folder: Path, note: Callable[[str], None]) -> Iterator[str]:
@@ -98,7 +99,7 @@ def _addresses(word: str, folder: Path, note: Callable[[str], None]) -> Iterator
         yield from _remote_addresses(word, note)
         return
     path = folder / local_path(word)
-    if _MAGIC & set(word) and not path.exists():
+    if is_pattern(word) and not path.exists():
         found = sorted(glob.glob(str(path)))  # noqa: PTH207 - of a path that may be absolute
         if not found:
             note(f"{word}: nothing there is called so")
@@ -122,7 +123,7 @@ def _local_addresses(path: Path, note: Callable[[str], None]) -> Iterator[str]:
 
 def _remote_addresses(word: str, note: Callable[[str], None]) -> Iterator[str]:
     """An address as it is; of a pattern what matches. Nothing else is asked of the store: it may hold a million."""
-    if not _MAGIC & set(word):
+    if not is_pattern(word):
         yield word.rstrip("/")
         return
     with store_errors(word):

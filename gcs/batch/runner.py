@@ -17,6 +17,7 @@ from gcs.batch.jobs import SCRATCH_LOG, FlightDone, FlightFailed, FlightJob, Fra
 from gcs.batch.stores import open_results
 from gcs.errors import StoreError
 from infra.processes.child_process import ChildProcess
+from infra.secrets import conceal, hide
 
 __all__ = ["FlightRunner", "RunLimits", "keep_log", "share_of_memory"]
 
@@ -112,11 +113,14 @@ class FlightRunner:
 
     def _attempt(self, job: FlightJob, report: Callable[[int, int], None], log: bytearray) -> FlightDone | FlightFailed:
         scratch = None
+        # in a cluster this is the first to see them
+        hide(job.address)
+        hide(job.out)
         try:
             scratch = open_results(job.out).scratch(file_name(job.name)[:80])
             result = self._work(msgspec.structs.replace(job, scratch=str(scratch)), report)
         except (StoreError, OSError) as error:
-            return FlightFailed(" ".join(str(error).split()), again=True)
+            return FlightFailed(conceal(" ".join(str(error).split())), again=True)
         finally:
             if scratch is not None:
                 with contextlib.suppress(OSError):

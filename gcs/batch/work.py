@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import psutil
 
-from gcs.batch.addresses import is_remote, local_path
+from gcs.batch.addresses import is_remote, last_part, local_path
 from gcs.batch.identity_table import write_identity_table
 from gcs.batch.inputs import fetch, files_stamp, input_files, inputs_hash, mission_files, remote_stamp
 from gcs.batch.jobs import (
@@ -47,6 +47,7 @@ from gcs.playback.identification import identify_session
 from gcs.report.rollcall import RollCall
 from gcs.report.score import score_files
 from gcs.session.session import Session, open_session
+from infra.secrets import concealed
 from infra.session_format import IDENTITY, IDENTITY_EVIDENCE
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ def identify_flight(job: FlightJob, report: Callable[[int, int], None] = lambda 
             "install the same on all machines"
         )
     began_s, cpu_s = time.monotonic(), time.process_time()
-    results, scratch = open_results(job.out), Path(job.scratch)
+    results, scratch, source = open_results(job.out), Path(job.scratch), concealed(job.address)
     kept = read_record(results, job.name)
     stamp = remote_stamp(job.address) if is_remote(job.address) else None
     if stamp and kept and kept.stamp == stamp and _is_whole(results, kept, job, kept.inputs):
@@ -92,12 +93,12 @@ def identify_flight(job: FlightJob, report: Callable[[int, int], None] = lambda 
     as_found, inputs = files_stamp(files), inputs_hash(files)
     if kept and _is_whole(results, kept, job, inputs):
         return FlightDone(kept, skipped=True, worker_bytes=_held_bytes())
-    if kept and kept.status == DONE and kept.source != job.address and kept.inputs != inputs:
+    if kept and kept.status == DONE and kept.source != source and kept.inputs != inputs:
         raise BatchError(
-            f"{job.address}: {job.out} has the result of another flight of this name, {kept.source}; "
-            f"give one another name, as OTHER={job.address}, or take another folder for the results"
+            f"{source}: {concealed(job.out)} has the result of another flight of this name, {kept.source}; "
+            f"give one another name, as OTHER={source}, or take another folder for the results"
         )
-    _log.info("%s: inputs %s, options %s", job.address, inputs, job.options.text())
+    _log.info("%s: inputs %s, options %s", source, inputs, job.options.text())
     calls = identify_session(
         session,
         scratch,
@@ -112,11 +113,11 @@ def identify_flight(job: FlightJob, report: Callable[[int, int], None] = lambda 
     about = {"rollcall.version": job.version, "rollcall.options": job.options.text(), "rollcall.inputs": inputs}
     write_identity_table(scratch / IDENTITY_EVIDENCE, table, about)
     if files_stamp(files) != as_found:
-        raise StoreError(f"{job.address}: was changed while it was read; is it still being recorded?")
+        raise StoreError(f"{source}: was changed while it was read; is it still being recorded?")
     record = FlightRecord(
         flight=job.name,
         status=DONE,
-        source=job.address,
+        source=source,
         version=job.version,
         versions=_versions(),
         options=job.options.text(),
@@ -145,7 +146,7 @@ def identify_flight(job: FlightJob, report: Callable[[int, int], None] = lambda 
 
 def fetched_path(job: FlightJob) -> Path:
     """Where a flight of a store is while it is worked on."""
-    last = job.address.rstrip("/").rpartition("/")[2]
+    last = last_part(job.address)
     return Path(job.scratch) / "input" / (last if last not in ("", ".", "..") else "flight")
 
 

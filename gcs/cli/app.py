@@ -16,7 +16,7 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from gcs.cli.output.console import LogLevel, PlainStream, errors_as_exit_codes, print_lines, start_log
+from gcs.cli.output.console import LogLevel, PlainStream, errors_as_exit_codes, hide_secrets, print_lines, start_log
 
 __all__ = ["app", "main"]
 
@@ -126,6 +126,7 @@ def main() -> None:
     # Frames make many small objects and no cycles: collecting as rarely as this saves a tenth of the time.
     gc.freeze()
     gc.set_threshold(50_000, 20, 100)
+    hide_secrets(sys.argv[1:])
     sys.stderr = cast(TextIO, PlainStream(sys.stderr, sys.argv))
     with errors_as_exit_codes():
         app()

@@ -50,9 +50,9 @@ from gcs.report.rollcall import RollCall
 from gcs.session.sealing import Sealing
 from gcs.snapshot import Event, Level
 from infra.files.safe_open import is_shared
+from infra.secrets import secrets_of
 from infra.wall_clock import now_us
 from mavlink.errors import LinkError
-from vision.stream.secrets import secrets_of
 
 __all__ = ["fly"]
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from gcs.session.recorder import Recorder
 from gcs.snapshot import Event, Level
+from infra.secrets import concealed
 from infra.wall_clock import now_us
 from mavlink.protocol.messages import VideoStreamInformation
 from vision.errors import VideoError
 from vision.stream.messages import Sender
-from vision.stream.secrets import concealed
 from vision.stream.source import offered, parse_source
 from vision.stream.stream import VideoStream
 from vision.video.video import Frame

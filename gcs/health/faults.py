@@ -12,6 +12,7 @@ from pathlib import Path
 
 from infra.files.safe_open import open_to_append
 from infra.plain_text import plain
+from infra.secrets import conceal
 
 __all__ = ["Faults"]
 
@@ -50,7 +51,7 @@ class Faults:
             error: with its traceback.
         """
         self.count += 1
-        self.last = f"{job}: {type(error).__name__}: {error}"
+        self.last = conceal(f"{job}: {type(error).__name__}: {error}")
         frames = traceback.extract_tb(error.__traceback__)
         place = (frames[-1].filename, frames[-1].lineno or 0) if frames else ("", 0)
         if place not in self._kept and len(self._kept) < MOST_KEPT:
@@ -75,7 +76,7 @@ class Faults:
 
     def _write_traceback(self, job: str, error: Exception) -> None:
         text = f"{time.strftime('%FT%TZ', time.gmtime())} {job}\n{''.join(traceback.format_exception(error))}\n"
-        data = "\n".join(map(plain, text.split("\n"))).encode()
+        data = conceal("\n".join(map(plain, text.split("\n")))).encode()
         writing = threading.Thread(target=self._append, args=(data,), name="faults", daemon=True)
         writing.start()
         writing.join(_WAIT_S)

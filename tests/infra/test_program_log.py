@@ -9,8 +9,8 @@ import threading
 
 import pytest
 
-from infra import program_log
-from infra.program_log import LogFile, child_environment, conceal_with, least_level
+from infra import program_log, secrets
+from infra.program_log import LogFile, child_environment, least_level
 
 LOG = logging.getLogger("gcs.somewhere")
 
@@ -59,8 +59,8 @@ def test_a_fault_has_its_traceback(log):
 
 
 def test_secrets_are_taken_out(log, monkeypatch):
-    monkeypatch.setattr(program_log, "_concealers", [])
-    conceal_with(lambda text: text.replace("hunter2", "***"))
+    monkeypatch.setattr(secrets, "_hidden", [])
+    secrets.hide("rtsp://admin:hunter2@camera")
     try:
         raise OSError("rtsp://admin:hunter2@camera")
     except OSError:

@@ -20,8 +20,8 @@ from dataclasses import dataclass, field
 from typing import Literal
 from urllib.parse import parse_qsl, urlsplit
 
+from infra.secrets import concealed
 from vision.errors import VideoError
-from vision.stream.secrets import concealed
 
 __all__ = ["Codec", "Source", "offered", "parse_source"]
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from infra.processes.child_process import ChildProcess
 from infra.processes.supervisor import Supervisor
-from infra.program_log import conceal_with
+from infra.secrets import conceal_in, hide
 from infra.shared_memory import make_memory, map_memory
 from vision.errors import VideoError
 from vision.stream.messages import (
@@ -40,7 +40,6 @@ from vision.stream.messages import (
 )
 from vision.stream.pace import PACE_FRAMES, STALL_S, stall_after_s
 from vision.stream.port import bind
-from vision.stream.secrets import conceal_in
 from vision.stream.source import Source, parse_source
 from vision.video.recording import require_new
 from vision.video.video import Frame
@@ -98,7 +97,7 @@ class VideoStream:
             require_new(record_path)
         self.url = source.text
         self._conceal = partial(conceal_in, address=url)
-        conceal_with(self._conceal)
+        hide(url)
         self.received = 0
         self._on_frame = on_frame
         self._stall_s = stall_s

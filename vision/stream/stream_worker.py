@@ -13,21 +13,19 @@ import socket
 import threading
 import time
 from contextlib import closing, suppress
-from functools import partial
 
 import av
 import numpy as np
 
 from infra.processes.channel import MessageChannel, connect_to_parent
-from infra.program_log import conceal_with
 from infra.reporting import Backoff
+from infra.secrets import concealed, hide
 from infra.shared_memory import map_memory
 from vision.errors import VideoError
 from vision.stream.connection import OPEN_TIMEOUT_S, READ_TIMEOUT_S, Input, datagrams, open_input
 from vision.stream.messages import IMAGE_BYTES, FrameReply, FrameRequest, Preference, Progress, Settings, VideoRequest
 from vision.stream.port import Port, bind
 from vision.stream.reader import StreamReader
-from vision.stream.secrets import conceal_in, concealed
 from vision.stream.source import parse_source
 from vision.video.frame_index import reason
 
@@ -200,7 +198,7 @@ def main() -> None:
     station: MessageChannel[VideoRequest] = connect_to_parent(VideoRequest)
     settings = station.receive()
     assert isinstance(settings, Settings)
-    conceal_with(partial(conceal_in, address=settings.source))
+    hide(settings.source)
     _log.info("video from %s", concealed(settings.source))
     _StreamWorker(settings, station).run()
 

@@ -26,9 +26,10 @@ def report(
     from gcs.batch.report.overview import batch_page, read_results
     from gcs.batch.stores import open_results
     from gcs.export.unfinished import Unfinished
+    from infra.secrets import concealed
 
     store = open_results(results if is_remote(results) else str(local_path(results).absolute()))
-    page = batch_page(read_results(store), results).encode()
+    page = batch_page(read_results(store), concealed(results)).encode()
     if out is None:
         store.write(page, PAGE)
         print_lines(f"wrote {results.rstrip('/')}/{PAGE}")

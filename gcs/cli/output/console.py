@@ -26,6 +26,7 @@ from assoc.errors import AssocError
 from gcs.errors import ClusterError, GcsError, StoreError
 from infra.files.safe_open import open_to_append
 from infra.plain_text import plain
+from infra.secrets import conceal, hide
 from mavlink.errors import LinkError, MavlinkError
 from sim.errors import SimError
 from vision.errors import VisionError
@@ -48,6 +49,7 @@ __all__ = [
     "VideoStart",
     "check_range",
     "errors_as_exit_codes",
+    "hide_secrets",
     "parse_frame_size",
     "print_json",
     "print_lines",
@@ -120,9 +122,17 @@ def parse_frame_size(text: str | None) -> tuple[int, int] | None:
     return int(width), int(height)
 
 
+def hide_secrets(words: Sequence[str]) -> None:
+    """Have nothing that is printed or logged repeat the passwords in addresses of the command line."""
+    for word in words:
+        # as --option=ADDRESS and NAME=ADDRESS too
+        at = word.find("://")
+        hide(word[word.rfind("=", 0, max(at, 0)) + 1 :])
+
+
 def print_lines(*lines: str) -> None:
     """Lines of the command's result, on stdout; one that holds the end of a line is still one."""
-    sys.stdout.write("".join(plain(line) + "\n" for line in lines))
+    sys.stdout.write("".join(conceal(plain(line)) + "\n" for line in lines))
     sys.stdout.flush()
 
 
@@ -141,7 +151,7 @@ def _without_nan(value: object) -> object:
 
 def print_note(text: str) -> None:
     """A line beside the result, on stderr."""
-    sys.stderr.write(f"gcs: {plain(text)}\n")
+    sys.stderr.write(f"gcs: {conceal(plain(text))}\n")
     sys.stderr.flush()
 
 
@@ -184,7 +194,7 @@ class PlainStream:
         """Write what a terminal can show and does not obey."""
         for word in self._words:
             text = text.replace(word, plain(word))
-        self._stream.write("\n".join(map(plain, text.split("\n"))))
+        self._stream.write(conceal("\n".join(map(plain, text.split("\n")))))
         return len(text)
 
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the stream has

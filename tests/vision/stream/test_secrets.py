@@ -12,12 +12,12 @@ import pytest
 from gcs.flight.video import FlightVideo, check_source
 from gcs.health.faults import Faults
 from gcs.session.recorder import Recorder
+from infra.secrets import conceal_in, concealed, secrets_of
 from mavlink.protocol.messages import VideoStreamInformation
 from tests.support.ports import free_port
 from tests.support.snapshots import ONE_UGV
 from tests.support.waiting import until
 from vision.errors import VideoError
-from vision.stream.secrets import conceal_in, concealed, secrets_of
 from vision.stream.source import parse_source
 from vision.stream.stream import VideoStream
 
