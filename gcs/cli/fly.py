@@ -43,16 +43,17 @@ from gcs.cli.sharing.telling import Show, Tell, parse_sinks, telling
 from gcs.errors import GcsError
 from gcs.flight.flight import Flight, FlightPlan
 from gcs.live_out.sink import SinkSource
-from gcs.mission.mission import Mission, load_mission
+from gcs.mission.mission import Mission, load_mission, unheeded_links
 from gcs.mission.terrain_file import TerrainFile
 from gcs.mission.tile_file import TileFile
 from gcs.report.rollcall import RollCall
 from gcs.session.sealing import Sealing
 from gcs.snapshot import Event, Level
 from infra.files.safe_open import is_shared
-from infra.secrets import secrets_of
+from infra.secrets import concealed, secrets_of
 from infra.wall_clock import now_us
 from mavlink.errors import LinkError
+from mavlink.forwarding.outputs import parse_output
 
 __all__ = ["fly"]
 
@@ -134,7 +135,7 @@ def fly(
     screen = not headless and sys.stdout.isatty() and sys.stdin.isatty()
     _check(links, duration, loaded, screen=screen)
     source = loaded.links.video if video is None else video
-    forward = tuple(out or ()) or loaded.links.forward
+    forward = tuple(out or ()) or _checked_outputs(mission, loaded.links.forward, command=command)
     sinks = parse_sinks(tell, show, (*links, *forward))
     plan = FlightPlan(
         mission=loaded,
@@ -148,7 +149,7 @@ def fly(
     calls = RollCall(loaded)
     with _naming_own_flight(links):
         flight = Flight(plan, calls.add)
-    sealing = _check_folders(flight, sessions, screen=screen)
+    sealing = _tell_start(flight, plan, mission, screen=screen)
     door = AttachServer(flight.folder, links)
     try:
         if not screen:
@@ -192,20 +193,46 @@ def _hide_password(video: str) -> None:
         print_note("other users could see the password in --video for a moment; [links] video in a mission is safer")
 
 
-def _check_folders(flight: Flight, sessions: Path, *, screen: bool) -> Sealing:
-    """Seal interrupted recordings, and warn of folders that others may write to: in the flight's events, and on stderr
-    where there is no screen."""
+def _checked_outputs(mission: Path, forward: tuple[str, ...], *, command: bool) -> tuple[str, ...]:
+    """The outputs of a mission file, whose author orders the UAV by them.
+
+    Raises:
+        GcsError: a program behind one may send, and others may write into the file.
+    """
+    asked = [out for out in forward if parse_output(out)[1] is not None]
+    if command and asked and is_shared(mission):
+        raise GcsError(
+            f"{mission}: others may change this file, so {asked[0]} in it does not let a program send; "
+            f"name it with --out, or make the file your own alone"
+        )
+    return forward
+
+
+def _tell_start(flight: Flight, plan: FlightPlan, mission: Path, *, screen: bool) -> Sealing:
+    """Seal interrupted recordings, and tell where packets go, what in the mission does not count, and which folders
+    others may write to: in the flight's events, and on stderr where there is no screen."""
 
     def report(text: str, level: Level = "info") -> None:
         flight.add_event(Event(t_us=now_us(), level=level, kind="recording", text=text))
         if not screen:
             print_note(text)
 
-    for folder in filter(is_shared, (flight.folder, sessions)):
+    for out in plan.forward:
+        url, named = parse_output(out)
+        ids = "".join(f" and {plan.mission.name_of(i)}" for i in sorted(named or ()))
+        may = "programs there only listen" if named is None else f"programs there may send to the UAV{ids}"
+        report(f"packets go on to {url}; {may}", "info" if named is None else "warning")
+    if unheeded := unheeded_links(mission):
+        addresses = ", ".join(map(concealed, unheeded))
+        report(
+            f"{mission} came with a recording: its links do not count ({addresses}); give --link, --video, --out",
+            "warning",
+        )
+    for folder in filter(is_shared, (flight.folder, plan.sessions)):
         report(
             f"{folder}: others may write to this folder, and change what is recorded; chmod go-w ends that", "warning"
         )
-    return Sealing(sessions, report)
+    return Sealing(plan.sessions, report)
 
 
 def _check_vehicles(system_ids: Sequence[int], mission: Mission) -> tuple[int, ...]:

@@ -21,6 +21,7 @@ from gcs.errors import ConfigError
 from gcs.limits import Limits
 from gcs.mission.fence import Fence
 from infra.files.safe_open import read_small
+from infra.session_format import METADATA
 from infra.toml_tables import MOST_TOML_BYTES, build, parse_toml
 from vision.camera.intrinsics import Intrinsics
 from vision.camera.lens_file import read_lens
@@ -41,6 +42,7 @@ __all__ = [
     "load_mission",
     "load_table",
     "parse_mission",
+    "unheeded_links",
     "user_keys",
 ]
 
@@ -282,15 +284,53 @@ def load_table(path: Path) -> dict[str, Any]:
 def load_mission(path: Path) -> Mission:
     """Read a mission or session file; paths in it become absolute, so that they hold wherever it is written again.
 
+    Links and signing of a session file do not count.
+
     Raises:
         ConfigError: no such file, not TOML, an unknown key, a wrong or missing value.
     """
-    mission = parse_mission(load_table(path), str(path))
+    table = load_table(path)
+    mission = parse_mission(table, str(path))
+    if _came_with_a_recording(path, table):
+        mission = _without_reach(mission, path)
     camera = _with_lens(mission.camera, path.parent, str(path)) if mission.camera else None
     signing = replace(mission.signing, keys=_keys_folder(mission.signing.keys, path.parent))
     shown = MapChoice(tiles=_beside(path, mission.map.tiles), terrain=_beside(path, mission.map.terrain))
     detector = _placed(mission.detector, path.parent)
     return replace(mission, detector=detector, camera=camera, signing=signing, map=shown)
+
+
+def unheeded_links(path: Path) -> tuple[str, ...]:
+    """Addresses in the file of a recording, which do not count; none of a mission file.
+
+    Raises:
+        ConfigError: as of :func:`load_mission`.
+    """
+    table = load_table(path)
+    if not _came_with_a_recording(path, table):
+        return ()
+    links = parse_mission(table, str(path)).links
+    return (*links.telemetry, *([links.video] if links.video else []), *links.forward)
+
+
+def _came_with_a_recording(path: Path, table: Mapping[str, Any]) -> bool:
+    return path.name == METADATA or _NOTES in table
+
+
+def _without_reach(mission: Mission, path: Path) -> Mission:
+    """Without what opens addresses, decides who is believed or loads what came along: a recording may be anybody's.
+
+    Raises:
+        ConfigError: a network lies beside it.
+    """
+    folder = path.parent.absolute()
+    for network in (mission.detector.model, mission.detector.front):
+        if network not in ("", BUNDLED) and Path(os.path.normpath(folder / network)).is_relative_to(folder):
+            raise ConfigError(
+                f"{path}: [detector]: {network} came with the recording and is not opened; where you trust it, name it "
+                "in a mission file of your own, with --mission"
+            )
+    return replace(mission, links=Links(), signing=SigningChoice())
 
 
 def _beside(path: Path, name: str) -> str:
