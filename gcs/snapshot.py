@@ -6,7 +6,6 @@ Units and frames: ENU metres, radians, Unix microseconds; image quantities in pi
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -35,8 +34,7 @@ __all__ = [
     "VehicleRow",
 ]
 
-NAN = float("nan")
-NEVER = float("inf")
+NAN, NEVER = float("nan"), float("inf")
 HELD_SHOWN_S = 0.5
 """Names older than this are shown with their age: streams of two frames a second and faster pass in this time."""
 
@@ -187,6 +185,8 @@ class Candidate:
     """From the box to where the vehicle reports to be."""
     against: str = ""
     """What speaks against it, in words; empty: nothing."""
+    missing: str = ""
+    """Why its reports do not tell where it is, in words; empty: they do."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -284,16 +284,16 @@ class Health:
     free_bytes: int = 0
     time_offset_s: float = 0.0
     """Video time minus telemetry time, declared and estimated."""
-    time_offset_std_s: float = math.nan
-    yaw_offset: float = math.nan
+    time_offset_std_s: float = NAN
+    yaw_offset: float = NAN
     """Estimated error of the camera's reported heading, radians clockwise, and its 1σ; NaN unknown."""
-    yaw_offset_std: float = math.nan
-    pitch_offset: float = math.nan
+    yaw_offset_std: float = NAN
+    pitch_offset: float = NAN
     """Estimated error of its pitch, radians upward, and its 1σ, NaN unknown."""
-    pitch_offset_std: float = math.nan
+    pitch_offset_std: float = NAN
     mirrored: bool = False
     """Left and right of the picture were found to be exchanged."""
-    fit: float = math.nan
+    fit: float = NAN
     """Probability that video and telemetry belong together, NaN while nothing was compared."""
     undecoded: int = 0
     """Frames that came and could not be decoded."""

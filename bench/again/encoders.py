@@ -38,10 +38,14 @@ class RebootedEncoder:
 
 
 class ScriptedSigner:
-    """Signs frames, with timestamps that follow the clock."""
+    """Signs frames, with timestamps that follow the clock.
 
-    def __init__(self) -> None:
-        self._key, self._ticks = Key(SECRET), 0
+    Args:
+        secret: 32 bytes.
+    """
+
+    def __init__(self, secret: bytes = SECRET) -> None:
+        self._key, self._ticks = Key(secret), 0
 
     def sign(self, raw: bytes, t_us: int) -> bytes:
         packet = Packet(t_us, raw)

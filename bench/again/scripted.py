@@ -32,6 +32,7 @@ from mavlink.ingest.plan import Signing
 from mavlink.ingest.receiver import Receiver, Signatures
 from mavlink.links.batch import Batch
 from mavlink.protocol.encoder import GCS, MavlinkEncoder
+from mavlink.protocol.packet import Packet
 from mavlink.signing.keys import read_ring, write_key
 from mavlink.tlog.writer import TlogWriter
 from sim.render.film import Film
@@ -42,7 +43,7 @@ from sim.world.world import World
 from vision.detect.detections import Detections
 from vision.video.video import Frame
 
-__all__ = ["CAMERA", "InjectedFaults", "ScriptedDetector", "fly"]
+__all__ = ["CAMERA", "InjectedFaults", "ScriptedDetector", "ScriptedFlight", "fly"]
 
 S = 1_000_000
 BATCH_US = 4_000
@@ -62,7 +63,7 @@ class InjectedFaults:
 
     restart: tuple[float, float] | None = None
     """The fleet is switched off and on again at these times."""
-    no_video: tuple[float, float] | None = None
+    no_video: tuple[tuple[float, float], ...] = ()
     """No frame arrives between these times."""
     no_telemetry: tuple[float, float] | None = None
     """No telemetry arrives between these times."""
@@ -86,6 +87,8 @@ class InjectedFaults:
     """The station sends a heartbeat every second."""
     signed: bool = False
     """The fleet signs, and another sender forges its messages."""
+    wrong_keys: frozenset[int] = frozenset()
+    """System ids that sign with a key that the station does not have for them."""
     no_detections: tuple[float, float] | None = None
     """The detector finds nothing."""
     detector_fails: tuple[float, float] | None = None
@@ -132,14 +135,14 @@ class _Datagram:
     raw: bytes
 
 
-class _ScriptedFlight:
+class ScriptedFlight:
     """The flight's own objects, run on simulated time."""
 
     def __init__(
         self, folder: Path, scenario: Scenario, faults: InjectedFaults, on_snapshot: Callable[[Snapshot], None]
     ) -> None:
         self.scenario, self.faults, self.start_us = scenario, faults, scenario.start_us
-        self.on_snapshot, self.frame_shown = on_snapshot, False
+        self.on_snapshot, self.frame_shown, self.packets = on_snapshot, False, 0
         self.t_us = self.start_us + round(TELEMETRY_FROM_S * S)
         """True time."""
         self.mission = _mission(scenario)
@@ -156,9 +159,10 @@ class _ScriptedFlight:
         self.links = [_ScriptedLink("first"), _ScriptedLink("second")]
         self.log, self.receiver = self._receive(None)
         self.detector = ScriptedDetector()
-        pipeline = Pipeline(self.mission, ("first", "second"), lambda link, peer: self.links[link].address(peer))
+        self.pipeline = Pipeline(self.mission, ("first", "second"), lambda link, peer: self.links[link].address(peer))
         fault_log = Faults(self.recorder.folder / "faults.txt")
-        self.fold = FrameLoop(pipeline, self.detector, self.recorder, fault_log, self._show_frame, now_us=self.wall_us)
+        parts = (self.pipeline, self.detector, self.recorder, fault_log)
+        self.fold = FrameLoop(*parts, self._show_frame, now_us=self.wall_us)
 
     def wall_us(self, t_us: int | None = None) -> int:
         """Reading of the wall clock at a true time, now by default."""
@@ -168,6 +172,7 @@ class _ScriptedFlight:
     def receive(self, datagrams: list[_Datagram]) -> None:
         """Receive one batch of a link."""
         self.t_us = max(self.t_us, datagrams[-1].t_us)
+        self.packets += len(datagrams)
         batch = Batch(
             times_us=[self.wall_us(each.t_us) for each in datagrams],
             frames=[each.raw for each in datagrams],
@@ -214,6 +219,7 @@ def fly(
     scenario: Scenario,
     faults: InjectedFaults,
     on_snapshot: Callable[[Snapshot], None] = lambda snapshot: None,
+    before_turn: Callable[[ScriptedFlight, Frame | None], None] = lambda flight, frame: None,
 ) -> Path:
     """Fly a scenario with injected faults; returns the session folder.
 
@@ -222,9 +228,11 @@ def fly(
         scenario: what is flown; its camera is replaced by a small one that looks straight down.
         faults: what goes wrong.
         on_snapshot: called with what a screen shows after each turn of the fold.
+        before_turn: called with the flight, and the frame that came, before each turn: what its monitor finds and its
+            operator does.
     """
     scenario = replace(scenario, camera=replace(CAMERA, mount=scenario.camera.mount))
-    flight = _ScriptedFlight(folder, scenario, faults, on_snapshot)
+    flight = ScriptedFlight(folder, scenario, faults, on_snapshot)
     rng = np.random.default_rng(scenario.seed)
     worlds = _worlds(scenario, faults)
     datagrams = heapq.merge(*(_fleet_datagrams(world, start_s, stop_s, flight) for world, start_s, stop_s in worlds))
@@ -256,6 +264,7 @@ def fly(
             sent_us = flight.t_us
             with patch("mavlink.ingest.receiver.now_us", flight.wall_us):
                 flight.receiver.send(0, MavlinkEncoder(255).heartbeat(GCS))
+        before_turn(flight, newest)
         flight.run_fold(newest)
         if newest is not None:
             flight.t_us += int(rng.uniform(0.02, 0.3) * S)  # the detector's run time
@@ -287,7 +296,7 @@ def _worlds(scenario: Scenario, faults: InjectedFaults) -> list[tuple[World, flo
     return [(World(scenario), TELEMETRY_FROM_S, off_s), (second, on_s, scenario.duration_s)]
 
 
-def _fleet_datagrams(world: World, start_s: float, stop_s: float, flight: _ScriptedFlight) -> Iterator[_Datagram]:
+def _fleet_datagrams(world: World, start_s: float, stop_s: float, flight: ScriptedFlight) -> Iterator[_Datagram]:
     """Datagrams of one world over all links, forged ones included, by time of arrival."""
     faults, base_us = flight.faults, flight.start_us
     streams = [_link_datagrams(world, start_s, stop_s, flight, link=0, delay_us=0)]
@@ -302,19 +311,23 @@ def _fleet_datagrams(world: World, start_s: float, stop_s: float, flight: _Scrip
 
 
 def _link_datagrams(
-    world: World, start_s: float, stop_s: float, flight: _ScriptedFlight, *, link: int, delay_us: int
+    world: World, start_s: float, stop_s: float, flight: ScriptedFlight, *, link: int, delay_us: int
 ) -> Iterator[_Datagram]:
     """Datagrams of one world over one link, delayed, by time of arrival."""
-    signer = ScriptedSigner() if flight.faults.signed else None
+    keyed = {
+        i: ScriptedSigner(SECRET[::-1] if i in flight.faults.wrong_keys else SECRET) for i in world.scenario.ugv_ids
+    }
+    keyed[UAV_ID] = ScriptedSigner()
     rebooted = RebootedEncoder() if start_s > 0 else None
     for number, packet in enumerate(fleet_telemetry(world)):
         if start_s * S <= packet.t_us - flight.start_us < stop_s * S:
             raw = rebooted.with_boot_time_reset(packet.raw) if rebooted else packet.raw
-            raw = signer.sign(raw, packet.t_us) if signer else raw
+            if flight.faults.signed:
+                raw = keyed[Packet(packet.t_us, raw).system_id].sign(raw, packet.t_us)
             yield _Datagram(packet.t_us + delay_us, number, link, packet.vehicle + 2 + 100 * bool(rebooted), raw)
 
 
-def _forged_datagrams(world: World, flight: _ScriptedFlight) -> Iterator[_Datagram]:
+def _forged_datagrams(world: World, flight: ScriptedFlight) -> Iterator[_Datagram]:
     """A second sender under the first ground vehicle's id, elsewhere; without its key."""
     faults, victim = flight.faults, world.scenario.ugv_ids[0]
     encoder = MavlinkEncoder(victim, key=bytes(32) if faults.signed else None)
@@ -341,7 +354,7 @@ def _batches(datagrams: Iterator[_Datagram]) -> Iterator[list[_Datagram]]:
 
 
 def _frames(
-    worlds: list[tuple[World, float, float]], flight: _ScriptedFlight, rng: np.random.Generator
+    worlds: list[tuple[World, float, float]], flight: ScriptedFlight, rng: np.random.Generator
 ) -> Iterator[tuple[int, Frame, Detections, bool]]:
     """Arrival time, Unix µs, of each frame, the frame, its detections, and whether the detector fails on it."""
     faults, index, last_us = flight.faults, 0, 0
@@ -354,7 +367,7 @@ def _frames(
             exposed_us = scenario.start_us + round(t * S)
             since_us = exposed_us - flight.start_us
             found = model.detect(t)
-            if not start_s * S <= since_us < stop_s * S or _within(faults.no_video, since_us):
+            if not start_s * S <= since_us < stop_s * S or any(_within(span, since_us) for span in faults.no_video):
                 continue
             small = faults.resized_s is not None and since_us >= faults.resized_s * S
             stamp_us = flight.wall_us(exposed_us) + round(faults.late_stamp_s * S)

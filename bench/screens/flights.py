@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import heapq
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -34,7 +34,7 @@ from vision.detect.detections import Detections
 from vision.stream.pace import PACE_FRAMES, stall_after_s
 from vision.video.video import Frame
 
-__all__ = ["Moment", "Received", "Script", "Span", "fly"]
+__all__ = ["Moment", "Received", "Script", "Span", "fly", "video_state"]
 
 S = 1_000_000
 Span = tuple[float, float]
@@ -205,9 +205,7 @@ class _ScreenedFlight:
     def _monitor(self) -> None:
         script, at_s = self.script, (self.now_us - self.start_us) / S
         silent_s = (self.now_us - self.packet_us) / S if self.packet_us else float("inf")
-        stall_s = stall_after_s(self.frames_us[-PACE_FRAMES:])
-        late_us = self.now_us - self.frame_us - round(script.latency_s * S)
-        video = "waiting" if not self.frame_us else "stalled" if late_us > stall_s * S else "ok"
+        video = video_state(self.now_us - round(script.latency_s * S), self.frames_us)
         failing = script.disk_fails is not None and _within(script.disk_fails, at_s)
         if script.events is not None and _within(script.events, at_s):
             for k in range(20):
@@ -226,6 +224,13 @@ class _ScreenedFlight:
                 _link("/dev/ttyUSB0", self.packets // 10, silent_s),
             ),
         )
+
+
+def video_state(now_us: int, frames_us: Sequence[int]) -> str:
+    """What a flight's monitor says of a video of which frames were taken then, at a time less its latency, Unix µs."""
+    if not frames_us:
+        return "waiting"
+    return "stalled" if now_us - frames_us[-1] > stall_after_s(frames_us[-PACE_FRAMES:]) * S else "ok"
 
 
 def _link(name: str, packets: int, silent_s: float) -> LinkHealth:

@@ -13,6 +13,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Final
 from xml.etree import ElementTree
 
+from gcs.missing import may_be
 from gcs.snapshot import Box, Snapshot
 from infra.plain_text import plain
 from infra.reporting import Throttle
@@ -112,6 +113,7 @@ def _evidence(snapshot: Snapshot, box: Box) -> dict[str, str]:
     """What a name rests on; what is unknown is left out."""
     told = {"frame": str(snapshot.frame), "track": str(box.track_id)}
     if not box.system_id:
+        told |= {"may_be": words} if (words := plain(may_be(snapshot, box))) else {}
         return told | _numbers({"none_of_ours": box.none_of_ours})
     told |= {"system_id": str(box.system_id)} | ({"stated": "true"} if box.stated else {})
     told |= {"doubt": box.doubt} if box.doubt else {}

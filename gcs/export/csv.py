@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 
 from gcs.export.job import ExportJob
 from gcs.export.unfinished import Unfinished
+from gcs.missing import may_be
 from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
 from infra.plain_text import to_cell
@@ -18,7 +19,7 @@ COLUMNS = (
     *("time_utc", "frame", "track_id", "system_id", "name", "confidence", "runner_up", "runner_up_confidence"),
     *("cx_px", "cy_px", "w_px", "h_px", "angle_deg", "heading_deg"),
     *("lat_deg", "lon_deg", "east_m", "north_m", "place_std_m"),
-    *("residual_m", "position_age_s", "stated"),
+    *("residual_m", "position_age_s", "stated", "may_be"),
 )
 
 
@@ -45,8 +46,8 @@ class CsvExport:
             metres = (*box.p_enu[:2].tolist(), box.place_std_m)
             place = (_cell(box.lat_deg, 7), _cell(box.lon_deg, 7), *(_cell(v, 3) for v in metres))
             trust = (_cell(box.residual_m, 3), _cell(box.position_age_s, 3))
-            stated = int(box.stated)
-            self._rows.writerow((time, snapshot.frame, *who, *second, *shape, *turn, *place, *trust, stated))
+            doubt = (int(box.stated), to_cell(may_be(snapshot, box)))
+            self._rows.writerow((time, snapshot.frame, *who, *second, *shape, *turn, *place, *trust, *doubt))
 
     def close(self) -> None:
         """Finish the file."""

@@ -91,8 +91,8 @@ def _in_words(
         row = []
         for vehicle, confidence, distance_m, deviation, age_s, better, better_sure in numbers:
             own = vehicle == names[track]
-            reasons = ["its position contradicts the video"] if vehicle in contradicted else []
-            reasons += _of_its_reports(status.get(vehicle), deviation, age_s)
+            missing = _missing(status.get(vehicle), age_s, contradicted=vehicle in contradicted)
+            reasons = [missing] * bool(missing) + list(_of_its_reports(status.get(vehicle), deviation))
             if not own:
                 reasons += _of_its_rivals(confidence, none[track], threshold, better, better_sure)
             row.append(
@@ -102,22 +102,39 @@ def _in_words(
                     confidence=sure[track] if own else confidence,
                     distance_m=distance_m,
                     against=", ".join(reasons[:MOST_REASONS]),
+                    missing=missing,
                 )
             )
         found.append(tuple(row))
     return found
 
 
-def _of_its_reports(status: VehicleStatus | None, deviation: float, age_s: float) -> Iterator[str]:
-    """What is wrong with the vehicle's reports, or with where they put it."""
-    if status is not None and status.contested:
-        yield "several senders use its id"
-    elif status is not None and status.position_state == "refused":
-        yield f"its positions are refused: {status.refused_for}" if status.refused_for else "its positions are refused"
-    elif math.isinf(age_s):
-        yield "no position of it is known"
-    elif age_s > OLD_S:
-        yield f"its report is {age_s:.0f} s old"
+def _missing(status: VehicleStatus | None, age_s: float, *, contradicted: bool) -> str:
+    """Why a vehicle's reports do not tell where it is; empty: they do.
+
+    Args:
+        status: the vehicle, None unknown.
+        age_s: of its last report that was used, s, inf never.
+        contradicted: whether the video shows that it is elsewhere.
+    """
+    if status is None:
+        return "never heard"
+    if status.contested:
+        return "several senders use its id"
+    if math.isinf(status.heartbeat_age_s) and math.isinf(age_s):
+        rejected = status.bad_signature or status.unsigned or status.held
+        return "all its packets are refused" if rejected else "never heard"
+    if status.position_state == "refused":
+        return f"its positions are refused: {status.refused_for}" if status.refused_for else "its positions are refused"
+    if math.isinf(age_s):
+        return "no position yet"
+    if age_s > OLD_S:
+        return f"no position for {age_s:.0f} s"
+    return "its position contradicts the video" if contradicted else ""
+
+
+def _of_its_reports(status: VehicleStatus | None, deviation: float) -> Iterator[str]:
+    """What is wrong with where a vehicle's reports put it."""
     if deviation > FAR_DEVIATIONS:
         yield f"too far: {min(deviation, 99):.0f} σ"
     if status is not None and status.doubted_for:

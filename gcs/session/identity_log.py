@@ -15,6 +15,7 @@ from typing import Self
 import msgspec
 
 from gcs.errors import SessionError
+from gcs.missing import may_be
 from gcs.session.line_file import Lines, open_new
 from gcs.session.tables import Table, read_table
 from gcs.snapshot import Box, Snapshot
@@ -104,9 +105,11 @@ def json_row(snapshot: Snapshot, box: Box) -> str:
         "lat": _number(box.lat_deg, 7),
         "lon": _number(box.lon_deg, 7),
     }
-    # rows of recordings without statements stay as they were
-    told = {"stated": True} if box.stated else {}
-    return msgspec.json.encode(row | told | ({"doubt": box.doubt} if box.doubt else {})).decode()
+    # rows of recordings without these stay as they were
+    row |= {"stated": True} if box.stated else {}
+    row |= {"doubt": box.doubt} if box.doubt else {}
+    row |= {"may_be": words} if (words := plain(may_be(snapshot, box))) else {}
+    return msgspec.json.encode(row).decode()
 
 
 def _number(value: float, digits: int) -> float:

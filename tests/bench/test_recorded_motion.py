@@ -33,7 +33,7 @@ SHAKING = replace(
     camera=ScenarioCamera(mount="fixed"),
     duration_s=6.0,
 )
-SEEN = InjectedFaults(rendered=True, detector_fails=(2.5, 2.9), no_video=(3.5, 4.1), resized_s=5.0)
+SEEN = InjectedFaults(rendered=True, detector_fails=(2.5, 2.9), no_video=((3.5, 4.1),), resized_s=5.0)
 
 
 @pytest.fixture(scope="module")

@@ -28,7 +28,7 @@ FLIGHTS = {
         resized_s=6.0, second_link_s=1.2, impostor=(4.0, 7.0), killed_s=(3.0, 8.0)
     ),
     "switched off and on, no frames, late stamps, nothing seen": InjectedFaults(
-        restart=(3.0, 5.5), no_video=(3.5, 6.5), late_stamp_s=0.361, no_detections=(8.5, 9.2)
+        restart=(3.0, 5.5), no_video=((3.5, 6.5),), late_stamp_s=0.361, no_detections=(8.5, 9.2)
     ),
     "signed and forged, the clock set ahead, no telemetry, a broken detector": InjectedFaults(
         signed=True, step=(5.0, 3600.0), no_telemetry=(2.0, 3.5), detector_fails=(7.0, 7.5)
@@ -118,7 +118,7 @@ def test_a_packet_that_cannot_be_worked_on_costs_no_replay(tmp_path, monkeypatch
 
 def test_after_a_restart_the_fleet_is_named_again(tmp_path):
     """Also where the recording keeps no order and frames are missing in between."""
-    folder = fly(tmp_path / "flown", SCENARIO, InjectedFaults(restart=(3.0, 5.5), no_video=(3.0, 6.0)))
+    folder = fly(tmp_path / "flown", SCENARIO, InjectedFaults(restart=(3.0, 5.5), no_video=((3.0, 6.0),)))
     for order in ("kept", "lost"):
         if order == "lost":
             (folder / "folds.csv").unlink()
@@ -232,7 +232,7 @@ def test_what_the_operator_stated_is_stated_again_at_the_same_frame(tmp_path, mo
             return self.last
 
     monkeypatch.setattr("bench.again.scripted.Pipeline", OperatedPipeline)
-    folder = fly(tmp_path / "flown", SCENARIO, InjectedFaults(no_video=(6.0, 6.6)))
+    folder = fly(tmp_path / "flown", SCENARIO, InjectedFaults(no_video=((6.0, 6.6),)))
     identify_into(open_session(folder), tmp_path / "again")
     for name in ("identity.csv", "identity.jsonl"):
         live, again = ((place / name).read_text().splitlines() for place in (folder, tmp_path / "again"))

@@ -13,6 +13,7 @@ from collections.abc import Iterable
 from gcs.export.job import ExportJob
 from gcs.export.maps.ways import Way, Ways, placed, time_utc
 from gcs.export.unfinished import Unfinished
+from gcs.missing import may_be
 from gcs.session.line_file import open_new
 from gcs.snapshot import Box, Snapshot
 from infra.plain_text import plain
@@ -66,6 +67,7 @@ def _box(snapshot: Snapshot, box: Box) -> dict[str, object]:
         "place_std_m": _number(box.place_std_m, 3),
         "residual_m": _number(box.residual_m, 3),
         "stated": box.stated,
+        "may_be": plain(may_be(snapshot, box)) or None,
     }
 
 

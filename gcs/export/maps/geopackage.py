@@ -19,6 +19,7 @@ from gcs.errors import SessionError
 from gcs.export.job import ExportJob
 from gcs.export.maps.ways import Way, Ways, placed, time_utc
 from gcs.export.unfinished import Unfinished
+from gcs.missing import may_be
 from gcs.snapshot import Box, Snapshot
 from infra.plain_text import plain
 
@@ -48,7 +49,7 @@ CREATE TABLE gpkg_geometry_columns (table_name TEXT NOT NULL, column_name TEXT N
   CONSTRAINT fk_gc_srs FOREIGN KEY (srs_id) REFERENCES gpkg_spatial_ref_sys (srs_id));
 CREATE TABLE boxes (fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, geom POINT, time_utc DATETIME, frame INTEGER,
   track_id INTEGER, system_id INTEGER, name TEXT, confidence DOUBLE, place_std_m DOUBLE, residual_m DOUBLE,
-  stated BOOLEAN);
+  stated BOOLEAN, may_be TEXT);
 CREATE TABLE tracks (fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, geom LINESTRING, first_utc DATETIME,
   last_utc DATETIME, boxes INTEGER, track_id INTEGER, system_id INTEGER, name TEXT, confidence_mean DOUBLE,
   confidence_min DOUBLE, place_std_m_max DOUBLE);
@@ -88,7 +89,7 @@ class GeoPackageExport:
             self._bounds = _around(self._bounds, (box.lon_deg, box.lat_deg, box.lon_deg, box.lat_deg))
         with _told(self._path):
             rows = (_box_row(snapshot, box) for box in boxes)
-            self._table.executemany(f"INSERT INTO boxes VALUES (NULL{', ?' * 10})", rows)
+            self._table.executemany(f"INSERT INTO boxes VALUES (NULL{', ?' * 11})", rows)
 
     def close(self) -> None:
         """Append the lines and what describes the layers."""
@@ -133,6 +134,7 @@ def _box_row(snapshot: Snapshot, box: Box) -> tuple[object, ...]:
         _number(box.place_std_m),
         _number(box.residual_m),
         box.stated,
+        plain(may_be(snapshot, box)) or None,
     )
 
 

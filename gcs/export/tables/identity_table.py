@@ -50,6 +50,7 @@ COLUMNS = {
     "place_std_m": "double",
     "stated": "bool",
     "doubt": "string",
+    "may_be": "string",
 }
 """Columns with their Arrow types; null is unknown."""
 _BOX, _ENU = ("cx", "cy", "w", "h", "angle"), ("east_m", "north_m", "up_m")
@@ -81,6 +82,7 @@ class EvidenceRow(msgspec.Struct, frozen=True):
     place_std_m: float | None = None
     stated: bool = False
     doubt: str | None = None
+    may_be: str | None = None
 
 
 class IdentityTable:

@@ -10,6 +10,7 @@ from typing import ClassVar, Final
 from textual.strip import Strip
 
 from gcs.certainty import certainty, named
+from gcs.missing import may_be
 from gcs.report.box_shapes import drawable
 from gcs.report.overlay import named_count, standing_of
 from gcs.snapshot import Box, Candidate, Snapshot, Standing, VehicleRow
@@ -162,7 +163,10 @@ def _unnamed(snapshot: Snapshot, box: Box | None, width: int) -> list[list[Part]
         return _text(("standing", "gone: no longer in the picture", FAINT), width)
     standing = standing_of(snapshot, box)
     words = ("stated: none of ours" if box.stated else "no name") + _since(snapshot, box.since_us)
-    return [_fact_parts(("standing", words, standing_colour(standing))), *_candidates(snapshot, box, width)]
+    lines = [_fact_parts(("standing", words, standing_colour(standing)))]
+    if missing := may_be(snapshot, box):
+        lines += _text(("", plain(missing), WARN), width)
+    return lines + _candidates(snapshot, box, width)
 
 
 def _candidates(snapshot: Snapshot, box: Box, width: int) -> list[list[Part]]:

@@ -18,7 +18,7 @@ from tests.support.waiting import until
 
 S = 1_000_000
 SCENARIO = replace(nominal(3), ground=ScenarioGround(kind="curved", vehicles=4, spacing_m=8.0), duration_s=10.0)
-HOLE = InjectedFaults(no_video=(4.0, 7.5), no_telemetry=(3.0, 8.0))
+HOLE = InjectedFaults(no_video=((4.0, 7.5),), no_telemetry=(3.0, 8.0))
 
 
 def event(seconds, text, level="info", kind="vehicle", system_id=0, **more):

@@ -19,7 +19,7 @@ from tests.support.fake_station import START_US, make_snapshot
 
 S = 1_000_000
 SCENARIO = replace(nominal(3), ground=ScenarioGround(kind="curved", vehicles=4, spacing_m=8.0), duration_s=14.0)
-HOLE = InjectedFaults(no_video=(5.0, 11.0), no_telemetry=(6.5, 10.5))
+HOLE = InjectedFaults(no_video=((5.0, 11.0),), no_telemetry=(6.5, 10.5))
 SIZE = (CAMERA.width, CAMERA.height)
 
 

@@ -12,9 +12,9 @@ from sim.world.presets import nominal
 from sim.world.scenario import ScenarioGround
 
 SCENARIO = replace(nominal(3), ground=ScenarioGround(kind="curved", vehicles=4, spacing_m=8.0), duration_s=12.5)
-HOLE = InjectedFaults(no_video=(7.0, 11.0))
+HOLE = InjectedFaults(no_video=((7.0, 11.0),))
 FAILS = InjectedFaults(detector_fails=(7.0, 11.0))
-LATE = InjectedFaults(late_stamp_s=-0.9, no_video=(9.0, 10.0))
+LATE = InjectedFaults(late_stamp_s=-0.9, no_video=((9.0, 10.0),))
 
 
 def flown(folder, fps, faults=HOLE, **change):
@@ -66,7 +66,7 @@ def test_time_between_frames_is_not_ahead_of_the_next_frame(tmp_path):
 
 
 def test_a_clock_that_was_set_back_is_followed(tmp_path):
-    _, shown = flown(tmp_path, 5.0, InjectedFaults(step=(7.0, -3600.0), no_video=(6.0, 9.0)), duration_s=9.0)
+    _, shown = flown(tmp_path, 5.0, InjectedFaults(step=(7.0, -3600.0), no_video=((6.0, 9.0),)), duration_s=9.0)
     assert shown[-1].now_us < shown[0].now_us
 
 
@@ -79,7 +79,7 @@ def test_held_boxes_are_logged_once(tmp_path, faults):
 
 
 def test_the_name_of_a_vehicle_that_is_contested_meanwhile_is_not_held(tmp_path):
-    _, shown = flown(tmp_path, 5.0, InjectedFaults(no_video=(7.0, 11.0), impostor=(6.5, 13.0)))
+    _, shown = flown(tmp_path, 5.0, InjectedFaults(no_video=((7.0, 11.0),), impostor=(6.5, 13.0)))
     contested = [now for now in shown if any(row.contested for row in now.vehicles)]
     assert contested
     for now in contested:

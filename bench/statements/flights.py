@@ -1,0 +1,319 @@
+"""Scripted flights whose truth is known by construction: recorded as a flight records, with what was so beside it.
+
+Telemetry, signatures, fold and recorder are the flight's own (``bench.again.scripted``); members fall silent, are late,
+stand still, lie, are refused or never heard, the video stops or comes and goes, and an operator states and marks.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.again.scripted import CAMERA, InjectedFaults, ScriptedFlight, fly
+from bench.screens.flights import Moment, Received, video_state
+from gcs.snapshot import Event, Health, LinkHealth, Snapshot, Statement
+from mavlink.protocol.packet import Packet
+from sim.telemetry.detections import DetectorModel
+from sim.telemetry.vehicle_telemetry import fleet_telemetry
+from sim.world.boxes import true_boxes
+from sim.world.scenario import Gnss, Scenario, ScenarioFault, ScenarioGround, Targets
+from sim.world.world import World
+from vision.video.video import Frame
+
+__all__ = ["Act", "Flown", "Script", "TrueFrame", "fly_script"]
+
+S = 1_000_000
+HEARTBEAT, GLOBAL_POSITION_INT = 0, 33
+MONITOR_US = 500_000
+LATENCY_US = 120_000
+"""From a frame's exposure until it is here, at most."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Act:
+    """What the operator does."""
+
+    at_s: float
+    kind: str
+    """``state`` a name, ``undo`` it, ``mark``, ``seen``: acknowledge all alarms."""
+    of: int = 0
+    """System id of the vehicle whose box is meant, or that a mark is about."""
+    says: int = 0
+    """The system id that is stated, 0 none of ours."""
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Script:
+    """What happens in one flight. Vehicles are 11, 12, … in the order of ``faults``' indices; the last are outside."""
+
+    name: str
+    seconds: float = 24.0
+    fps: float = 5.0
+    vehicles: int = 5
+    outside: int = 0
+    strangers: int = 1
+    seed: int = 7
+    faults: tuple[ScenarioFault, ...] = ()
+    injected: InjectedFaults = field(default_factory=InjectedFaults)
+    acts: tuple[Act, ...] = ()
+
+    @property
+    def scenario(self) -> Scenario:
+        """As the simulator takes it."""
+        return Scenario(
+            name=self.name,
+            seed=self.seed,
+            duration_s=self.seconds,
+            fps=self.fps,
+            camera=CAMERA,
+            ground=ScenarioGround(
+                kind="curved", vehicles=self.vehicles, outside=self.outside, spacing_m=8.0, lanes=2, bend_deg=35.0
+            ),
+            gnss=Gnss(white_m=0.3, bias_m=0.5),
+            targets=Targets(parked_lookalikes=self.strangers),
+            faults=self.faults,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrueFrame:
+    """What one frame shows."""
+
+    t_us: int
+    boxes: NDArray[np.float64]
+    """(m, 4) cx, cy, size, score of what the detector finds."""
+    system_id: NDArray[np.int64]
+    """(m,) whose each is, 0 nobody's."""
+    places: Mapping[int, tuple[float, float]]
+    """Where each vehicle of ours is in the image plane, px, also outside of the frame."""
+
+    def whose(self, cx: float, cy: float) -> int | None:
+        """System id of the box at a place, 0 none of ours, None: no box was found there."""
+        if not len(self.boxes):
+            return None
+        away = np.hypot(self.boxes[:, 0] - cx, self.boxes[:, 1] - cy) / self.boxes[:, 2]
+        best = int(np.argmin(away))
+        return int(self.system_id[best]) if away[best] < 0.5 else None
+
+    def outside_px(self, system_id: int) -> float:
+        """How far a vehicle is outside of the frame, negative inside."""
+        x, y = self.places[system_id]
+        return max(-x, x - CAMERA.width, -y, y - CAMERA.height)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flown:
+    """A flight that was flown: what it said is in its moments and its folder, all else here is the truth."""
+
+    script: Script
+    folder: Path
+    moments: Sequence[Moment]
+    """One a turn of the fold."""
+    turns: Sequence[tuple[int, int]]
+    """Of each turn, Unix µs: when it was, and when the frame was taken that came with it, 0 none."""
+    acted: Sequence[tuple[int, Act, int]]
+    """When the operator did what, Unix µs, and the track that was meant."""
+    heartbeats: Mapping[int, Sequence[int]]
+    """Arrival, Unix µs, of each vehicle's that can be believed, by system id."""
+    positions: Mapping[int, Sequence[int]]
+    refused: Mapping[int, int]
+    """Packets that must not be believed, by system id."""
+
+    @cached_property
+    def scenario(self) -> Scenario:
+        """What was flown."""
+        return self.script.scenario
+
+    @cached_property
+    def frames(self) -> Mapping[int, TrueFrame]:
+        """Every frame that was looked at, by the time it was taken."""
+        came = {frame_us for _, frame_us in self.turns}
+        world = World(self.scenario)
+        model, found, ids = DetectorModel(world), {}, (0, *self.scenario.ugv_ids)[1:]
+        for k in range(self.scenario.frame_count):
+            seen = model.detect(k / self.scenario.fps)
+            t_us = self.scenario.start_us + round(k / self.scenario.fps * S)
+            if t_us not in came:
+                continue
+            true = true_boxes(world.view(k / self.scenario.fps), world.bodies(k / self.scenario.fps))
+            size = np.maximum(seen.values[:, 2], seen.values[:, 3])
+            found[t_us] = TrueFrame(
+                t_us=t_us,
+                boxes=np.column_stack([seen.values[:, :2], size, seen.values[:, 5]]),
+                system_id=seen.system_id,
+                places=dict(zip(ids, zip(true.cx.tolist(), true.cy.tolist(), strict=True), strict=False)),
+            )
+        return found
+
+    @cached_property
+    def logged(self) -> Sequence[tuple[int, str]]:
+        """Time, Unix µs, and text of every event that the screens had."""
+        return [(event.t_us, event.text) for event in self.moments[-1].events]
+
+    @cached_property
+    def tracks(self) -> Mapping[int, Sequence[tuple[int, int | None]]]:
+        """Of each track, every frame in which it was found, Unix µs, and whose box it was then."""
+        found = defaultdict[int, list[tuple[int, int | None]]](list)
+        for moment in self.moments:
+            if (frame := self.frames.get(moment.snapshot.t_us)) is None:
+                continue
+            for box in moment.snapshot.new_boxes:
+                if box.track_id and not box.coasting:
+                    found[box.track_id].append((frame.t_us, frame.whose(box.cx, box.cy)))
+        return found
+
+    def whose_track(self, track: int, t_us: int) -> int | None:
+        """System id of the box that a track had then or last, 0 none of ours, None unknown."""
+        at = bisect_right(seen := self.tracks.get(track, ()), t_us, key=lambda pair: pair[0])
+        return seen[at - 1][1] if at else None
+
+    def seen_later(self, track: int, t_us: int) -> int:
+        """When a track was found next, Unix µs, 0 never."""
+        return next((seen_us for seen_us, _ in self.tracks.get(track, ()) if seen_us > t_us), 0)
+
+    def at_s(self, t_us: int) -> float:
+        """Seconds since the first frame."""
+        return (t_us - self.scenario.start_us) / S
+
+    def name(self, system_id: int) -> str:
+        """Of a vehicle."""
+        return "none of ours" if not system_id else f"UGV-{system_id}"
+
+    def fault_of(self, system_id: int, t_us: int, *, within_s: float = 0.0) -> ScenarioFault | None:
+        """What is wrong with the positions that a vehicle reports then, or was so within some seconds."""
+        at_s = self.at_s(t_us)
+        for fault in self.script.faults:
+            its = self.scenario.ugv_ids[fault.vehicle] == system_id and fault.kind != "silent"
+            if its and fault.start_s <= at_s < fault.stop_s + within_s:
+                return fault
+        return None
+
+    def silent_s(self, system_id: int, t_us: int, what: str = "") -> float:
+        """How long nothing (``heartbeat``, ``position``) of a vehicle has come that can be believed; inf never."""
+        kinds = {"heartbeat": (self.heartbeats,), "position": (self.positions,)}
+        last = [
+            times[at - 1]
+            for each in kinds.get(what, (self.heartbeats, self.positions))
+            if (at := bisect_right(times := each.get(system_id, ()), t_us))
+        ]
+        return (t_us - max(last)) / S if last else float("inf")
+
+
+class _Station:
+    """What is around the fold: a monitor, and an operator who acts."""
+
+    def __init__(self, script: Script) -> None:
+        self.acts = sorted(script.acts, key=lambda act: act.at_s)
+        self.moments: list[Moment] = []
+        self.turns: list[tuple[int, int]] = []
+        self.acted: list[tuple[int, Act, int]] = []
+        self.frames_us: list[int] = []
+        self.checked_us = 0
+
+    def before_turn(self, flight: ScriptedFlight, frame: Frame | None) -> None:
+        """Twice a second the monitor looks."""
+        if frame is not None:
+            self.frames_us.append(frame.t_us)
+        self.turns.append((flight.t_us, frame.t_us if frame is not None else 0))
+        if flight.t_us - self.checked_us >= MONITOR_US:
+            self.checked_us = flight.t_us
+            link = LinkHealth(name="first", packets=flight.packets, bytes=0, bad=0, dropped=0, silent_s=0.0)
+            flight.fold.health = replace(
+                Health(),
+                video=video_state(flight.t_us - LATENCY_US, self.frames_us),
+                fps=1.0,
+                keys=len(flight.scenario.ugv_ids) if flight.faults.signed else 0,
+                recorded_bytes=1,
+                free_bytes=50_000_000_000,
+                links=(link,),
+            )
+        while self.acts and flight.t_us >= flight.start_us + self.acts[0].at_s * S:
+            self._act(flight, self.acts.pop(0))
+
+    def _act(self, flight: ScriptedFlight, act: Act) -> None:
+        latest, track = flight.fold.latest, 0
+        if act.kind == "mark":
+            flight.fold.add_event(Event(t_us=flight.t_us, level="info", kind="mark", text=act.text, system_id=act.of))
+        elif latest is not None:
+            track = self._track_of(flight, latest, act.of)
+            undone = act.kind == "undo"
+            flight.pipeline.state_name(Statement(track_id=track, system_id=0 if undone else act.says, undone=undone))
+        self.acted.append((flight.t_us, act, track))
+
+    def _track_of(self, flight: ScriptedFlight, latest: Snapshot, system_id: int) -> int:
+        world = World(replace(flight.scenario, faults=()))
+        at_s = (latest.seen_us - flight.start_us) / S
+        true = true_boxes(world.view(at_s), world.bodies(at_s))
+        k = flight.scenario.ugv_ids.index(system_id)
+        tracked = [box for box in latest.boxes if box.track_id]
+        return min(tracked, key=lambda box: np.hypot(box.cx - true.cx[k], box.cy - true.cy[k])).track_id
+
+    def look(self, flight: ScriptedFlight, snapshot: Snapshot) -> None:
+        """What a screen would be given now."""
+        self.moments.append(
+            Moment(
+                now_us=flight.t_us,
+                snapshot=snapshot,
+                events=tuple(flight.fold.events()),
+                received={},
+                frame_us=self.frames_us[-1] if self.frames_us else 0,
+                named={},
+            )
+        )
+
+
+def fly_script(script: Script, folder: Path) -> Flown:
+    """Fly, record into a folder, and keep the truth."""
+    station, flights = _Station(script), list[ScriptedFlight]()
+
+    def before_turn(flight: ScriptedFlight, frame: Frame | None) -> None:
+        flights[:] = [flight]
+        station.before_turn(flight, frame)
+
+    def on_snapshot(snapshot: Snapshot) -> None:
+        station.look(flights[0], snapshot)
+
+    scenario = script.scenario
+    recorded = fly(folder, scenario, script.injected, on_snapshot, before_turn)
+    heartbeats, positions, refused = defaultdict[int, list[int]](list), defaultdict[int, list[int]](list), {}
+    kinds = {HEARTBEAT: heartbeats, GLOBAL_POSITION_INT: positions}
+    for sent in fleet_telemetry(World(scenario)):
+        packet = Packet(sent.t_us, sent.raw)
+        if script.injected.signed and packet.system_id in script.injected.wrong_keys:
+            refused[packet.system_id] = refused.get(packet.system_id, 0) + 1
+        elif packet.message_id in kinds:
+            kinds[packet.message_id][packet.system_id].append(sent.t_us)
+    moments = [_with_received(moment, heartbeats, positions) for moment in station.moments]
+    return Flown(
+        script=script,
+        folder=recorded,
+        moments=moments,
+        turns=station.turns,
+        acted=station.acted,
+        heartbeats=heartbeats,
+        positions=positions,
+        refused=refused,
+    )
+
+
+def _with_received(
+    moment: Moment, heartbeats: Mapping[int, Sequence[int]], positions: Mapping[int, Sequence[int]]
+) -> Moment:
+    def last(times: Sequence[int]) -> int:
+        at = bisect_right(times, moment.now_us)
+        return times[at - 1] if at else 0
+
+    ids = {row.system_id for row in moment.snapshot.vehicles}
+    received = {
+        i: Received(heartbeat_us=last(heartbeats.get(i, ())), position_us=last(positions.get(i, ()))) for i in ids
+    }
+    named = {row.system_id: row.standing for row in moment.snapshot.vehicles if row.role == "ugv"}
+    return replace(moment, received=received, named=named)

@@ -1,0 +1,188 @@
+"""What is told of a flight when it is over: roll call, report, batch page; each count, silence and remark."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import math
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from html.parser import HTMLParser
+from itertools import pairwise
+from typing import Any
+
+from bench.statements.boxes import Claim
+from bench.statements.flights import Flown
+from bench.statements.sentences import Said, check_sentence
+
+__all__ = ["check_batch", "check_report", "check_rollcall", "printed_remarks"]
+
+Row = Mapping[str, Any]
+Tables = Mapping[str, Sequence[Row]]
+Found = Iterator[tuple[Said, str]]
+S = 1_000_000
+IN_VIEW_FRAMES, IN_VIEW_SHARE = 4, 0.1
+"""By which the frames may differ in which a vehicle reported to be in view, and was: by its position's error."""
+UNUSED = ("frozen", "zero", "jump", "drift", "spoof", "copy")
+POSITION_S, KNOWN_M = 1.0, 100.0
+"""By which a silence may differ that is looked at frame by frame; a 1σ that is more than any report's."""
+REMARKS = {"": "named", "never in view": "outside"} | dict.fromkeys(
+    ("reported in view, never named", "in view, never named"), "inside"
+)
+"""What the last column of a roll call says of a vehicle."""
+
+
+class _Page(HTMLParser):
+    """The rows of each table of a page by its label, and the paragraphs."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.tables: dict[str, list[Row]] = {}
+        self.texts: list[str] = []
+        self._label, self._heads, self._cells = "", list[str](), list[str]()
+        self._into: list[str] | None = None
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        values = dict(attrs)
+        if tag == "div" and values.get("aria-label"):
+            self._label, self._heads = values["aria-label"] or "", []
+        elif tag == "tr":
+            self._cells = []
+        elif tag in ("th", "td", "p"):
+            self._into = self.texts if tag == "p" else self._heads if values.get("scope") == "col" else self._cells
+            self._into.append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag == "tr" and self._cells:
+            self.tables.setdefault(self._label, []).append(dict(zip(self._heads, self._cells, strict=True)))
+        elif tag in ("th", "td", "p"):
+            self._into = None
+
+    def handle_data(self, data: str) -> None:
+        if self._into is not None:
+            self._into[-1] += data
+
+
+def check_rollcall(
+    flown: Flown, told: Mapping[str, int], rows: Sequence[Row], where: str, claims: Sequence[Claim]
+) -> Found:
+    """Sums and a line for each vehicle.
+
+    Args:
+        flown: the truth.
+        told: ``frames``, ``boxes``, ``unnamed``.
+        rows: ``id``, ``boxes``, ``remark``, and ``in view`` (frames) where that is told.
+        where: whose they are.
+        claims: of the flight's own identity log.
+    """
+    named = Counter(claim.system_id for claim in claims)
+    true = {"frames": len(flown.frames), "boxes": len(claims), "unnamed": named[0]}
+    for what, count in told.items():
+        if count != true[what]:
+            yield _said(flown, where, f"{count} {what}"), f"{true[what]} {what}"
+    faulty = {flown.scenario.ugv_ids[fault.vehicle] for fault in flown.script.faults} | flown.refused.keys()
+    for row in rows:
+        i, boxes = int(row["id"]), int(row["boxes"] or 0)
+        name, seen = flown.name(i), sum(frame.outside_px(i) < 0 for frame in flown.frames.values())
+        if boxes != named[i]:
+            yield _said(flown, where, f"{name}: {boxes} boxes", i), f"{named[i]} boxes have its name"
+        off = abs(row.get("in view", seen) - seen)
+        if i not in faulty and off > IN_VIEW_FRAMES + IN_VIEW_SHARE * seen:
+            yield _said(flown, where, f"{name}: in view in {row['in view']} frames", i), f"it was in {seen}"
+        for why in _remark(flown, i, row["remark"], boxes, seen):
+            yield _said(flown, where, f"{name}: {row['remark']}", i), why
+
+
+def _remark(flown: Flown, system_id: int, remark: str, boxes: int, seen: int) -> Iterator[str]:
+    heard = math.isfinite(flown.silent_s(system_id, flown.moments[-1].now_us))
+    told = REMARKS.get(remark)
+    if told is None:
+        yield "a remark that is not known"
+    elif (told == "named") != bool(boxes):
+        yield f"{boxes} boxes have its name"
+    elif told != "named" and not heard:
+        refused = flown.refused.get(system_id)
+        yield f"{refused} packets, all refused" if refused else "it was never heard"
+    elif told == "outside" and seen:
+        yield f"it was in view in {seen} frames"
+
+
+def _said(flown: Flown, where: str, text: str, system_id: int = 0) -> Said:
+    return Said(where=where, t_us=flown.moments[-1].now_us, text=text, system_id=system_id)
+
+
+def check_report(flown: Flown, page: str, claims: Sequence[Claim]) -> Found:
+    """The page of ``gcs report``: roll call, alarms, warnings, marks, and what is known of each vehicle."""
+    read = _Page(page)
+    lead = re.search(r"(\d+) of (\d+) boxes in (\d+) frames have a name", " ".join(read.texts))
+    if lead is None:
+        yield _said(flown, "report", " ".join(read.texts[:1])), "a lead that is not known"
+        return
+    named, boxes, frames = map(int, lead.groups())
+    told = {"frames": frames, "boxes": boxes, "unnamed": boxes - named}
+    yield from check_rollcall(flown, told, read.tables["Roll call"], "report", claims)
+    labels = ("Alarms", "Warnings and what the operator did")
+    written = {row["what"] for label in labels for row in read.tables.get(label, ())}
+    for event in flown.moments[-1].events:
+        if (event.level != "info" or event.kind in ("mark", "operator")) and event.text not in written:
+            said = Said(where="report", t_us=event.t_us, text=event.text)
+            yield said, "the flight's log has it, and the report does not"
+    for row in read.tables.get("Alarms", ()):
+        t_us = flown.scenario.start_us + round((_seconds(row["from"]) + 1.0) * S)
+        said = Said(where="report", t_us=t_us, text=row["what"], standing=True)
+        yield from ((said, why) for why in check_sentence(flown, said))
+    for i in flown.scenario.ugv_ids:
+        facts = {row["what"]: row["found"] for row in read.tables.get(f"What is known of {flown.name(i)}", ())}
+        for what, why in _facts(flown, i, facts):
+            yield _said(flown, "report", f"{flown.name(i)}: {what}: {facts.get(what)}", i), why
+
+
+def _facts(flown: Flown, system_id: int, facts: Row) -> Iterator[tuple[str, str]]:
+    stop_us = flown.moments[-1].now_us
+    times = [t_us for t_us in flown.positions.get(system_id, ()) if t_us <= stop_us]
+    true_s = max((after - before for before, after in pairwise([*times, stop_us])), default=0) / S
+    match = re.fullmatch(r"([\d.]+) s", facts.get(silence := "longest without a position", ""))
+    # a position that is refused is none, whenever it came
+    faulty = any(
+        flown.scenario.ugv_ids[fault.vehicle] == system_id for fault in flown.script.faults if fault.kind in UNUSED
+    )
+    if bool(match) != bool(times) or (match and not faulty and abs(float(match[1]) - true_s) > POSITION_S):
+        yield silence, f"it was {true_s:.1f} s" if times else "none ever came"
+    most = re.search(r"most ([\d.]+) m", facts.get(spread := "1σ of its position", ""))
+    if most and float(most[1]) > KNOWN_M:
+        yield spread, "that long after the last report nobody knows a position"
+
+
+def _seconds(told: str) -> float:
+    seconds = sum(float(part) * 60**k for k, part in enumerate(reversed(told.lstrip("-").split(":"))))
+    return -seconds if told.startswith("-") else seconds
+
+
+def check_batch(flown: Flown, page: str, claims: Sequence[Claim]) -> Found:
+    """The page over all flights of a batch of one."""
+    tables = _Page(page).tables
+    sums = {row["sum"]: row["all flights"] for row in tables["Sums over all flights"]}
+    told = {"frames": int(sums["frames looked at"]), "boxes": int(sums["boxes"])}
+    reason = tables["Flights that were named, the worst first"][0]["reason"]
+    rows = [
+        {"id": row["system id"], "boxes": row["boxes"], "remark": _reason(reason, row["vehicle"], row["boxes"])}
+        for row in tables["Vehicles over all flights, the worst first"]
+    ]
+    yield from check_rollcall(flown, told, rows, "batch page", claims)
+
+
+def _reason(reason: str, name: str, boxes: str) -> str:
+    """What the flight's line says of a vehicle that was not named."""
+    words = next((words for words in reason.split("; ") if re.search(rf"\b{name}\b", words)), "")
+    return "" if boxes != "0" else words.partition(":")[0]
+
+
+def printed_remarks(show: Callable[[], None]) -> list[str]:
+    """The last column of the roll call as it is printed, a remark a vehicle."""
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        show()
+    head, *lines = out.getvalue().splitlines()
+    return [line[head.index("remark") :].strip() for line in lines[:-1]]

@@ -1,0 +1,90 @@
+"""What stands on the screens from turn to turn: each vehicle's row, and the alarms."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from bench.screens.flights import Moment
+from bench.statements.flights import Flown
+from bench.statements.sentences import LOST_S, SILENT_S, SLACK_S, Said, check_sentence
+from gcs.snapshot import VehicleRow
+
+__all__ = ["check_alarms", "check_missing_alarms", "check_row", "check_rows"]
+
+S = 1_000_000
+EDGE_PX = 60.0
+"""Three metres of a position's error, near the border of the frame."""
+FOUND_OUT_S = 2.0
+CONTRADICTIONS = ("conflict", "doubted", "refused")
+LATE_S = 4.0
+"""An alarm is there so long after what raises it, where its rule asks for no longer."""
+
+
+def check_rows(flown: Flown, moment: Moment) -> Iterator[tuple[Said, str]]:
+    """Standing, ages and whether it is in view, of each ground vehicle."""
+    snapshot = moment.snapshot
+    for row in snapshot.vehicles:
+        if row.role == "ugv":
+            for what, why in check_row(flown, moment, row):
+                yield Said(where="fleet", t_us=snapshot.t_us, text=f"{row.name}: {what}", system_id=row.system_id), why
+
+
+def check_row(flown: Flown, moment: Moment, row: VehicleRow) -> Iterator[tuple[str, str]]:
+    """What is false of one vehicle; ages that are not told are NaN."""
+    snapshot, i = moment.snapshot, row.system_id
+    for what, told_s in (("heartbeat", row.heartbeat_age_s), ("position", row.position_age_s)):
+        # what has come since the frame was taken may be in it
+        true_s, least_s = (flown.silent_s(i, t_us, what) for t_us in (snapshot.t_us, moment.now_us))
+        younger = told_s < min(true_s, least_s) - SLACK_S
+        # a position that was refused is none, whenever it came
+        older = told_s > true_s + SLACK_S and not (what == "position" and flown.fault_of(i, snapshot.t_us, within_s=5))
+        if younger or older:
+            yield f"{what} {told_s:.1f} s ago", f"it came {true_s:.1f} s before"
+    frame = flown.frames.get(snapshot.seen_us)
+    if frame is None:
+        return
+    if row.standing == "confirmed" and not row.stated and not snapshot.held:
+        box = next(box for box in snapshot.boxes if box.track_id == row.track_id)
+        whose = frame.whose(box.cx, box.cy)
+        if whose not in (None, i):
+            yield f"confirmed {row.confidence:.2f}", f"its box is {flown.name(whose or 0)}'s"
+    outside_px = frame.outside_px(i)
+    # a lie that is found out is told: its place is then not where it reports to be; none is found out at once
+    fault = flown.fault_of(i, snapshot.t_us)
+    fresh = fault is not None and flown.at_s(snapshot.t_us) < fault.start_s + FOUND_OUT_S
+    told = fresh or any(alarm.system_id == i and alarm.key.startswith(CONTRADICTIONS) for alarm in snapshot.alarms)
+    if row.standing == "out of view" and outside_px < -EDGE_PX and not told:
+        yield "out of view", f"it is {-outside_px:.0f} px inside of the picture"
+    if row.in_view and outside_px > EDGE_PX and not told:
+        yield "in view", f"it is {outside_px:.0f} px outside of the picture"
+    if row.standing == "no position":
+        age_s = flown.silent_s(i, snapshot.t_us, "position")
+        if age_s < LOST_S - SLACK_S and not flown.fault_of(i, snapshot.t_us, within_s=5):
+            yield "no position", f"one came {age_s:.1f} s before"
+
+
+def check_alarms(flown: Flown, moment: Moment) -> Iterator[tuple[Said, str]]:
+    """Every alarm that stands has its cause, or had it a moment ago."""
+    for alarm in moment.snapshot.alarms:
+        said = Said(
+            where="alarms", t_us=moment.snapshot.t_us, text=alarm.text, system_id=alarm.system_id, standing=True
+        )
+        yield from ((said, why) for why in check_sentence(flown, said))
+
+
+def check_missing_alarms(flown: Flown, moment: Moment) -> Iterator[tuple[Said, str]]:
+    """What is wrong for long is told: a vehicle is silent, or the video has stopped."""
+    t_us = moment.snapshot.t_us
+    texts = {alarm.text for alarm in moment.snapshot.alarms}
+    for i in flown.scenario.ugv_ids:
+        silent_s = flown.silent_s(i, t_us)
+        if SILENT_S + LATE_S < silent_s < math.inf and f"{flown.name(i)}: no heartbeat" not in texts:
+            yield _nothing(t_us, i), f"{flown.name(i)} has been silent for {silent_s:.1f} s"
+    frames = [frame_us for now_us, frame_us in flown.turns if frame_us and now_us <= t_us]
+    if frames and t_us - frames[-1] > LATE_S * S and not any("video has stopped" in text for text in texts):
+        yield _nothing(t_us, 0), f"the last frame is of {(t_us - frames[-1]) / S:.1f} s before"
+
+
+def _nothing(t_us: int, system_id: int) -> Said:
+    return Said(where="alarms", t_us=t_us, text="no alarm", system_id=system_id, standing=True)
