@@ -130,9 +130,13 @@ def check_claims(flown: Flown, claims: Iterable[Claim]) -> Iterator[tuple[Claim,
             yield claim, "no box was found there"
         elif claim.confidence >= CONFIRMED and not claim.stated and whose not in (None, claim.system_id):
             yield claim, f"it is {flown.name(whose or 0)}"
-        elif whose and claim.confidence > LIKELIER and not (claim.system_id or claim.may_be or claim.stated):
-            if flown.silent_s(whose, claim.t_us, "position") > TOLD_S:
-                yield claim, f"it is {flown.name(whose)}, silent, and nothing says that it may be"
+        elif not (claim.system_id or claim.may_be or claim.stated) and _missing(flown, whose or 0, claim):
+            yield claim, f"it is {flown.name(whose or 0)}, silent, and nothing says that it may be"
+
+
+def _missing(flown: Flown, whose: int, claim: Claim) -> bool:
+    """Whether a box that is likelier nobody's is that of one who has been silent for long."""
+    return bool(whose) and claim.confidence > LIKELIER and flown.silent_s(whose, claim.t_us, "position") > TOLD_S
 
 
 def check_agreement(first: Iterable[Claim], second: Iterable[Claim]) -> Iterator[tuple[Claim, str]]:

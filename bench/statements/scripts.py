@@ -49,6 +49,12 @@ SCRIPTS: tuple[Script, ...] = (
         ),
     ),
     Script(
+        name="stated while silent, beside one that lies",
+        outside=1,
+        faults=(_fault(12, "silent", 6.0, 15.0), _fault(13, "jump", 8.0, size=25.0)),
+        acts=(Act(at_s=10.0, kind="state", of=12, says=12),),
+    ),
+    Script(
         name="a silent, a lying and a refused one",
         seconds=45.0,
         vehicles=6,

@@ -77,6 +77,11 @@ def _id(name: str) -> int:
     return 0 if name == "none of ours" else 1 if name == "UAV" else int(name.removeprefix("UGV-"))
 
 
+def _subject(said: Said, fields: Fields) -> int:
+    """Whom a sentence is about, by its name, its number, or where it is filed."""
+    return _id(fields["name"]) if "name" in fields else int(fields.get("id", said.system_id))
+
+
 def _so(flown: Flown, said: Said, fields: Fields) -> Iterator[str]:
     """What no script contradicts."""
     yield from ()
@@ -143,12 +148,12 @@ def _silent(flown: Flown, said: Said, fields: Fields) -> Iterator[str]:
 
 
 def _lies(flown: Flown, said: Said, fields: Fields) -> Iterator[str]:
-    if flown.fault_of(_id(fields["name"]), said.t_us, within_s=said.standing * LONGEST_HOLD_S + ADRIFT_S) is None:
+    if flown.fault_of(_subject(said, fields), said.t_us, within_s=said.standing * LONGEST_HOLD_S + ADRIFT_S) is None:
         yield "its positions are right"
 
 
 def _forged(flown: Flown, said: Said, fields: Fields) -> Iterator[str]:
-    system_id = _id(fields["name"]) if "name" in fields else int(fields["id"])
+    system_id = _subject(said, fields)
     # somebody forges the first vehicle of a fleet that signs
     if not (flown.refused.get(system_id) or (flown.script.injected.signed and system_id == flown.scenario.ugv_ids[0])):
         yield "all its packets are rightly signed"
@@ -233,6 +238,8 @@ SENTENCES = (
     Sentence("{name}: position lost", _without_position),
     Sentence("{name}: its position contradicts the video", _lies),
     Sentence("{name}: its positions cannot be right: {text}", _lies),
+    Sentence("position not used: {text}", _lies),
+    Sentence("positions not used: {text}", _lies),
     Sentence("{name}: packets with a wrong signature are rejected", _forged),
     Sentence("system {id}: {count} packets refused, bad signature ({text})", _forged),
     Sentence("the video has stopped", _video),
