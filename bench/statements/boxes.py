@@ -39,6 +39,8 @@ class Claim:
     stated: bool = False
     may_be: str = ""
     """Which of ours it may be, and why."""
+    doubt: str = ""
+    """What lowered the answer."""
     place: tuple[float, float] | None = None
     """Of the box, px, where that is told."""
 
@@ -60,6 +62,7 @@ def read_identity(path: Path, where: str = "identity.jsonl") -> list[Claim]:
             confidence=_number(row["confidence"]),
             stated=row.get("stated", False),
             may_be=row.get("may_be", ""),
+            doubt=row.get("doubt", ""),
             place=(row["box"][0], row["box"][1]),
         )
         for row in rows

@@ -99,8 +99,8 @@ def _own(flown: Flown) -> list[Claim]:
 def _identity(flown: Flown, folder: Path) -> Found:
     claims = _own(flown)
     yield len(claims), [*check_claims(flown, claims), *check_flips(claims)]
-    doubts = (Said(where=claim.where, t_us=claim.t_us, text=claim.may_be) for claim in claims if claim.may_be)
-    yield from _sentences(flown, doubts)
+    words = ((claim, text) for claim in claims for text in (claim.may_be, claim.doubt) if text)
+    yield from _sentences(flown, (Said(where=claim.where, t_us=claim.t_us, text=text) for claim, text in words))
 
 
 def _exports(flown: Flown, folder: Path) -> Found:

@@ -37,7 +37,18 @@ FACTS = frozenset(
     (
         *("standing", "should be", "likeliest", "candidates", "sender", "signed", "refused", "position", "track"),
         *("place", "heading", "state", "GNSS", "loss", "heartbeat", "battery", "radio", "satellites", "from the UAV"),
-        *("filter", "fence", "confirmed", "tentative", "coasting", "unknown", "out of view", "no position", "boxes"),
+        *(
+            "doubt",
+            "filter",
+            "fence",
+            "confirmed",
+            "tentative",
+            "coasting",
+            "unknown",
+            "out of view",
+            "no position",
+            "boxes",
+        ),
         *("video clock", "camera yaw", ""),
     )
 )

@@ -22,6 +22,8 @@ SILENT_S, LOST_S = 3.0, 3.0
 """As ``docs/operations.md`` has it: nothing received for so long, no position for so long."""
 LONGEST_HOLD_S = 5.0
 """An alarm may stand for so long after its cause, which has gone for three seconds then."""
+FOUND_S = 5.0
+"""For so long a vehicle that was found may have to prove itself."""
 ADRIFT_S = 3.0
 """Truth of a lie that has ended: reports from before are still in the fold."""
 
@@ -140,6 +142,14 @@ def _never_heard(flown: Flown, said: Said, fields: Fields) -> Iterator[str]:
         yield "it was heard"
 
 
+def _unaccounted(flown: Flown, said: Said, fields: Fields) -> Iterator[str]:
+    ids = flown.scenario.ugv_ids
+    away = any(flown.silent_s(i, said.t_us, "position") > SLACK_S for i in ids) or any(map(flown.refused.get, ids))
+    named = {whose for seen in flown.tracks.values() for t_us, whose in seen if 0 <= said.t_us - t_us <= FOUND_S * S}
+    if not away and not any(flown.fault_of(i, said.t_us, within_s=FOUND_S) for i in ids) and named >= set(ids):
+        yield "all report, and all have been seen"
+
+
 def _silent(flown: Flown, said: Said, fields: Fields) -> Iterator[str]:
     looks = range(2 * round(LONGEST_HOLD_S) + 1) if said.standing else range(1)
     silences = [flown.silent_s(_id(fields["name"]), said.t_us - k * S // 2) for k in looks]
@@ -233,6 +243,19 @@ SENTENCES = (
     Sentence("may be {name}: no position yet", _without_position),
     Sentence("may be {name}: its positions are refused: {text}", _lies),
     Sentence("may be {name}: its position contradicts the video", _lies),
+    Sentence("a vehicle of ours is not accounted for", _unaccounted),
+    *(
+        Sentence(doubt, _so)
+        for doubt in (
+            "film and telemetry are not known to belong together",
+            "another vehicle reports the same place",
+            "another vehicle stands too near to tell by place alone",
+            "vehicles have not driven like their boxes for long enough yet",
+            "not as sure for two seconds yet",
+            "its box is probably round two vehicles",
+            "its box is predicted, and one that is seen has the name",
+        )
+    ),
     Sentence("{name}: no heartbeat", _silent),
     Sentence("{name}: position stale", _without_position),
     Sentence("{name}: position lost", _without_position),
