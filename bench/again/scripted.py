@@ -43,7 +43,7 @@ from sim.world.world import World
 from vision.detect.detections import Detections
 from vision.video.video import Frame
 
-__all__ = ["CAMERA", "InjectedFaults", "ScriptedDetector", "ScriptedFlight", "fly"]
+__all__ = ["CAMERA", "InjectedFaults", "ScriptedDetector", "ScriptedFlight", "fly", "within"]
 
 S = 1_000_000
 BATCH_US = 4_000
@@ -268,7 +268,7 @@ def fly(
         flight.run_fold(newest)
         if newest is not None:
             flight.t_us += int(rng.uniform(0.02, 0.3) * S)  # the detector's run time
-        if faults.fold_stalled and _within(faults.fold_stalled, flight.t_us - flight.start_us):
+        if faults.fold_stalled and within(faults.fold_stalled, flight.t_us - flight.start_us):
             flight.t_us = flight.start_us + round(faults.fold_stalled[1] * S)
     return flight.close()
 
@@ -282,7 +282,8 @@ def _mission(scenario: Scenario) -> Mission:
     return parse_mission(table, "mission")
 
 
-def _within(span: tuple[float, float] | None, since_us: float) -> bool:
+def within(span: tuple[float, float] | None, since_us: float) -> bool:
+    """Whether a time, µs since the first frame, is in a span in seconds."""
     return span is not None and span[0] * S <= since_us < span[1] * S
 
 
@@ -306,7 +307,7 @@ def _fleet_datagrams(world: World, start_s: float, stop_s: float, flight: Script
     if faults.impostor or faults.signed:
         streams.append(_forged_datagrams(world, flight))
     for datagram in heapq.merge(*streams):
-        if not _within(faults.no_telemetry, datagram.t_us - base_us):
+        if not within(faults.no_telemetry, datagram.t_us - base_us):
             yield datagram
 
 
@@ -367,15 +368,15 @@ def _frames(
             exposed_us = scenario.start_us + round(t * S)
             since_us = exposed_us - flight.start_us
             found = model.detect(t)
-            if not start_s * S <= since_us < stop_s * S or any(_within(span, since_us) for span in faults.no_video):
+            if not start_s * S <= since_us < stop_s * S or any(within(span, since_us) for span in faults.no_video):
                 continue
             small = faults.resized_s is not None and since_us >= faults.resized_s * S
             stamp_us = flight.wall_us(exposed_us) + round(faults.late_stamp_s * S)
             last_us = max(stamp_us, last_us + 1)  # strictly increasing, as the video process makes them
-            boxes = Detections.empty() if _within(faults.no_detections, since_us) else _boxes(found.values, small)
+            boxes = Detections.empty() if within(faults.no_detections, since_us) else _boxes(found.values, small)
             image = images[small] if film is None else cv2.resize(film.image(t, index), images[small].shape[1::-1])
             frame = Frame(index=index, t_us=last_us, image=np.asarray(image, np.uint8))
-            yield exposed_us + int(rng.uniform(0.05, 0.12) * S), frame, boxes, _within(faults.detector_fails, since_us)
+            yield exposed_us + int(rng.uniform(0.05, 0.12) * S), frame, boxes, within(faults.detector_fails, since_us)
             index += 1
 
 

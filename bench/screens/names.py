@@ -34,7 +34,20 @@ LABEL_LETTER = re.compile(r"[\w\-?~%+.,:=±… \0]")
 WORDS = frozenset(
     (
         *("N", "no", "video", "waiting", "for", "first", "frame", "new", "not", "analysed", "yet", "home"),
-        *("stale", "lost", "never", "refused", "contested", "several", "held", "old", "position", "positions", "ago"),
+        *(
+            "stale",
+            "lost",
+            "never",
+            "refused",
+            "contested",
+            "several",
+            "held",
+            "stated",
+            "old",
+            "position",
+            "positions",
+            "ago",
+        ),
     )
 )
 """Words on video and map that are no names."""

@@ -12,7 +12,6 @@ from gcs.snapshot import Snapshot
 
 __all__ = [
     "Clocks",
-    "age_in",
     "check_ages",
     "check_alarms",
     "check_counts",
@@ -57,7 +56,7 @@ def check_ages(screen: Screen, moment: Moment) -> Iterator[tuple[str, str]]:
     """The fleet's table: ages at least as large as they are."""
     for _, row, name, received in _reporting(screen, moment):
         for title, since_us in (("HEART", received.heartbeat_us), ("POS", received.position_us)):
-            shown_s = age_in(screen.pane_rows("fleet")[0], row, title)
+            shown_s = _age_in(screen.pane_rows("fleet")[0], row, title)
             true_s = (moment.now_us - since_us) * 1e-6 if since_us else math.inf
             if shown_s is not None and shown_s + SLACK_S + _rounding_s(shown_s) < true_s:
                 yield "value older than it looks", f"{title} of {name}: {shown_s:g} s shown, {true_s:.1f} s true"
@@ -87,7 +86,7 @@ def _reporting(screen: Screen, moment: Moment) -> Iterator[tuple[int, str, str, 
             yield screen.panes["fleet"][1] + y, row, name, received
 
 
-def age_in(heading: str, row: str, title: str) -> float | None:
+def _age_in(heading: str, row: str, title: str) -> float | None:
     """The age, seconds, that ends below the end of a title; None where it is in words or not there."""
     match = re.search(rf"\b{title}\b", heading)
     words = row[: match.end()].split() if match else []

@@ -6,9 +6,10 @@ import json
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 from bench.statements.flights import Flown
@@ -21,6 +22,7 @@ FLIP_S, TOLD_S, LIKELIER = 0.5, 6.0, 0.5
 """Nobody changes his mind so fast; after so long a silence a vehicle is told of in boxes that are likelier nobody's."""
 AGREE = 2e-3
 """Files round to three digits and more."""
+Found = Iterator[tuple["Claim", str]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,11 +32,11 @@ class Claim:
     where: str
     t_us: int
     frame: int
-    track: int
-    system_id: int
+    track_id: int = 0
+    system_id: int = 0
     """0: none of ours."""
-    name: str
-    confidence: float
+    name: str = ""
+    confidence: float = math.nan
     """Of the name, or of "none of ours"."""
     stated: bool = False
     may_be: str = ""
@@ -45,81 +47,45 @@ class Claim:
     """Of the box, px, where that is told."""
 
     def __str__(self) -> str:
-        return f"track {self.track} is {self.name or 'none of ours'} {self.confidence:.2f}"
+        return f"track {self.track_id} is {self.name or 'none of ours'} {self.confidence:.2f}"
 
 
-def read_identity(path: Path, where: str = "identity.jsonl") -> list[Claim]:
+def _claim(where: str, t_us: int, row: Mapping[str, Any], box: list[float] | None = None) -> Claim:
+    """What is null is not told."""
+    told = {each.name: row[each.name] for each in fields(Claim) if row.get(each.name) is not None}
+    return Claim(where=where, t_us=t_us, **told, place=(box[0], box[1]) if box else None)
+
+
+def read_identity(path: Path) -> list[Claim]:
     """The rows of an ``identity.jsonl``."""
-    rows = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-    return [
-        Claim(
-            where=where,
-            t_us=row["time_us"],
-            frame=row["frame"],
-            track=row["track_id"] or 0,
-            system_id=row["system_id"] or 0,
-            name=row["name"] or "",
-            confidence=_number(row["confidence"]),
-            stated=row.get("stated", False),
-            may_be=row.get("may_be", ""),
-            doubt=row.get("doubt", ""),
-            place=(row["box"][0], row["box"][1]),
-        )
-        for row in rows
-    ]
+    rows = map(json.loads, path.read_text(encoding="utf-8").splitlines())
+    return [_claim("identity.jsonl", row["time_us"], row, row["box"]) for row in rows]
 
 
 def read_geojson(path: Path, by_frame: Mapping[int, int]) -> list[Claim]:
     """The points of a GeoJSON file; ``by_frame``: the time of each frame, Unix µs."""
-    features = json.loads(path.read_text(encoding="utf-8"))["features"]
-    told = [feature["properties"] for feature in features if feature["properties"]["layer"] == "box"]
-    return [
-        Claim(
-            where="GeoJSON",
-            t_us=by_frame[row["frame"]],
-            frame=row["frame"],
-            track=row["track_id"] or 0,
-            system_id=row["system_id"] or 0,
-            name=row["name"] or "",
-            confidence=_number(row["confidence"]),
-            stated=row["stated"],
-            may_be=row["may_be"] or "",
-        )
-        for row in told
-    ]
+    rows = [feature["properties"] for feature in json.loads(path.read_text(encoding="utf-8"))["features"]]
+    return [_claim("GeoJSON", by_frame[row["frame"]], row) for row in rows if row["layer"] == "box"]
 
 
 def read_cot(events: Iterable[bytes], by_frame: Mapping[int, int]) -> list[Claim]:
-    """Cursor on Target events."""
+    """Cursor on Target events: a friend is one of ours, whatever else is said."""
     claims = []
     for event in map(ElementTree.fromstring, events):
-        detail, contact = (event.find(f"detail/{name}") for name in ("__rollcall", "contact"))
-        assert detail is not None
-        assert contact is not None
-        system_id, frame = int(detail.get("system_id", 0)), int(detail.attrib["frame"])
-        callsign = contact.attrib["callsign"]
-        claims.append(
-            Claim(
-                where="CoT",
-                t_us=by_frame[frame],
-                frame=frame,
-                track=int(detail.attrib["track"]),
-                # a friend is one of ours, whatever else is said
-                system_id=system_id if event.attrib["type"].startswith("a-f") else 0,
-                name="" if callsign.startswith("unknown ") else callsign,
-                confidence=_number(detail.get("confidence" if system_id else "none_of_ours")),
-                stated="stated" in detail.attrib,
-                may_be=detail.get("may_be", ""),
-            )
-        )
+        told = {key: value for part in event.iterfind("detail/*") for key, value in part.attrib.items()}
+        ours, frame = event.attrib["type"].startswith("a-f"), int(told["frame"])
+        row: dict[str, Any] = {"frame": frame, "track_id": int(told["track"]), "stated": "stated" in told}
+        row |= {"system_id": int(told["system_id"]), "name": told["callsign"]} if ours else {}
+        row |= {
+            key: float(told[name])
+            for key, name in [("confidence", ("none_of_ours", "confidence")[ours])]
+            if name in told
+        }
+        claims.append(_claim("CoT", by_frame[frame], row | {"may_be": told.get("may_be", "")}))
     return claims
 
 
-def _number(value: float | str | None) -> float:
-    return math.nan if value is None else float(value)
-
-
-def check_claims(flown: Flown, claims: Iterable[Claim]) -> Iterator[tuple[Claim, str]]:
+def check_claims(flown: Flown, claims: Iterable[Claim]) -> Found:
     """Sure names and sure strangers that are neither."""
     for claim in claims:
         frame = flown.frames.get(claim.t_us)
@@ -128,7 +94,7 @@ def check_claims(flown: Flown, claims: Iterable[Claim]) -> Iterator[tuple[Claim,
             continue
         if claim.name != (flown.name(claim.system_id) if claim.system_id else ""):
             yield claim, f"that is the name of no vehicle {claim.system_id}"
-        whose = frame.whose(*claim.place) if claim.place else flown.whose_track(claim.track, claim.t_us)
+        whose = frame.whose(*claim.place) if claim.place else flown.whose_track(claim.track_id, claim.t_us)
         if claim.place and whose is None:
             yield claim, "no box was found there"
         elif claim.confidence >= CONFIRMED and not claim.stated and whose not in (None, claim.system_id):
@@ -142,28 +108,28 @@ def _missing(flown: Flown, whose: int, claim: Claim) -> bool:
     return bool(whose) and claim.confidence > LIKELIER and flown.silent_s(whose, claim.t_us, "position") > TOLD_S
 
 
-def check_agreement(first: Iterable[Claim], second: Iterable[Claim]) -> Iterator[tuple[Claim, str]]:
+def check_agreement(first: Iterable[Claim], second: Iterable[Claim]) -> Found:
     """What two places say of one box of one frame is the same."""
-    by_box = {(claim.frame, claim.track): claim for claim in first if claim.track}
+    by_box = {(claim.frame, claim.track_id): claim for claim in first}
     for claim in second:
-        if claim.track and (other := by_box.get((claim.frame, claim.track))) is None:
+        if not claim.track_id:
+            continue
+        other = by_box.get((claim.frame, claim.track_id))
+        if other is None:
             yield claim, "nothing else tells of this box"
-        elif claim.track and other is not None:
-            same = all(
-                getattr(claim, name) == getattr(other, name) for name in ("system_id", "name", "stated", "may_be")
-            )
-            both_unknown = math.isnan(claim.confidence) and math.isnan(other.confidence)
-            if not same or not (both_unknown or abs(claim.confidence - other.confidence) <= AGREE):
-                yield claim, f"{other.where} has it as {other}"
+            continue
+        same = all(getattr(claim, name) == getattr(other, name) for name in ("system_id", "name", "stated", "may_be"))
+        unknown = math.isnan(claim.confidence) and math.isnan(other.confidence)
+        if not same or not (unknown or abs(claim.confidence - other.confidence) <= AGREE):
+            yield claim, f"{other.where} has it as {other}"
 
 
-def check_flips(claims: Iterable[Claim]) -> Iterator[tuple[Claim, str]]:
+def check_flips(claims: Iterable[Claim]) -> Found:
     """One track is not surely one thing, and surely another half a second later."""
     by_track = defaultdict[int, list[Claim]](list)
     for claim in claims:
-        if claim.track and claim.confidence >= CONFIRMED:
-            by_track[claim.track].append(claim)
-    for sure in by_track.values():
-        for before, after in pairwise(sure):
-            if before.system_id != after.system_id and after.t_us - before.t_us <= FLIP_S * S and not after.stated:
-                yield after, f"{(after.t_us - before.t_us) / S:.1f} s before: {before}"
+        if claim.track_id and claim.confidence >= CONFIRMED:
+            by_track[claim.track_id].append(claim)
+    for before, after in (pair for sure in by_track.values() for pair in pairwise(sure)):
+        if before.system_id != after.system_id and after.t_us - before.t_us <= FLIP_S * S and not after.stated:
+            yield after, f"{(after.t_us - before.t_us) / S:.1f} s before: {before}"

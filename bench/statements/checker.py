@@ -23,7 +23,7 @@ from bench.statements.boxes import (
 from bench.statements.flights import Flown
 from bench.statements.pages import check_batch, check_report, check_rollcall, printed_remarks
 from bench.statements.rows import check_alarms, check_missing_alarms, check_rows
-from bench.statements.screens import check_screen, screens_of
+from bench.statements.screens import check_screens
 from bench.statements.sentences import Said, check_sentence
 from gcs.batch.report.overview import batch_page, read_results
 from gcs.batch.stores import open_results
@@ -117,8 +117,7 @@ def _exports(flown: Flown, folder: Path) -> Found:
 
 def _screens(flown: Flown, folder: Path) -> Found:
     moments = flown.moments[:: max(1, len(flown.moments) // SCREENS)]
-    for moment, screen in asyncio.run(screens_of(moments)):
-        yield sum(bool(row.strip()) for row in screen.rows), list(check_screen(flown, moment, screen))
+    yield from asyncio.run(check_screens(flown, moments))
 
 
 def _rollcall(flown: Flown, folder: Path) -> Found:

@@ -7,16 +7,16 @@ stand still, lie, are refused or never heard, the video stops or comes and goes,
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections import defaultdict
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.again.scripted import CAMERA, InjectedFaults, ScriptedFlight, fly
+from bench.again.scripted import CAMERA, InjectedFaults, ScriptedFlight, fly, within
 from bench.screens.flights import Moment, Received, video_state
 from gcs.snapshot import Event, Health, LinkHealth, Snapshot, Statement
 from mavlink.protocol.packet import Packet
@@ -126,32 +126,13 @@ class Flown:
     positions: Mapping[int, Sequence[int]]
     refused: Mapping[int, int]
     """Packets that must not be believed, by system id."""
+    frames: Mapping[int, TrueFrame]
+    """Every frame that was looked at, by the time it was taken."""
 
     @cached_property
     def scenario(self) -> Scenario:
         """What was flown."""
         return self.script.scenario
-
-    @cached_property
-    def frames(self) -> Mapping[int, TrueFrame]:
-        """Every frame that was looked at, by the time it was taken."""
-        came = {frame_us for _, frame_us in self.turns}
-        world = World(self.scenario)
-        model, found, ids = DetectorModel(world), {}, (0, *self.scenario.ugv_ids)[1:]
-        for k in range(self.scenario.frame_count):
-            seen = model.detect(k / self.scenario.fps)
-            t_us = self.scenario.start_us + round(k / self.scenario.fps * S)
-            if t_us not in came:
-                continue
-            true = true_boxes(world.view(k / self.scenario.fps), world.bodies(k / self.scenario.fps))
-            size = np.maximum(seen.values[:, 2], seen.values[:, 3])
-            found[t_us] = TrueFrame(
-                t_us=t_us,
-                boxes=np.column_stack([seen.values[:, :2], size, seen.values[:, 5]]),
-                system_id=seen.system_id,
-                places=dict(zip(ids, zip(true.cx.tolist(), true.cy.tolist(), strict=True), strict=False)),
-            )
-        return found
 
     @cached_property
     def logged(self) -> Sequence[tuple[int, str]]:
@@ -199,121 +180,128 @@ class Flown:
     def silent_s(self, system_id: int, t_us: int, what: str = "") -> float:
         """How long nothing (``heartbeat``, ``position``) of a vehicle has come that can be believed; inf never."""
         kinds = {"heartbeat": (self.heartbeats,), "position": (self.positions,)}
-        last = [
-            times[at - 1]
-            for each in kinds.get(what, (self.heartbeats, self.positions))
-            if (at := bisect_right(times := each.get(system_id, ()), t_us))
-        ]
-        return (t_us - max(last)) / S if last else float("inf")
+        last_us = max(
+            _last(each.get(system_id, ()), t_us) for each in kinds.get(what, (self.heartbeats, self.positions))
+        )
+        return (t_us - last_us) / S if last_us else float("inf")
 
 
+@dataclass(kw_only=True)
 class _Station:
-    """What is around the fold: a monitor, and an operator who acts."""
+    """What is around the fold: a monitor, a screen, and an operator who acts."""
 
-    def __init__(self, script: Script) -> None:
-        self.acts = sorted(script.acts, key=lambda act: act.at_s)
-        self.moments: list[Moment] = []
-        self.turns: list[tuple[int, int]] = []
-        self.acted: list[tuple[int, Act, int]] = []
-        self.frames_us: list[int] = []
-        self.checked_us = 0
+    script: Script
+    acts: list[Act]
+    frames: Mapping[int, TrueFrame]
+    heard: tuple[Mapping[int, Sequence[int]], Mapping[int, Sequence[int]]]
+    """Heartbeats and positions."""
+    moments: list[Moment] = field(default_factory=list)
+    turns: list[tuple[int, int]] = field(default_factory=list)
+    acted: list[tuple[int, Act, int]] = field(default_factory=list)
+    frames_us: list[int] = field(default_factory=list)
+    checked_us: int = 0
+    flight: ScriptedFlight | None = None
 
     def before_turn(self, flight: ScriptedFlight, frame: Frame | None) -> None:
         """Twice a second the monitor looks."""
-        if frame is not None:
-            self.frames_us.append(frame.t_us)
+        self.flight = flight
         self.turns.append((flight.t_us, frame.t_us if frame is not None else 0))
+        self.frames_us += [frame.t_us] if frame is not None else []
         if flight.t_us - self.checked_us >= MONITOR_US:
             self.checked_us = flight.t_us
-            link = LinkHealth(name="first", packets=flight.packets, bytes=0, bad=0, dropped=0, silent_s=0.0)
-            flight.fold.health = replace(
-                Health(),
+            flight.fold.health = Health(
                 video=video_state(flight.t_us - LATENCY_US, self.frames_us),
                 fps=1.0,
-                keys=len(flight.scenario.ugv_ids) if flight.faults.signed else 0,
+                keys=len(flight.scenario.ugv_ids) * flight.faults.signed,
                 recorded_bytes=1,
                 free_bytes=50_000_000_000,
-                links=(link,),
+                links=(LinkHealth(name="first", packets=flight.packets, bytes=0, bad=0, dropped=0, silent_s=0.0),),
             )
         while self.acts and flight.t_us >= flight.start_us + self.acts[0].at_s * S:
             self._act(flight, self.acts.pop(0))
 
     def _act(self, flight: ScriptedFlight, act: Act) -> None:
-        latest, track = flight.fold.latest, 0
+        track, latest = 0, flight.fold.latest
         if act.kind == "mark":
             flight.fold.add_event(Event(t_us=flight.t_us, level="info", kind="mark", text=act.text, system_id=act.of))
         elif latest is not None:
-            track = self._track_of(flight, latest, act.of)
+            x, y = self.frames[latest.seen_us].places[act.of]
+            tracked = [box for box in latest.boxes if box.track_id]
+            track = min(tracked, key=lambda box: np.hypot(box.cx - x, box.cy - y)).track_id
             undone = act.kind == "undo"
             flight.pipeline.state_name(Statement(track_id=track, system_id=0 if undone else act.says, undone=undone))
         self.acted.append((flight.t_us, act, track))
 
-    def _track_of(self, flight: ScriptedFlight, latest: Snapshot, system_id: int) -> int:
-        world = World(replace(flight.scenario, faults=()))
-        at_s = (latest.seen_us - flight.start_us) / S
-        true = true_boxes(world.view(at_s), world.bodies(at_s))
-        k = flight.scenario.ugv_ids.index(system_id)
-        tracked = [box for box in latest.boxes if box.track_id]
-        return min(tracked, key=lambda box: np.hypot(box.cx - true.cx[k], box.cy - true.cy[k])).track_id
-
-    def look(self, flight: ScriptedFlight, snapshot: Snapshot) -> None:
-        """What a screen would be given now."""
+    def on_snapshot(self, snapshot: Snapshot) -> None:
+        """What a screen is given now."""
+        assert self.flight is not None
+        now_us = self.flight.t_us
+        last = [[_last(each.get(row.system_id, ()), now_us) for each in self.heard] for row in snapshot.vehicles]
         self.moments.append(
             Moment(
-                now_us=flight.t_us,
+                now_us=now_us,
                 snapshot=snapshot,
-                events=tuple(flight.fold.events()),
-                received={},
+                events=tuple(self.flight.fold.events()),
+                received={
+                    row.system_id: Received(heartbeat_us=beat_us, position_us=place_us)
+                    for row, (beat_us, place_us) in zip(snapshot.vehicles, last, strict=True)
+                },
                 frame_us=self.frames_us[-1] if self.frames_us else 0,
-                named={},
+                named={row.system_id: row.standing for row in snapshot.vehicles if row.role == "ugv"},
             )
         )
 
 
+def _last(times_us: Sequence[int], now_us: int) -> int:
+    """The last of them until now, 0 none."""
+    at = bisect_right(times_us, now_us)
+    return times_us[at - 1] if at else 0
+
+
 def fly_script(script: Script, folder: Path) -> Flown:
     """Fly, record into a folder, and keep the truth."""
-    station, flights = _Station(script), list[ScriptedFlight]()
-
-    def before_turn(flight: ScriptedFlight, frame: Frame | None) -> None:
-        flights[:] = [flight]
-        station.before_turn(flight, frame)
-
-    def on_snapshot(snapshot: Snapshot) -> None:
-        station.look(flights[0], snapshot)
-
-    scenario = script.scenario
-    recorded = fly(folder, scenario, script.injected, on_snapshot, before_turn)
-    heartbeats, positions, refused = defaultdict[int, list[int]](list), defaultdict[int, list[int]](list), {}
-    kinds = {HEARTBEAT: heartbeats, GLOBAL_POSITION_INT: positions}
-    for sent in fleet_telemetry(World(scenario)):
+    scenario, injected = script.scenario, script.injected
+    world = World(scenario)
+    heartbeats, positions, refused = (
+        defaultdict[int, list[int]](list),
+        defaultdict[int, list[int]](list),
+        Counter[int](),
+    )
+    for sent in fleet_telemetry(world):
         packet = Packet(sent.t_us, sent.raw)
-        if script.injected.signed and packet.system_id in script.injected.wrong_keys:
-            refused[packet.system_id] = refused.get(packet.system_id, 0) + 1
-        elif packet.message_id in kinds:
-            kinds[packet.message_id][packet.system_id].append(sent.t_us)
-    moments = [_with_received(moment, heartbeats, positions) for moment in station.moments]
+        if within(injected.no_telemetry, sent.t_us - scenario.start_us):
+            continue
+        if injected.signed and packet.system_id in injected.wrong_keys:
+            refused[packet.system_id] += 1
+        elif packet.message_id in (HEARTBEAT, GLOBAL_POSITION_INT):
+            (positions if packet.message_id else heartbeats)[packet.system_id].append(sent.t_us)
+    acts = sorted(script.acts, key=lambda act: act.at_s)
+    frames = {frame.t_us: frame for frame in _true_frames(world)}
+    station = _Station(script=script, acts=acts, frames=frames, heard=(heartbeats, positions))
+    recorded = fly(folder, scenario, injected, station.on_snapshot, station.before_turn)
+    came = {frame_us for _, frame_us in station.turns}
     return Flown(
         script=script,
         folder=recorded,
-        moments=moments,
+        moments=station.moments,
         turns=station.turns,
         acted=station.acted,
+        frames={t_us: frame for t_us, frame in frames.items() if t_us in came},
         heartbeats=heartbeats,
         positions=positions,
         refused=refused,
     )
 
 
-def _with_received(
-    moment: Moment, heartbeats: Mapping[int, Sequence[int]], positions: Mapping[int, Sequence[int]]
-) -> Moment:
-    def last(times: Sequence[int]) -> int:
-        at = bisect_right(times, moment.now_us)
-        return times[at - 1] if at else 0
-
-    ids = {row.system_id for row in moment.snapshot.vehicles}
-    received = {
-        i: Received(heartbeat_us=last(heartbeats.get(i, ())), position_us=last(positions.get(i, ()))) for i in ids
-    }
-    named = {row.system_id: row.standing for row in moment.snapshot.vehicles if row.role == "ugv"}
-    return replace(moment, received=received, named=named)
+def _true_frames(world: World) -> Iterator[TrueFrame]:
+    scenario, model = world.scenario, DetectorModel(world)
+    for k in range(scenario.frame_count):
+        at_s = k / scenario.fps
+        seen, true = model.detect(at_s), true_boxes(world.view(at_s), world.bodies(at_s))
+        places = zip(true.cx.tolist(), true.cy.tolist(), strict=True)
+        yield TrueFrame(
+            t_us=scenario.start_us + round(at_s * S),
+            boxes=np.column_stack([seen.values[:, :2], seen.values[:, 2:4].max(axis=1), seen.values[:, 5]]),
+            system_id=seen.system_id,
+            places=dict(zip(scenario.ugv_ids, places, strict=False)),
+        )

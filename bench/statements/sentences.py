@@ -180,7 +180,8 @@ def _unheard(flown: Flown, said: Said, fields: Fields) -> Iterator[str]:
     told = {_id(name) for name in fields["names"].split(", ")}
     candidates = [i for i in flown.scenario.ugv_ids if not flown.refused.get(i)]
     now, before = (
-        {i for i in candidates if math.isinf(flown.silent_s(i, said.t_us - round(ago_s * S)))} for ago_s in (0, SLACK_S)
+        {i for i in candidates if math.isinf(flown.silent_s(i, said.t_us - round(ago_s * S)))}
+        for ago_s in (-SLACK_S, SLACK_S)
     )
     if not now <= told <= before:
         yield f"never heard were {sorted(map(flown.name, now))}"

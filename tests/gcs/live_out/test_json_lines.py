@@ -26,7 +26,11 @@ ALARM = Alarm(key="k", level="warning", kind="link", text="silent", advice="look
 
 def full(frame=3):
     missing = (Candidate(system_id=2, confidence=0.4, missing="no position for 27 s"),)
-    boxes = [box(1, 2, stated=True), box(2, 0, candidates=missing), box(3, 3, coasting=True)]
+    boxes = [
+        box(1, 2, stated=True),
+        box(2, 0, candidates=missing, doubt="a vehicle of ours is not accounted for"),
+        box(3, 3, coasting=True),
+    ]
     shown = snapshot(frame, boxes=boxes)
     rows = tuple(replace(row, p_enu=np.array([10.0, 0.0, 0.0])) for row in shown.vehicles)
     return replace(shown, origin=LocalFrame(47.0, 8.0), vehicles=rows, alarms=(ALARM,))
