@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from assoc.geometry.ground import YAW
 from assoc.identification.identifier import CameraState, Identifier, IdentifierParams, Identities
-from gcs.fold.camera_errors import with_camera_errors
 from gcs.fold.candidates import CandidateWords
 from gcs.fold.contradictions import Contradictions
 from gcs.fold.evidence import camera_of, observation_of, reports_of
@@ -26,7 +25,7 @@ from gcs.fold.name_changes import NameChanges
 from gcs.fold.notice_events import NoticeEvents
 from gcs.fold.quarantine import limit_doubted, withhold_names
 from gcs.fold.since import Since
-from gcs.fold.snapshot_rows import boxes_of, vehicle_rows, with_standings
+from gcs.fold.snapshot_rows import boxes_of, vehicle_rows, with_camera_errors, with_standings
 from gcs.fold.statements import Statements
 from gcs.health.alarms import Alarms
 from gcs.health.event_throttle import EventThrottle

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.identification.identifier import Identities
+from assoc.geometry.ground import OFFSET, PITCH, YAW
+from assoc.identification.identifier import Identifier, Identities
 from gcs.certainty import CONFIRMED
 from gcs.fold.candidates import doubt_words
 from gcs.fold.frame_camera import FrameCamera
 from gcs.mission.mission import Mission
-from gcs.snapshot import NAN, Box, Candidate, Snapshot, Standing, VehicleRow
+from gcs.snapshot import NAN, Box, Candidate, Health, Snapshot, Standing, VehicleRow
 from mavlink.fleet.fleet import FleetState
 from mavlink.geodesy import LocalFrame
 from vision.camera.camera import ground
@@ -23,7 +24,7 @@ from vision.detect.detections import Detections
 from vision.track.parts import Wholes
 from vision.track.tracks import Tracks
 
-__all__ = ["boxes_of", "standing_of", "vehicle_rows", "with_standings"]
+__all__ = ["boxes_of", "standing_of", "vehicle_rows", "with_camera_errors", "with_standings"]
 
 FloatArray = NDArray[np.float64]
 EVIDENCE = (
@@ -246,3 +247,25 @@ def standing_of(row: VehicleRow, box: Box | None, now: Snapshot, *, lapsed: bool
     if row.in_view is False:
         return "out of view"
     return "no new frame" if lapsed else "unidentified"
+
+
+def with_camera_errors(health: Health, identifier: Identifier, offset_s: float) -> Health:
+    """Health with the estimated errors of the camera's clock, heading and pitch, and whether it is mirrored.
+
+    Args:
+        health: How the program is doing.
+        identifier: Knows the errors.
+        offset_s: By how much the mission declares the video's clock to be ahead of telemetry's.
+    """
+    theta, std = identifier.pose_correction, identifier.pose_correction_std
+    return replace(
+        health,
+        time_offset_s=offset_s + float(theta[OFFSET]),
+        time_offset_std_s=float(std[OFFSET]),
+        yaw_offset=float(theta[YAW]) if np.isfinite(std[YAW]) else math.nan,
+        yaw_offset_std=float(std[YAW]),
+        pitch_offset=float(theta[PITCH]),
+        pitch_offset_std=float(std[PITCH]),
+        mirrored=identifier.mirrored,
+        fit=identifier.fit_probability,
+    )
