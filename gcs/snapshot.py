@@ -75,10 +75,19 @@ class Event:
     """Plain text, possibly from the air: never markup; a vehicle's own words begin with its name and ``says:``."""
     system_id: int = 0
     alarm: str = ""
-    """Key of the alarm that the operator acknowledges with it."""
+    """Key of the alarm that comes or is over with it, or that the operator acknowledges; empty: of none."""
+    alarm_level: Level | Literal[""] = ""
+    """The level of the alarm that comes or is over, empty where none does."""
+    over: bool = False
+    """That alarm is over."""
     reported: Reported = ""
     statement: Statement | None = None
     """What the operator stated or withdrew with it; a replay does so at the same frame."""
+
+    @property
+    def acknowledges(self) -> str:
+        """Key of the alarm that the operator acknowledges with it, empty for none."""
+        return "" if self.alarm_level else self.alarm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,6 +105,8 @@ class Alarm:
     """What to do."""
     since_us: int
     system_id: int = 0
+    vehicles: tuple[int, ...] = ()
+    """System ids of all that it is about, where it is not one vehicle's."""
     doubts_name: bool = False
     """Nobody is to act on that vehicle's name meanwhile."""
     reported: Reported = ""
@@ -344,6 +355,8 @@ class Snapshot:
     """(height, width, 3) BGR, None when there is no image."""
     vehicles: tuple[VehicleRow, ...]
     """UAV first."""
+    names: Mapping[int, str] = field(default_factory=dict)
+    """Of the mission's vehicles by system id, where there are no rows of them."""
     boxes: tuple[Box, ...]
     footprint_enu: NDArray[np.float64] | None
     """(4, 2) corners of the image on the ground, image order from top left clockwise."""
@@ -408,4 +421,4 @@ class Snapshot:
         for row in self.vehicles:
             if row.system_id == system_id:
                 return row.name
-        return f"UGV-{system_id}" if system_id else "unknown"
+        return self.names.get(system_id) or (f"UGV-{system_id}" if system_id else "unknown")

@@ -46,6 +46,8 @@ class Doubt(IntEnum):
     """The vehicle doubts its own position."""
     CONTESTED = 10
     """Several senders use the vehicle's id, or the UAV's."""
+    CONTRADICTED = 11
+    """The vehicle reports to be elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ FAR_DEVIATIONS = 3.0
 """A box that belongs to the vehicle is farther in one of ninety cases (two axes)."""
 MOST_REASONS = 2
 """More do not fit on a line, and the weightiest comes first."""
+CONTRADICTED = "its position contradicts the video"
 _WORDS = {
     Doubt.NONE: "",
     Doubt.FIT: "film and telemetry are not known to belong together",
@@ -31,6 +32,7 @@ _WORDS = {
     Doubt.COASTING: "its box is predicted, and one that is seen has the name",
     Doubt.OWN_WORD: "it doubts its own position",
     Doubt.CONTESTED: "several senders use its id",
+    Doubt.CONTRADICTED: CONTRADICTED,
 }
 
 
@@ -130,7 +132,7 @@ def _missing(status: VehicleStatus | None, age_s: float, *, contradicted: bool) 
         return "no position yet"
     if age_s > OLD_S:
         return f"no position for {age_s:.0f} s"
-    return "its position contradicts the video" if contradicted else ""
+    return CONTRADICTED if contradicted else ""
 
 
 def _of_its_reports(status: VehicleStatus | None, deviation: float) -> Iterator[str]:

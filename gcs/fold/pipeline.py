@@ -161,7 +161,7 @@ class Pipeline:
 
     def add_event(self, event: Event) -> None:
         """Add an event of the surroundings (links, video, operator) to the next snapshot."""
-        self._alarms.texts.acknowledge(event.alarm)
+        self._alarms.texts.acknowledge(event.acknowledges)
         self._events.append(event)
 
     def add_news(self, t_us: int, text: str) -> None:

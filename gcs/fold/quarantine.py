@@ -64,12 +64,13 @@ def withhold_names(
     all_in_doubt = state.vehicles[0].contested
     refused = identities.system_id != 0 if all_in_doubt else np.isin(identities.system_id, kept_back)
     unknown: dict[str, Any] = {name: np.where(refused, np.nan, getattr(identities, name)) for name in _OF_THE_NAME}
+    lies = np.isin(identities.system_id, list(contradicted))
     rival = all_in_doubt | np.isin(identities.runner_up, kept_back)
     return replace(
         identities,
         system_id=np.where(refused, 0, identities.system_id),
         runner_up=np.where(rival, 0, identities.runner_up),
         runner_up_confidence=np.where(rival, np.nan, identities.runner_up_confidence),
-        doubt=np.where(refused, Doubt.CONTESTED, identities.doubt),
+        doubt=np.where(refused, np.where(lies, Doubt.CONTRADICTED, Doubt.CONTESTED), identities.doubt),
         **unknown,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -43,6 +43,10 @@ class AlarmRule(Generic[Subject]):
     """A count that should not grow: this is wrong for ``GROWING_S`` after it grew."""
     detail: Callable[[Subject, Snapshot], str] | None = None
     """Reason or figure, put after the text."""
+    vehicles: Callable[[Subject, Snapshot], Sequence[int]] | None = None
+    """System ids of all that it is about, where it is not one vehicle's."""
+    on_and_off: str = ""
+    """What is wrong when it keeps coming back; empty: ``again and again`` and the text."""
     each_detail: bool = False
     """Whether each detail is an alarm of its own."""
     kept_while: Callable[[Subject, Snapshot], bool] | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -15,9 +15,12 @@ from gcs.health.station_alarms import STATION_RULES
 from gcs.health.vehicle_alarms import VEHICLE_RULES
 from gcs.snapshot import Snapshot
 
-__all__ = ["Finding", "ReportedAlarm", "findings", "reported_alarm"]
+__all__ = ["Finding", "ReportedAlarm", "alarm_of_key", "findings", "reported_alarm"]
 
 Rules = Iterable[AlarmRule[Any]]
+AGAIN = "again and again:"
+ON_AND_OFF = " on and off"
+"""At the end of the key of what keeps coming back."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,12 +30,36 @@ class Finding:
     rule: AlarmRule[Any]
     key: str
     """Of the alarm."""
-    text: str
+    name: str
+    """Whose it is, with a colon behind, empty for the station's."""
+    detail: str
     system_id: int = 0
+    vehicles: tuple[int, ...] = ()
+    """All that it is about, where it is not one vehicle's."""
     count: int | None = None
     """Of a counter that should not grow; None: the rule's condition holds."""
     raises: bool = True
     """False: the condition does not hold, and an alarm that was raised before is kept all the same."""
+
+    @property
+    def text(self) -> str:
+        """Whose trouble and what."""
+        return self.name + ": ".join(filter(None, (self.rule.text, self.detail)))
+
+    def on_and_off(self, how_often: str) -> Finding:
+        """The alarm that it is while it keeps coming back.
+
+        What is well in between is a warning, unless something was lost or no name is to be acted on.
+        """
+        rule, detail = self.rule, self.detail if self.rule.each_detail else ""
+        grave = rule.counter is not None or rule.doubts_name
+        text = rule.on_and_off or f"{AGAIN} {rule.text}"
+        return replace(
+            self,
+            rule=replace(rule, text=text, level=rule.level if grave else "warning"),
+            key=self.key + ON_AND_OFF,
+            detail=", ".join(filter(None, (detail, how_often))),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +68,7 @@ class ReportedAlarm:
 
     rule: AlarmRule[Any]
     key: str
-    """The same whenever it is reported; that of the alarm, but of pairs by their names."""
+    """The same whenever it is reported: that of the alarm; by its words alone, pairs have their names in it."""
     worked_out: bool
     """Whether packets and frames alone raise it: then a recording raises it again."""
 
@@ -52,14 +79,33 @@ _WORKED_OUT = frozenset(
 """Of the station's alarms."""
 
 
+def _tables(system_id: int) -> tuple[Rules, ...]:
+    return (VEHICLE_RULES, CONDITION_RULES) if system_id else (STATION_RULES, LINK_RULES, PAIR_RULES)
+
+
+def _is_worked_out(rule: AlarmRule[Any], rules: Rules, system_id: int) -> bool:
+    return bool(system_id) or rules is PAIR_RULES or rule.key in _WORKED_OUT
+
+
+@lru_cache(maxsize=4096)
+def alarm_of_key(key: str, level: str, system_id: int) -> ReportedAlarm | None:
+    """The alarm of a key and a level; None: this program has no such alarm."""
+    whole = key.removesuffix(ON_AND_OFF)
+    found = [
+        (len(rule.key), rule.level == level, ReportedAlarm(rule=rule, key=key, worked_out=worked_out))
+        for rules in _tables(system_id)
+        for rule in rules
+        if f"{whole} ".startswith(f"{rule.key} ")
+        for worked_out in [_is_worked_out(rule, rules, system_id)]
+    ]
+    return max(found, key=lambda each: each[:2])[2] if found else None
+
+
 @lru_cache(maxsize=4096)
 def reported_alarm(text: str, kind: str, system_id: int) -> ReportedAlarm | None:
-    """The alarm that such an event reports; None: this program words none like that, or logs it elsewhere."""
+    """The alarm that an event of an older recording reports, by its words; None: this program words none like that."""
     best: tuple[int, ReportedAlarm] | None = None
-    tables: tuple[Rules, ...] = (
-        (VEHICLE_RULES, CONDITION_RULES) if system_id else (STATION_RULES, LINK_RULES, PAIR_RULES)
-    )
-    for rules in tables:
+    for rules in _tables(system_id):
         for rule in rules:
             whose, found, rest = text.rpartition(rule.text)
             if not found or rule.kind != kind or rule.logged_by or (rest and not rest.startswith(": ")):
@@ -69,7 +115,7 @@ def reported_alarm(text: str, kind: str, system_id: int) -> ReportedAlarm | None
             name = str(system_id) if system_id else whose.removesuffix(": ")
             detail = rest.removeprefix(": ") if rule.each_detail else ""
             key = " ".join(part for part in (rule.key, name, detail) if part)
-            worked_out = bool(system_id) or rules is PAIR_RULES or rule.key in _WORKED_OUT
+            worked_out = _is_worked_out(rule, rules, system_id)
             if best is None or len(rule.text) > best[0]:
                 best = len(rule.text), ReportedAlarm(rule=rule, key=key, worked_out=worked_out)
     return best[1] if best else None
@@ -98,8 +144,10 @@ def _findings(
             yield Finding(
                 rule=rule,
                 key=f"{rule.key}{whose} {detail}" if rule.each_detail else f"{rule.key}{whose}",
-                text=f"{name}{rule.text}: {detail}" if detail else f"{name}{rule.text}",
+                name=name,
+                detail=detail,
                 system_id=system_id,
+                vehicles=tuple(rule.vehicles(subject, now)) if rule.vehicles else (),
                 count=count,
                 raises=raises,
             )

@@ -1,8 +1,9 @@
 """Alarms: what is wrong now, since when and what to do, raised and cleared once each.
 
-What is wrong must last before it is raised, and be gone for a while before it is cleared; the more often it came back
-lately, the longer. So a vehicle at the edge of a radio's range gives two lines in the event log, not two hundred.
-Time is the snapshots', so that a replay raises what the flight raised.
+What is wrong must last before it is raised, and be gone for a moment before it is cleared. What keeps coming back is
+another alarm, which says how often and is held the longer the more often it came; meanwhile the first is raised only
+where it stays. So a vehicle at the edge of a radio's range gives six lines in the event log, not two hundred, and
+nothing is said to be wrong that is well. Time is the snapshots', so that a replay raises what the flight raised.
 """
 
 from __future__ import annotations
@@ -22,8 +23,16 @@ WORST_US = round(CLEARS_AFTER_S * 1e6)
 """An alarm has its higher level for so long after that was last found."""
 GROWING_US = round(GROWING_S * 1e6)
 LATELY_US = 300_000_000
-"""An alarm that came back within so long must be gone longer to be over: doubled for every time."""
+"""How often a trouble came is counted over so long."""
+BREAK_US = 500_000
+"""What was gone for less has not come again."""
+FLAPS, MOST_COUNTED = 3, 1_000
+"""From so many times on it comes and goes."""
+STAYS_US = 10_000_000
+"""What comes and goes is an alarm of its own as well once it lasts for so long."""
+MINUTES_FROM_S = 90.0
 MOST_DOUBLINGS = 4
+"""What comes and goes must be gone longer for every time it came: doubled, at most so often."""
 _RANK: Final[dict[Level, int]] = {"info": 0, "warning": 1, "alarm": 2}
 
 
@@ -32,9 +41,14 @@ def rank(level: Level) -> int:
     return _RANK.get(level, 0)
 
 
-def urgency(alarm: Alarm) -> tuple[int, bool, int, str]:
-    """The order of alarms: the worst first, what vehicles say after what was found, then the newest."""
-    return -rank(alarm.level), alarm.kind == "text", -alarm.since_us, alarm.key
+def urgency(alarm: Alarm) -> tuple[int, bool, bool, bool, int, str]:
+    """The order of alarms, the worst first.
+
+    Of one level: names that may be wrong, then what the whole station has, then a vehicle's other troubles, then what
+    vehicles say; then the newest.
+    """
+    whose = alarm.kind == "text", not alarm.doubts_name, alarm.system_id > 0
+    return -rank(alarm.level), *whose, -alarm.since_us, alarm.key
 
 
 @dataclass(slots=True)
@@ -53,14 +67,36 @@ class _State:
     """Since when it has been found at a lower level only, 0 while it is not."""
     raised_us: int = 0
     """When it became an alarm, 0 not yet."""
-    raises: deque[int] = field(default_factory=lambda: deque(maxlen=MOST_DOUBLINGS + 1))
+    coming: bool = True
+    """It has come, and not lasted yet."""
+    came: deque[int] = field(default_factory=lambda: deque(maxlen=MOST_COUNTED))
+    """When it came, lately."""
+    flapping_us: int = 0
+    """When it became one that comes and goes, 0 while it is none."""
 
-    def hold_us(self, now_us: int) -> int:
-        """How long it must be gone."""
-        lately = sum(now_us - raised < LATELY_US for raised in self.raises)
-        if lately <= 1:
-            return round(self.finding.rule.clears_after_s * 1e6)
-        return round(CLEARS_AFTER_S * 1e6) << min(lately - 1, MOST_DOUBLINGS)
+    def note_coming(self, now_us: int) -> bool:
+        """It lasts; whether it has come, and so often lately that it comes and goes."""
+        if not self.coming:
+            return False
+        self.coming = False
+        self.forget(now_us)
+        self.came.append(now_us)
+        return len(self.came) >= FLAPS
+
+    def forget(self, now_us: int) -> None:
+        """What was long ago does not count."""
+        while self.came and now_us - self.came[0] >= LATELY_US:
+            self.came.popleft()
+
+    def is_calm(self, now_us: int) -> bool:
+        """Whether what came and went has been gone for long enough."""
+        return now_us - self.seen_us >= WORST_US << min(len(self.came), MOST_DOUBLINGS)
+
+    def flapping(self) -> Finding:
+        """What is wrong with what comes and goes: how often it came, in how long."""
+        within_s = (self.seen_us - min(self.came, default=self.seen_us)) * 1e-6
+        within = f"{within_s:.0f} s" if within_s < MINUTES_FROM_S else f"{within_s / 60:.0f} min"
+        return self.finding.on_and_off(f"{len(self.came)} times in {within}")
 
 
 class Alarms:
@@ -90,12 +126,13 @@ class Alarms:
             if finding.raises:
                 if finding.count is None or self._grows(finding.key, finding.count, now_us):
                     events += self._found(finding, now_us)
-            elif (state := self._states.get(finding.key)) and state.raised_us:
+            elif (state := self._states.get(finding.key)) and (state.raised_us or state.flapping_us):
                 state.seen_us = state.found_us = now_us
         for key in [key for key, state in self._states.items() if state.found_us < now_us]:
             self._states[key].lower_us = 0
             events += self._gone(key, now_us)
-        raised = [_alarm(state) for state in self._states.values() if state.raised_us]
+        raised = [_alarm(state.finding, state.raised_us) for state in self._states.values() if state.raised_us]
+        raised += [_alarm(state.flapping(), state.flapping_us) for state in self._states.values() if state.flapping_us]
         raised += self.texts.update(now_us)
         raised.sort(key=urgency)
         return tuple(raised), tuple(events)
@@ -119,51 +156,81 @@ class Alarms:
             state.lower_us = state.lower_us or now_us
             if now_us - state.lower_us < finding.rule.lasts_s * 1e6:
                 return self._gone(finding.key, now_us)  # too short yet to be a trouble of its own
-        state.first_us = state.first_us or now_us
-        state.seen_us = now_us
+        if not state.first_us:
+            state.first_us = now_us
+            state.coming |= now_us - state.seen_us >= BREAK_US
+        last_us, state.seen_us = state.seen_us, now_us
         worst = rank(finding.rule.level) >= rank(before.rule.level) or now_us - state.worst_us > WORST_US
         if worst or not state.raised_us:
             state.finding, state.worst_us = finding, now_us
-        if not state.raised_us:
-            if now_us - state.first_us < finding.rule.lasts_s * 1e6:
-                return []
-            state.raised_us = now_us
-            state.raises.append(now_us)
-        elif state.finding.rule.level == before.rule.level:
+        lasted_us = now_us - state.first_us
+        lasts = lasted_us >= finding.rule.lasts_s * 1e6
+        if lasts and state.note_coming(now_us) and not state.flapping_us:
+            events = _over(state.finding, last_us - state.raised_us, now_us) if state.raised_us else []
+            state.raised_us, state.flapping_us = 0, now_us
+            return events + _come(state.flapping(), now_us)
+        if state.raised_us:
+            return [] if state.finding.rule.level == before.rule.level else _come(finding, now_us)
+        # a counter that grew once is found for a while
+        stays_us = STAYS_US + (GROWING_US if finding.count is not None else 0)
+        if not lasts or (state.flapping_us and lasted_us < stays_us):
             return []
-        return _logged(finding, now_us, finding.rule.level, finding.text)
+        state.raised_us = now_us
+        return _come(finding, now_us)
 
     def _gone(self, key: str, now_us: int) -> list[Event]:
         state = self._states[key]
         state.first_us = 0
-        absent_us = now_us - state.seen_us
-        if not state.raised_us:
-            if absent_us > WORST_US and not any(now_us - raised < LATELY_US for raised in state.raises):
-                del self._states[key]
-            return []
-        if absent_us < state.hold_us(now_us):
-            return []
-        lasted_s = (state.seen_us - state.raised_us) * 1e-6
-        state.raised_us = 0
-        return _logged(state.finding, now_us, "info", f"over after {lasted_s:.0f} s: {state.finding.text}")
+        state.forget(now_us)
+        events: list[Event] = []
+        if state.raised_us and now_us - state.seen_us >= state.finding.rule.clears_after_s * 1e6:
+            events += _over(state.finding, state.seen_us - state.raised_us, now_us)
+            state.raised_us = 0
+        if state.flapping_us and state.is_calm(now_us):
+            events += _over(state.flapping(), state.seen_us - state.flapping_us, now_us)
+            state.flapping_us = 0
+        if not (state.raised_us or state.flapping_us or state.came) and now_us - state.seen_us > WORST_US:
+            del self._states[key]
+        return events
 
 
-def _alarm(state: _State) -> Alarm:
-    finding, rule = state.finding, state.finding.rule
+def _alarm(finding: Finding, since_us: int) -> Alarm:
+    rule = finding.rule
     return Alarm(
         key=finding.key,
         level=rule.level,
         kind=rule.kind,
         text=finding.text,
         advice=rule.advice,
-        since_us=state.raised_us,
+        since_us=since_us,
         system_id=finding.system_id,
+        vehicles=finding.vehicles,
         doubts_name=rule.doubts_name,
     )
 
 
-def _logged(finding: Finding, t_us: int, level: Level, text: str) -> list[Event]:
+def _come(finding: Finding, now_us: int) -> list[Event]:
+    return _logged(finding, now_us, finding.rule.level, finding.text)
+
+
+def _over(finding: Finding, lasted_us: int, now_us: int) -> list[Event]:
+    return _logged(finding, now_us, "info", f"over after {lasted_us * 1e-6:.0f} s: {finding.text}", over=True)
+
+
+def _logged(finding: Finding, t_us: int, level: Level, text: str, *, over: bool = False) -> list[Event]:
     """A line of the event log, or none where another module writes them."""
-    if finding.rule.logged_by:
+    rule = finding.rule
+    if rule.logged_by:
         return []
-    return [Event(t_us=t_us, level=level, kind=finding.rule.kind, text=text, system_id=finding.system_id)]
+    return [
+        Event(
+            t_us=t_us,
+            level=level,
+            kind=rule.kind,
+            text=text,
+            system_id=finding.system_id,
+            alarm=finding.key,
+            alarm_level=rule.level,
+            over=over,
+        )
+    ]

@@ -37,6 +37,7 @@ LINK_RULES: tuple[AlarmRule[LinkHealth], ...] = (
         level="alarm",
         kind="link",
         text="nothing is received any more",
+        on_and_off="it is received on and off",
         meaning=f"silent for {SILENT_S:g} s",
         advice="check radio, cable and port",
         condition=_fell_silent,

@@ -48,13 +48,13 @@ def first_of(names: Sequence[str]) -> str:
     return ", ".join(names[:MOST_NAMES]) + more
 
 
-def _never_received(now: Snapshot) -> list[str]:
-    """Names of vehicles never received; one that is received and rejected has an alarm for that."""
+def _never_received(now: Snapshot) -> list[VehicleRow]:
+    """Vehicles never received; one that is received and rejected has an alarm for that."""
 
     def rejected(row: VehicleRow) -> bool:
         return bool(row.bad_signature or row.unsigned or row.held)
 
-    return [row.name for row in now.vehicles if math.isinf(row.heartbeat_age_s) and not rejected(row)]
+    return [row for row in now.vehicles if math.isinf(row.heartbeat_age_s) and not rejected(row)]
 
 
 def _some_never_received(health: Health, now: Snapshot) -> bool:
@@ -121,7 +121,8 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         meaning=f"in the mission, and not on the air {UNHEARD_S:g} s after others are",
         advice="switch them on, check their system ids and keys against the mission, or take them out of it",
         condition=_some_never_received,
-        detail=lambda _, now: first_of(_never_received(now)),
+        detail=lambda _, now: first_of([row.name for row in _never_received(now)]),
+        vehicles=lambda _, now: [row.system_id for row in _never_received(now)],
         lasts_s=UNHEARD_S,
     ),
     AlarmRule(
@@ -156,6 +157,7 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         level="alarm",
         kind="program",
         text="this computer cannot keep up: telemetry is processed late",
+        on_and_off="this computer cannot keep up now and then",
         meaning=f"what was received and recorded is processed {BEHIND_S:g} s late or more; ages are given for then, so "
         "that no vehicle counts as silent for it",
         advice="what is shown is as old; free the processor: close other programs, or use a smaller detector",
@@ -177,7 +179,8 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         kind="video",
         text="the video has stopped",
         meaning="no frame for 1 s, or for 2.5 intervals of a slow stream; it is opened again automatically",
-        advice="check the camera and its link; names are not renewed meanwhile",
+        on_and_off="the video comes and goes",
+        advice="check the camera and its link; no name is renewed while no frame comes",
         condition=lambda health, _: health.video == "stalled",
     ),
     AlarmRule(
@@ -268,6 +271,7 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         level="alarm",
         kind="video",
         text="video and telemetry do not match: clock, camera, place or recording",
+        on_and_off="video and telemetry match now and then only",
         meaning=f"for {NO_FIT_FOR_S:g} s no more boxes are where vehicles report to be than chance would put there; "
         "until they are, nothing is named",
         advice="check that the recording is of this flight, then the mission's video_offset_s, mount, pitch_deg, "
@@ -301,6 +305,7 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         level="alarm",
         kind="recording",
         text="the disk does not answer: what comes is kept in memory",
+        on_and_off="the disk answers now and then only",
         meaning=f"no answer for {STALLED_S:g} s (network disk, failing drive, frozen file system); what waits in "
         "memory is there also when a process dies meanwhile",
         advice="packets wait in memory for a minute at least, video is not recorded: bring the disk back",

@@ -136,7 +136,7 @@ class Analysis:
         flown_us = np.array([event.t_us for event in flown], dtype=np.int64)
         received_us = np.sort(np.concatenate([self.opened.known_us, flown_us]))
         if provisional_from_us is None:
-            seen = deque(event for event in flown if event.alarm)
+            seen = deque(event for event in flown if event.acknowledges)
             pipeline, start_us = self._pipeline(), int(received_us[0])
             for at_us, snapshot in self._moments(pipeline, received_us, start_us, None):
                 yield at_us, snapshot

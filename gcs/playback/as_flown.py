@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from gcs.health.alarm_rules import ReportedAlarm, reported_alarm
+from gcs.health.alarm_rules import ReportedAlarm, alarm_of_key, reported_alarm
 from gcs.health.alarms import urgency
 from gcs.session.event_log import read_events
 from gcs.snapshot import Alarm, Event
@@ -59,12 +59,15 @@ class FlownReports:
     def __init__(self, events: Sequence[Event], start_us: int, stop_us: int) -> None:
         near = (event for event in events if start_us - OUTSIDE_US <= event.t_us <= stop_us + OUTSIDE_US)
         self._flown = sorted(near, key=lambda event: event.t_us)[-MOST_EVENTS:]
+        self._has_keys = any(event.alarm_level for event in self._flown)
+        """False: an older recording, of whose alarms there are only the words."""
         self._unmatched: dict[tuple[str, int, str], list[int]] = {}
         for index, event in enumerate(self._flown):
-            self._unmatched.setdefault(_gist(event), []).append(index)
+            self._unmatched.setdefault(self._gist(event), []).append(index)
         self._matched: set[int] = set()
         self._now: list[Event] = []
-        self._alarms = _alarms(self._flown, max(stop_us, *(event.t_us for event in self._flown[-1:]), 0) + 1)
+        alarms_of = _alarms if self._has_keys else _alarms_by_words
+        self._alarms = alarms_of(self._flown, max(stop_us, *(event.t_us for event in self._flown[-1:]), 0) + 1)
         self._seen = [event for event in self._flown if event.kind == "operator" and event.text.startswith(_SEEN)]
         self._found: dict[str, list[tuple[int, int]]] = {}
         """When a replay has an alarm: from and until, by its key."""
@@ -110,7 +113,7 @@ class FlownReports:
         for event in events:
             self._add_event(event)
         for alarm in alarms:
-            spans = self._found.setdefault(_key(alarm), [])
+            spans = self._found.setdefault(self._key(alarm), [])
             if spans and spans[-1][0] == alarm.since_us:
                 spans[-1] = alarm.since_us, t_us
             else:
@@ -125,7 +128,7 @@ class FlownReports:
 
     def _add_event(self, event: Event) -> None:
         self._shown = None
-        same = self._unmatched.get(_gist(event), [])
+        same = self._unmatched.get(self._gist(event), [])
         near = [index for index in same if abs(self._flown[index].t_us - event.t_us) <= SAME_US]
         if near:
             index = min(near, key=lambda index: abs(self._flown[index].t_us - event.t_us))
@@ -159,18 +162,18 @@ class FlownReports:
         if not self._flown:
             return tuple(found)
         on = [flown for flown in self._alarms if flown.alarm.since_us <= t_us < flown.until_us]
-        keys = set(map(_key, found))
+        keys = set(map(self._key, found))
         shown = [self._compared(alarm, t_us) for alarm in found]
         shown += [self._as_flown(flown, t_us) for flown in on if flown.alarm.key not in keys]
         return tuple(sorted(shown, key=urgency))
 
     def _compared(self, alarm: Alarm, t_us: int) -> Alarm:
         """An alarm of the replay beside the flight's."""
-        key = _key(alarm)
+        key = self._key(alarm)
         both = any(
             flown.alarm.key == key and _is_about(t_us, flown.alarm.since_us, flown.until_us) for flown in self._alarms
         )
-        differs = not both and reported_alarm(alarm.text, alarm.kind, alarm.system_id) is not None
+        differs = not both and alarm_of_key(alarm.key, alarm.level, alarm.system_id) is not None
         return replace(alarm, acknowledged=self._was_seen(alarm, t_us), reported="now" if differs else "")
 
     def _as_flown(self, flown: FlownAlarm, t_us: int) -> Alarm:
@@ -181,32 +184,34 @@ class FlownReports:
         seen = self._was_seen(flown.alarm, t_us)
         return replace(flown.alarm, acknowledged=seen, reported="then" if differs else "")
 
+    def _key(self, alarm: Alarm) -> str:
+        """The same of an alarm of the flight and of one of the replay."""
+        if self._has_keys:
+            return alarm.key
+        known = reported_alarm(alarm.text, alarm.kind, alarm.system_id)
+        return known.key if known else alarm.key
+
+    def _gist(self, event: Event) -> tuple[str, int, str]:
+        """What an event says, without how sure it is, or how often or how long an alarm was on."""
+        text = event.text
+        if event.alarm_level and self._has_keys:
+            return event.kind, event.system_id, f"{event.alarm} {event.alarm_level} {event.over}"
+        if event.kind == "text":
+            text = text.partition(" says: ")[2] or text
+        return event.kind, event.system_id, _SURE.sub("", text)
+
     def _was_seen(self, alarm: Alarm, t_us: int) -> bool:
         """Whether the operator had acknowledged it."""
         return any(
             alarm.since_us - SAME_US <= event.t_us <= t_us
-            and (event.alarm == alarm.key or event.text == _SEEN + alarm.text)
+            and (event.acknowledges == alarm.key or event.text == _SEEN + alarm.text)
             for event in self._seen
         )
-
-
-def _key(alarm: Alarm) -> str:
-    """The same of an alarm of the flight and of one of the replay."""
-    known = reported_alarm(alarm.text, alarm.kind, alarm.system_id)
-    return known.key if known else alarm.key
 
 
 def _is_about(t_us: int, since_us: int, until_us: int) -> bool:
     """Whether a moment lies within a time, or about."""
     return since_us - SAME_US <= t_us <= until_us + SAME_US
-
-
-def _gist(event: Event) -> tuple[str, int, str]:
-    """What an event says, without how sure it is."""
-    text = event.text
-    if event.kind == "text":
-        text = text.partition(" says: ")[2] or text
-    return event.kind, event.system_id, _SURE.sub("", text)
 
 
 def _alarms(events: Sequence[Event], end_us: int) -> list[FlownAlarm]:
@@ -216,6 +221,21 @@ def _alarms(events: Sequence[Event], end_us: int) -> list[FlownAlarm]:
         events: of the flight, in order.
         end_us: of the flight: until then alarms last that no event ends.
     """
+    alarms: list[FlownAlarm] = []
+    on: dict[str, FlownAlarm] = {}
+    for event in events:
+        if not event.alarm_level:
+            continue
+        if event.alarm in on:
+            on.pop(event.alarm).until_us = event.t_us
+        if not event.over:
+            on[event.alarm] = _flown(event, alarm_of_key(event.alarm, event.alarm_level, event.system_id), end_us)
+            alarms.append(on[event.alarm])
+    return alarms
+
+
+def _alarms_by_words(events: Sequence[Event], end_us: int) -> list[FlownAlarm]:
+    """The same of an older recording, whose events do not say of which alarm they are."""
     alarms: list[FlownAlarm] = []
     on: dict[str, FlownAlarm] = {}
     over_at: dict[tuple[str, int, str], list[int]] = {}
@@ -262,14 +282,15 @@ def _key_of_over(on: dict[str, FlownAlarm], event: Event, text: str, lasted_s: i
 
 
 def _flown(event: Event, known: ReportedAlarm | None, end_us: int) -> FlownAlarm:
-    """An alarm by the event of its coming; known: its rule, None where this program words it in another way."""
+    """An alarm by the event of its coming; known: its rule, None where this program has none of that kind."""
     alarm = Alarm(
-        key=known.key if known else event.text,
+        key=event.alarm or (known.key if known else event.text),
         level=event.level,
         kind=event.kind,
         text=event.text,
         advice=known.rule.advice if known else "",
         since_us=event.t_us,
         system_id=event.system_id,
+        doubts_name=known is not None and known.rule.doubts_name,
     )
     return FlownAlarm(alarm=alarm, until_us=end_us, worked_out=known is not None and known.worked_out)

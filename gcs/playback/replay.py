@@ -334,6 +334,7 @@ class Replay:
 
     def _blank(self, frame: int, image: NDArray[np.uint8] | None) -> Snapshot:
         """A place of which nothing is known but its frame."""
+        mission = self._analysis.mission
         width, height = self._analysis.opened.size.size or (0, 0) if image is None else (image.shape[1], image.shape[0])
         return Snapshot(
             t_us=self.now_us,
@@ -344,6 +345,7 @@ class Replay:
             height=height,
             image=image,
             vehicles=(),
+            names={each: mission.name_of(each) for each in (mission.uav.system_id, *mission.ugv_ids)},
             boxes=(),
             footprint_enu=None,
             uav_enu=np.full(3, np.nan),

@@ -10,7 +10,7 @@ import logging
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 
@@ -41,7 +41,8 @@ class EventLog:
         self._file.write("".join(event_row(event) + "\n" for event in events))
         self._file.flush()
         for event in events:
-            _log.log(_LEVELS[event.level], "%s: %s", event.kind, event.text)
+            key = f" [{event.alarm_level} {event.alarm}]" if event.alarm_level else ""
+            _log.log(_LEVELS[event.level], "%s: %s%s", event.kind, event.text, key)
 
     def close(self) -> None:
         """Close the file."""
@@ -51,9 +52,11 @@ class EventLog:
 def event_row(event: Event) -> str:
     """One line of ``events.jsonl``."""
     row = {"time_us": event.t_us, "level": event.level, "kind": event.kind, "system_id": event.system_id or None}
-    acknowledged = {"alarm": plain(event.alarm)} if event.alarm else {}
+    alarm: dict[str, str | bool] = {"alarm": plain(event.alarm)} if event.alarm else {}
+    if event.alarm_level:
+        alarm |= {"alarm_level": event.alarm_level, "over": event.over}
     stated = {"statement": _statement_row(event.statement)} if event.statement else {}
-    return msgspec.json.encode(row | {"text": plain(event.text)} | acknowledged | stated).decode()
+    return msgspec.json.encode(row | {"text": plain(event.text)} | alarm | stated).decode()
 
 
 def _statement_row(statement: Statement) -> dict[str, int | float | bool | None]:
@@ -104,6 +107,8 @@ class _Row(msgspec.Struct, frozen=True):
     text: str
     system_id: int | None = None
     alarm: str = ""
+    alarm_level: Level | Literal[""] = ""
+    over: bool = False
     statement: _StatementRow | None = None
 
 
@@ -135,6 +140,8 @@ def read_events(path: Path) -> tuple[list[Event], int]:
                     text=plain(row.text),
                     system_id=row.system_id or 0,
                     alarm=plain(row.alarm),
+                    alarm_level=row.alarm_level if row.alarm else "",
+                    over=row.over,
                     statement=row.statement.statement() if row.statement else None,
                 )
             )

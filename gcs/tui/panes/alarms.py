@@ -13,14 +13,14 @@ from textual.reactive import reactive
 from textual.strip import Strip
 
 from gcs.health.station_alarms import first_of
-from gcs.snapshot import Alarm
+from gcs.snapshot import Alarm, Snapshot
 from gcs.tui.draw.format import REPORTED_WORDS, age, plain
 from gcs.tui.draw.strips import Part, folded, line
 from gcs.tui.messages import AlarmsSeen, VehiclePicked
 from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, PANEL, PICKED, WARN, ink, level_colour
 from gcs.tui.panes.pane import Pane
 
-__all__ = ["AlarmPane", "Seen", "alarm_counts", "alike", "count_parts", "text_of", "token", "unseen"]
+__all__ = ["AlarmPane", "Seen", "alarm_counts", "alike", "count_parts", "text_of", "token", "unseen", "worst_alarm"]
 
 ADVICE_INDENT: Final = "    "
 HANGING_FROM: Final = 60
@@ -43,6 +43,13 @@ def token(alarm: Alarm) -> tuple[str, int, str]:
 def unseen(alarms: Iterable[Alarm], seen: Seen) -> list[Alarm]:
     """Alarms that are not acknowledged."""
     return [alarm for alarm in alarms if not alarm.acknowledged and token(alarm) not in seen]
+
+
+def worst_alarm(snapshot: Snapshot, system_id: int) -> Alarm | None:
+    """The worst that is wrong with a vehicle, None while nothing is."""
+    # they are in order, the worst first
+    about = (each for each in snapshot.alarms if system_id in (each.vehicles or (each.system_id,)))
+    return next(about, None)
 
 
 def alarm_counts(alarms: Sequence[Alarm]) -> tuple[int, int]:

@@ -73,11 +73,15 @@ def alert_of(
     if loud:
         return Alert(level="alarm", text=_summary(loud), hinted=True)
     lately = [event for event in events if 0 <= snapshot.now_us - event.t_us < EVENT_SHOWN_US]
+    # what the list of alarms has, or had, is told by it; older recordings have its words alone
     listed = {alarm.text for alarm in snapshot.alarms}
     listed |= {event.text.partition(": ")[2] for event in lately if event.text.startswith("over after ")}
-    recent = [event for event in lately if event.level == "alarm" and event.kind != "text" and event.text not in listed]
+    loose = [event for event in lately if event.level == "alarm" and event.kind != "text" and not event.alarm]
+    recent = [event for event in loose if event.text not in listed]
     if recent:
-        return Alert(level="alarm", text=f"{clock(recent[-1].t_us)} {text_with_sender(recent[-1], snapshot)}")
+        counted = any(alarm.level == "alarm" for alarm in snapshot.alarms)
+        text = f"{clock(recent[-1].t_us)} {text_with_sender(recent[-1], snapshot)}"
+        return Alert(level="alarm" if counted else "warning", text=text)
     if fresh:
         return Alert(level="warning", text=_summary(fresh), hinted=True)
     if snapshot.alarms:

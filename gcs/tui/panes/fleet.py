@@ -6,7 +6,7 @@ import math
 import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from rich.cells import cell_len
 from textual import events
@@ -31,9 +31,11 @@ from gcs.tui.palette import (
     WARN,
     Colour,
     ink,
+    level_colour,
     position_colour,
     standing_colour,
 )
+from gcs.tui.panes.alarms import worst_alarm
 from gcs.tui.panes.pane import Pane
 from mavlink.state import SILENT_S
 from mavlink.transmit.message_rates import LOSSY
@@ -41,6 +43,8 @@ from mavlink.transmit.message_rates import LOSSY
 __all__ = ["FleetPane", "columns_for", "condition_columns"]
 
 IDENTITY, IDENTITY_CELLS = "IDENTITY", 13
+MARKS: Final = {"info": "", "warning": "!", "alarm": "!!"}
+MARK_CELLS: Final = 2
 Cell = tuple[str, Colour]
 
 
@@ -202,12 +206,12 @@ def columns_for(
     order = (*COLUMNS[:-1], *more, *((AUTH,) if signing else ()), *((REFUSED,) if refusing else ()), COLUMNS[-1])
     longest = max((cell_len(plain(row.name)) for row in rows), default=0)
     # without the two others that are always there
-    most = width - 1 - sum(column.width + 1 for column in COLUMNS if column.title in ("POS", IDENTITY))
+    most = width - MARK_CELLS - 1 - sum(column.width + 1 for column in COLUMNS if column.title in ("POS", IDENTITY))
     name = replace(NAME, width=max(NAME.width, min(longest, most - 1)))
     order = tuple(name if column is NAME else column for column in order)
     kept: list[Column] = []
-    # the mark before the first column and the gap before each other one cost a cell each
-    room = width
+    # what tells the picked row and the gap before each column but the first cost a cell each
+    room = width - MARK_CELLS
     for column in sorted(order, key=lambda column: column.rank):
         if column.rank > 2 and room < column.width + 1:
             break
@@ -229,7 +233,8 @@ class FleetPane(Pane):
         """Column names are the heading, so that no row is lost."""
         style = ink(ACCENT if self.has_focus else FAINT, HEAD, bold=self.has_focus)
         titles = [fitted(column.title, column.width, column.align) for column in self._columns(width)]
-        return line([("▌" if self.has_focus else " ", ink(ACCENT, HEAD)), (" ".join(titles), style)], width, HEAD)
+        before = "▌" if self.has_focus else " "
+        return line([(before + " " * MARK_CELLS, ink(ACCENT, HEAD)), (" ".join(titles), style)], width, HEAD)
 
     def body(self, width: int, height: int) -> list[Strip]:
         """One row per vehicle; scrolled so that the selected one is on screen."""
@@ -253,7 +258,10 @@ class FleetPane(Pane):
         picked = bool(self.selected) and row.system_id == self.selected
         held = snapshot.held_s
         paper = PICKED if picked else PANEL
-        parts: list[Part] = [("▸" if picked else " ", ink(ACCENT, paper))]
+        worst = worst_alarm(snapshot, row.system_id)
+        mark = fitted(MARKS[worst.level] if worst else "", MARK_CELLS)
+        marked = level_colour(worst.level) if worst else INK
+        parts: list[Part] = [("▸" if picked else " ", ink(ACCENT, paper)), (mark, ink(marked, paper, bold=True))]
         for index, column in enumerate(columns):
             aloft = row.role == "uav" and column.title == IDENTITY
             text, colour = _height(row, snapshot) if aloft else column.aged_cell(row)
@@ -261,7 +269,10 @@ class FleetPane(Pane):
                 text, colour = f"{certainty(row.confidence)} {age(held)} ago", FAINT
             elif snapshot.provisional and column.title == IDENTITY:
                 colour = FAINT
-            text = name_or_id(text, row.system_id, column.width) if column.title == NAME.title else text
+            elif row.track_id and column.title == IDENTITY and row.system_id in snapshot.doubted:
+                colour = ALARM
+            if column.title == NAME.title:
+                text, colour = name_or_id(text, row.system_id, column.width), marked if worst else colour
             space = " " if index else ""
             parts.append((space + fitted(text, column.width, column.align), ink(colour, paper, bold=picked)))
         return line(parts, width, paper)

@@ -13,7 +13,7 @@ from gcs.certainty import certainty, named
 from gcs.missing import may_be
 from gcs.report.box_shapes import drawable
 from gcs.report.overlay import named_count, standing_of
-from gcs.snapshot import Box, Candidate, Snapshot, Standing, VehicleRow
+from gcs.snapshot import HELD_SHOWN_S, Box, Candidate, Snapshot, Standing, VehicleRow
 from gcs.tui.draw.condition import condition_facts
 from gcs.tui.draw.format import (
     NOT_ANALYSED,
@@ -160,7 +160,11 @@ def _vehicle(snapshot: Snapshot, row: VehicleRow, box: Box | None, width: int) -
 def _unnamed(snapshot: Snapshot, box: Box | None, width: int) -> list[list[Part]]:
     """A box without a name: since when, and who it may be."""
     if box is None:
-        return _text(("standing", "gone: no longer in the picture", FAINT), width)
+        stalled = not snapshot.boxes and snapshot.boxes_age_s > HELD_SHOWN_S
+        gone = (
+            f"not known: no new frame for {age(snapshot.boxes_age_s)}" if stalled else "gone: no longer in the picture"
+        )
+        return _text(("standing", gone, FAINT), width)
     standing = standing_of(snapshot, box)
     words = ("stated: none of ours" if box.stated else "no name") + _since(snapshot, box.since_us)
     lines = [_fact_parts(("standing", words, standing_colour(standing)))]

@@ -102,7 +102,7 @@ def test_alarms_of_the_flight_come_and_go_and_are_acknowledged():
     assert on(1) == [] and on(3) == [(link, "alarm", False, "")]
     assert on(4.5) == [(link, "alarm", True, "")], "links are not recorded, so that nothing contradicts the flight"
     assert on(6) == [(link, "alarm", True, ""), ("position 11", "warning", False, "then")]
-    assert on(8) == [("position 11", "alarm", False, "then"), (link, "alarm", True, "")]
+    assert on(8) == [(link, "alarm", True, ""), ("position 11", "alarm", False, "then")]
     assert on(10) == [(link, "alarm", True, "")] and on(22) == [("the old words for it", "alarm", False, "")]
     assert on(25) == []
 

@@ -80,6 +80,12 @@ def test_doubts_are_told_of_answers_that_are_not_sure():
     ]
 
 
+def test_a_contradicted_name_is_not_given_and_why_is_told():
+    told = withhold_names(IDENTITIES, state_of(), {13})
+    assert told.system_id.tolist() == [11, 12, 0, 0]
+    assert doubt_words(told)[3] == "its position contradicts the video"
+
+
 @pytest.mark.parametrize("identities", [None, IDENTITIES])
 def test_without_a_contest_nothing_changes(identities):
     assert withhold_names(identities, state_of()) is identities
