@@ -11,7 +11,8 @@ from gcs.importing.formats.film_streams import FilmStreams, read_streams
 from gcs.importing.formats.klv import log_of_klv
 from gcs.importing.formats.sei import TELEMETRY_UUID, log_of_messages
 from gcs.importing.formats.siyi import is_siyi, siyi_log
-from gcs.importing.vehicle_log import VehicleLog, within_a_day
+from gcs.importing.plausible import plausible
+from gcs.importing.vehicle_log import VehicleLog
 
 __all__ = ["read_film_log"]
 
@@ -38,7 +39,7 @@ def read_film_log(path: Path, *, coarse: bool) -> tuple[VehicleLog | None, tuple
             if streams.dropped:
                 skipped = {**log.notes.skipped, "messages beyond what is kept": streams.dropped}
                 log = replace(log, notes=replace(log.notes, skipped=skipped))
-            return within_a_day(log), tuple(troubles)
+            return plausible(log), tuple(troubles)
     return None, tuple(troubles)
 
 

@@ -11,8 +11,9 @@ from gcs.importing.formats.dji_srt import log_of_cues
 from gcs.importing.formats.gpx import read_gpx
 from gcs.importing.formats.px4_log import read_px4
 from gcs.importing.formats.subtitles import read_cues
+from gcs.importing.plausible import plausible
 from gcs.importing.tlog_vehicles import read_tlog_vehicles
-from gcs.importing.vehicle_log import VehicleLog, within_a_day
+from gcs.importing.vehicle_log import VehicleLog
 
 __all__ = ["read_vehicle_logs"]
 
@@ -26,7 +27,7 @@ def read_vehicle_logs(path: Path) -> list[VehicleLog]:
     Raises:
         ImportFileError, TlogError: no such file, or none that can be read.
     """
-    return [within_a_day(log) for log in _logs(path)]
+    return [plausible(log) for log in _logs(path)]
 
 
 def _logs(path: Path) -> list[VehicleLog]:

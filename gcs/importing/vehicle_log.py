@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal
 
@@ -31,7 +31,6 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-_DAY_US = 86_400_000_000
 LogClock = Literal["video", "frame", "utc", "own"]
 
 
@@ -170,28 +169,6 @@ class VehicleLog:
     attitudes: AngleTrack = field(default_factory=AngleTrack.empty)
     gimbal: AngleTrack = field(default_factory=AngleTrack.empty)
     view: ViewTrack = field(default_factory=ViewTrack.empty)
-
-
-def within_a_day(log: VehicleLog) -> VehicleLog:
-    """A log without what lies more than a day from most of it: damaged times, and other flights."""
-    # of an even number the upper middle one: the mean of two may be near neither
-    middle_us = int(log.places.t_us[len(log.places) // 2]) if len(log.places) else 0
-
-    def near(t_us: Ints) -> NDArray[np.bool_]:
-        return np.abs(t_us - middle_us) <= _DAY_US
-
-    kept = near(log.places.t_us)
-    lost = int(np.count_nonzero(~kept))
-    body, gimbal, view = near(log.attitudes.t_us), near(log.gimbal.t_us), near(log.view.t_us)
-    skipped = {**log.notes.skipped, "positions a day from the others": lost} if lost else log.notes.skipped
-    return replace(
-        log,
-        places=log.places.select(kept),
-        attitudes=replace(log.attitudes, t_us=log.attitudes.t_us[body], angles=log.attitudes.angles[body]),
-        gimbal=replace(log.gimbal, t_us=log.gimbal.t_us[gimbal], angles=log.gimbal.angles[gimbal]),
-        view=replace(log.view, t_us=log.view.t_us[view], hfov=log.view.hfov[view]),
-        notes=replace(log.notes, skipped=skipped),
-    )
 
 
 def whole_places(lat_deg: Floats, lon_deg: Floats) -> NDArray[np.bool_]:

@@ -10,7 +10,7 @@ import contextlib
 import io
 import math
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -35,6 +35,8 @@ __all__ = ["read_px4"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Columns = Mapping[str, NDArray[Any]]
+Topics = Mapping[str, Sequence[Columns]]
+"""Instances of each topic, by its name."""
 
 _RECEIVERS = ("vehicle_gps_position", "sensor_gps")
 _WANTED = (
@@ -51,6 +53,7 @@ _LATEST_US = 1 << 53
 _LEAST_UTC_US = 1_000_000_000_000_000
 """Year 2001: what a receiver says before is no time."""
 _YAW_IN_EARTH_FRAME = 64
+_FIX_3D = 3
 
 
 def read_px4(path: Path) -> VehicleLog:
@@ -60,14 +63,17 @@ def read_px4(path: Path) -> VehicleLog:
         ImportFileError: it cannot be read, has no position, or pyulog is not installed.
     """
     topics, system_id, damaged = _topics(path)
-    places = _places(topics)
+    places, what = _places(topics), "the estimator"
     if places is None:
-        raise ImportFileError(f"{path}: no position in it; vehicle_global_position has to be logged")
+        places, what = _fixes(topics), "the receiver"
+    if places is None:
+        wanted = ", ".join(("vehicle_global_position", *_RECEIVERS))
+        raise ImportFileError(f"{path}: no position in it; one of {wanted} has to be logged")
     zero_us = _zero_us(topics)
-    attitudes = _attitudes(topics.get("vehicle_attitude"))
-    gimbal = _gimbal(topics.get("gimbal_device_attitude_status"))
+    attitudes = _attitudes(_first(topics, "vehicle_attitude"))
+    gimbal = _gimbal(_first(topics, "gimbal_device_attitude_status"))
     heading = at_times(places.t_us, attitudes.t_us, attitudes.angles[:, 2], _GAP_US, turns=True)
-    found = [f"ULog, {len(places)} positions", f"{len(attitudes)} attitudes"]
+    found = [f"ULog, {len(places)} positions of {what}", f"{len(attitudes)} attitudes"]
     if len(gimbal):
         found.append(f"{len(gimbal)} attitudes of the gimbal")
     shift_us = zero_us or 0
@@ -91,8 +97,8 @@ def read_px4(path: Path) -> VehicleLog:
     )
 
 
-def _topics(path: Path) -> tuple[dict[str, Columns], int, bool]:
-    """First instances of the wanted topics, the system id (0 unknown), and whether the file is damaged."""
+def _topics(path: Path) -> tuple[Topics, int, bool]:
+    """Instances of the wanted topics by their numbers, the system id (0 unknown), and whether the file is damaged."""
     try:
         from pyulog import ULog
         from pyulog.core import ULogException, ULogIncompatibleFlagException
@@ -111,10 +117,10 @@ def _topics(path: Path) -> tuple[dict[str, Columns], int, bool]:
         ) as error:
             reason = " ".join(str(error).split())[:100] or type(error).__name__
             raise ImportFileError(f"{path}: not a PX4 log that can be read: {reason}") from None
-    topics: dict[str, Columns] = {}
+    topics: dict[str, list[Columns]] = {}
     for each in sorted(log.data_list, key=lambda data: data.multi_id):
         if "timestamp" in each.data and len(each.data["timestamp"]):
-            topics.setdefault(each.name, each.data)
+            topics.setdefault(each.name, []).append(each.data)
     system_id = log.initial_parameters.get("MAV_SYS_ID", 0)
     known = isinstance(system_id, int) and 1 <= system_id <= 255
     return topics, system_id if known else 0, bool(log.file_corruption)
@@ -124,12 +130,17 @@ def _times(topic: Columns) -> Ints:
     return np.asarray(np.minimum(topic["timestamp"].astype(np.uint64), _LATEST_US), np.int64)
 
 
+def _first(topics: Topics, name: str) -> Columns | None:
+    return next(iter(topics.get(name, ())), None)
+
+
 def _has(topic: Columns | None, *names: str) -> bool:
     return topic is not None and all(name in topic for name in names)
 
 
-def _places(topics: Mapping[str, Columns]) -> PlaceTrack | None:
-    topic = topics.get("vehicle_global_position")
+def _places(topics: Topics) -> PlaceTrack | None:
+    """Of the estimator."""
+    topic = _first(topics, "vehicle_global_position")
     if topic is None or not _has(topic, "lat", "lon", "alt"):
         return None
     lat, lon = topic["lat"].astype(float), topic["lon"].astype(float)
@@ -139,7 +150,7 @@ def _places(topics: Mapping[str, Columns]) -> PlaceTrack | None:
     if not len(rows):
         return None
     t_us, alt_m = t_us[rows], topic["alt"].astype(float)[rows]
-    local, home = topics.get("vehicle_local_position"), topics.get("home_position")
+    local, home = _first(topics, "vehicle_local_position"), _first(topics, "home_position")
     v_ned = None
     if local is not None and _has(local, "vx", "vy", "vz"):
         order = in_order(_times(local))
@@ -159,16 +170,45 @@ def _places(topics: Mapping[str, Columns]) -> PlaceTrack | None:
     )
 
 
-def _zero_us(topics: Mapping[str, Columns]) -> int | None:
-    """Unix µs of the log's time 0, None where no receiver knew it."""
-    for name in _RECEIVERS:
-        topic = topics.get(name)
-        if topic is not None and _has(topic, "time_utc_usec"):
-            utc_us, t_us = topic["time_utc_usec"].astype(np.int64), _times(topic)
-            known = utc_us > _LEAST_UTC_US
-            if known.any():
-                return int(np.median(utc_us[known] - t_us[known]))
-    return None
+def _fixes(topics: Topics) -> PlaceTrack | None:
+    """Of the receiver that has most fixes: where nothing was estimated."""
+    best: PlaceTrack | None = None
+    for topic in (each for name in _RECEIVERS for each in topics.get(name, ())):
+        if _has(topic, "latitude_deg", "longitude_deg", "altitude_msl_m"):
+            names, degrees, metres = ("latitude_deg", "longitude_deg", "altitude_msl_m"), 1.0, 1.0
+        elif _has(topic, "lat", "lon", "alt"):
+            names, degrees, metres = ("lat", "lon", "alt"), 1e-7, 1e-3
+        else:
+            continue
+        lat, lon, alt = (topic[name].astype(float) for name in names)
+        lat, lon = lat * degrees, lon * degrees
+        fixed = topic["fix_type"] >= _FIX_3D if _has(topic, "fix_type") else np.ones(len(lat), np.bool_)
+        rows = np.flatnonzero(whole_places(lat, lon) & fixed)
+        rows = rows[in_order(_times(topic)[rows])]
+        if not len(rows) or (best is not None and len(rows) <= len(best)):
+            continue
+        axes = ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
+        v_ned = np.column_stack([topic[axis].astype(float)[rows] for axis in axes]) if _has(topic, *axes) else None
+        std_m = float(np.median(topic["eph"].astype(float)[rows])) if _has(topic, "eph") else math.nan
+        known_m = std_m if 0.0 < std_m < 1e3 else math.nan
+        best = PlaceTrack.of(
+            _times(topic)[rows], lat[rows], lon[rows], alt_m=alt[rows] * metres, v_ned=v_ned, std_m=known_m
+        )
+    return best
+
+
+def _zero_us(topics: Topics) -> int | None:
+    """Unix µs of the log's time 0, by the receiver that knew it most often; None where none did."""
+    found: list[Ints] = [
+        utc_us[known] - _times(topic)[known]
+        for name in _RECEIVERS
+        for topic in topics.get(name, ())
+        if _has(topic, "time_utc_usec")
+        for utc_us in [topic["time_utc_usec"].astype(np.int64)]
+        for known in [utc_us > _LEAST_UTC_US]
+    ]
+    best = max(found, key=len, default=np.empty(0, np.int64))
+    return int(np.quantile(best, 0.5, method="lower")) if len(best) else None
 
 
 def _attitudes(topic: Columns | None) -> AngleTrack:
