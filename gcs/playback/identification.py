@@ -167,22 +167,35 @@ def _identify(
         analysis.close()
     if last is None:
         raise SessionError(f"{analysis.opened.session.path}: not one frame in it")
-    for text in _doubts(last, calls, blind=blind):
+    seen = analysis.opened.video is not None or analysis.opened.looks is not None
+    for text in _doubts(last, calls, blind=blind, seen=seen):
         note(text)
     return calls, last
 
 
-def _doubts(last: Snapshot, calls: RollCall, *, blind: bool) -> list[str]:
-    """What an operator should know about inputs that were lacking; blind: the attitude was all that lacked once."""
+def _doubts(last: Snapshot, calls: RollCall, *, blind: bool, seen: bool) -> list[str]:
+    """What an operator should know about inputs that were lacking.
+
+    Args:
+        last: what was known in the end.
+        calls: what was named.
+        blind: the attitude was all that lacked once.
+        seen: there is a video, or what was seen in it.
+    """
+    if not seen:
+        return ["there is neither a video nor boxes seen in one: give the film with --video, its camera with --mission"]
     doubts = []
     uav = last.vehicles[0]
     if uav.position_state == "never":
-        doubts.append(f"the UAV (system id {uav.system_id}) never reported a position: nothing can be placed or named")
+        doubts.append(
+            f"the UAV (system id {uav.system_id}) reported no position up to the last frame: nothing can be placed or "
+            "named"
+        )
     elif blind and calls.attitude_frames == 0:
         doubts.append("the UAV never reported its attitude: names rest on motion alone and take longer")
     silent = [row.name for row in last.vehicles[1:] if row.position_state == "never"]
     if silent:
-        doubts.append(f"no position was ever reported by {', '.join(silent)}: they cannot be named")
+        doubts.append(f"no position was reported up to the last frame by {', '.join(silent)}: they cannot be named")
     if not calls.boxes:
         doubts.append("not one vehicle was detected in the video")
     return doubts

@@ -67,3 +67,15 @@ def test_a_film_dated_seconds_wrong_is_named_from_its_first_second_on(tmp_path, 
     assert not any("do not match" in text for text in notes), "what the first look said does not hold"
     score = score_files(flown / "truth.csv", tmp_path / "out" / "identity.csv")
     assert score.right > 0.95 and score.precision > 0.99
+
+
+def test_of_telemetry_alone_it_is_told_what_is_missing(tmp_path):
+    log = shortened(CURVED_ROAD, tmp_path / "flown", 20) / "telemetry.tlog"
+    (tmp_path / "flight.tlog").write_bytes(log.read_bytes())
+    notes = []
+    calls = identify_session(open_session(tmp_path / "flight.tlog"), tmp_path / "out", note=notes.append)
+    assert calls.named == 0
+    assert notes[-1] == (
+        "there is neither a video nor boxes seen in one: give the film with --video, its camera with --mission"
+    )
+    assert not any("detected in the video" in note for note in notes)
