@@ -9,13 +9,14 @@ import numpy as np
 
 from gcs.errors import ImportFileError
 from gcs.importing.fleet_log import FleetTlog, open_fleet
-from gcs.importing.vehicle_log import AngleTrack, ImportNotes, VehicleLog, in_order
+from gcs.importing.vehicle_log import AngleTrack, ImportNotes, PlaceTrack, VehicleLog, in_order, whole_places
 from mavlink.estimation.gimbal import yaw_frame
 from mavlink.geodesy import euler_from_quaternion
 
 __all__ = ["read_tlog_vehicles"]
 
 _GPS_RAW, _ATTITUDE, _GIMBAL = 24, 30, 285
+_FIX_3D = 3
 _UNKNOWN_MM = 0xFFFFFFFF
 
 
@@ -35,10 +36,12 @@ def read_tlog_vehicles(path: Path) -> list[VehicleLog]:
 
 
 def _log(path: Path, fleet: FleetTlog, system_id: int) -> VehicleLog:
-    places = fleet.places(system_id)
+    places, what = fleet.places(system_id), "positions"
+    if not len(places):
+        places, what = _fixes(fleet, system_id), "fixes of the receiver alone"
     attitudes, gimbal = _attitudes(fleet, system_id), _gimbal(fleet, system_id)
     found = (
-        f"telemetry log, {len(places)} positions",
+        f"telemetry log, {len(places)} {what}",
         f"{len(attitudes)} attitudes",
         f"{len(gimbal)} attitudes of the gimbal",
     )
@@ -51,6 +54,14 @@ def _log(path: Path, fleet: FleetTlog, system_id: int) -> VehicleLog:
         gimbal=gimbal,
         notes=ImportNotes(found=found[: 3 if len(gimbal) else 2], assumed=fleet.assumed),
     )
+
+
+def _fixes(fleet: FleetTlog, system_id: int) -> PlaceTrack:
+    """By GPS_RAW_INT, of a vehicle that estimates no position."""
+    t_us, wire = fleet.columns(_GPS_RAW, system_id)
+    lat, lon = wire["lat"] * 1e-7, wire["lon"] * 1e-7
+    rows = np.flatnonzero((wire["fix_type"] >= _FIX_3D) & whole_places(lat, lon))
+    return PlaceTrack.of(t_us[rows], lat[rows], lon[rows], alt_m=wire["alt"][rows] * 1e-3)
 
 
 def _std_m(fleet: FleetTlog, system_id: int) -> float:

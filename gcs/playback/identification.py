@@ -182,9 +182,10 @@ def _doubts(last: Snapshot, calls: RollCall, *, blind: bool, seen: bool) -> list
         blind: the attitude was all that lacked once.
         seen: there is a video, or what was seen in it.
     """
-    if not seen:
-        return ["there is neither a video nor boxes seen in one: give the film with --video, its camera with --mission"]
     doubts = []
+    if not seen:
+        film = "there is neither a video nor boxes seen in one: give the film with --video, its camera with --mission"
+        doubts.append(film)
     uav = last.vehicles[0]
     if uav.position_state == "never":
         doubts.append(
@@ -196,6 +197,6 @@ def _doubts(last: Snapshot, calls: RollCall, *, blind: bool, seen: bool) -> list
     silent = [row.name for row in last.vehicles[1:] if row.position_state == "never"]
     if silent:
         doubts.append(f"no position was reported up to the last frame by {', '.join(silent)}: they cannot be named")
-    if not calls.boxes:
+    if seen and not calls.boxes:
         doubts.append("not one vehicle was detected in the video")
     return doubts

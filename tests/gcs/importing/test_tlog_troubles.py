@@ -79,3 +79,14 @@ def test_stamps_that_run_faster_than_the_vehicles_are_refused(tmp_path):
     path = written(tmp_path / "fleet.tlog", speed=10.0)
     with pytest.raises(ImportFileError, match=r"fleet\.tlog: the vehicles' clocks run 10 times as fast as the stamps"):
         open_fleet(path)
+
+
+def test_a_vehicle_with_a_receiver_alone(tmp_path):
+    speaker = MavlinkEncoder(11)
+    with (tmp_path / "rover.tlog").open("wb") as file:
+        for k in range(STEPS):
+            frames = [speaker.gps_raw_int(T0 + k * 200_000, *path_of(k)), speaker.heartbeat(kind=ROVER)]
+            file.writelines(struct.pack(">Q", T0 + k * 200_000) + frame for frame in frames)
+    (log,) = read_vehicle_logs(tmp_path / "rover.tlog")
+    assert_path(log.places, T0)
+    assert log.notes.found[0] == f"telemetry log, {STEPS} fixes of the receiver alone"
