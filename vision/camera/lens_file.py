@@ -74,21 +74,27 @@ def _from_toml(text: str) -> Intrinsics:
 
 def _from_yaml(text: str) -> Intrinsics:
     """``camera_matrix``, ``distortion_coefficients`` and ``image_width``, ``image_height``, as both write them."""
-    import cv2
+    import yaml
 
-    if not text.startswith("%YAML"):
-        text = "%YAML:1.0\n---\n" + text
+    class Loader(yaml.SafeLoader):
+        """Also reads the matrices of OpenCV."""
+
+    Loader.add_multi_constructor(
+        "tag:yaml.org,2002:opencv-", lambda loader, _, node: loader.construct_mapping(node, deep=True)
+    )
+    # OpenCV's first line is "%YAML:1.0", which is no directive of YAML's
+    body = text.partition("\n")[2] if text.startswith("%YAML:") else text
     try:
-        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        K = _matrix(storage.getNode("camera_matrix"))
-        lens = _matrix(storage.getNode("distortion_coefficients"))
-        size = [storage.getNode(name).real() for name in ("image_width", "image_height")]
-        model = storage.getNode("distortion_model")
-        kind = model.string() if model.isString() else ""
-    except (cv2.error, SystemError) as error:
-        raise CameraError("not YAML that OpenCV can read") from error
+        table = yaml.load(body, Loader)  # a safe one: it makes plain values alone
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise CameraError(f"not YAML that can be read: {' '.join(str(error).split())[:100]}") from None
+    if not isinstance(table, dict):
+        raise CameraError("not YAML of a camera: no names with values in it")
+    kind = str(table.get("distortion_model", ""))
     if kind not in PINHOLE:
         raise CameraError(f"distortion model {kind!r} is not supported, only {' and '.join(PINHOLE[1:])}")
+    K, lens = _matrix(table.get("camera_matrix")), _matrix(table.get("distortion_coefficients"))
+    size = [table.get(name) for name in ("image_width", "image_height")]
     if K.size != 9 or lens.size < 4 or not all(size):
         raise CameraError("needs camera_matrix, distortion_coefficients, image_width and image_height")
     if lens[5:].any():
@@ -98,10 +104,13 @@ def _from_yaml(text: str) -> Intrinsics:
     return _camera(numbers, np.pad(lens, (0, 5))[:5].tolist())
 
 
-def _matrix(node: Any) -> np.ndarray[Any, np.dtype[np.float64]]:  # noqa: ANN401 - a cv2.FileNode
-    """All numbers of a matrix, row by row."""
-    data = node.getNode("data") if node.isMap() else None
-    return np.array([data.at(i).real() for i in range(data.size())] if data else [], dtype=np.float64)
+def _matrix(node: object) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """All numbers of a matrix, row by row; empty where one of them is none."""
+    data = node.get("data") if isinstance(node, dict) else None
+    try:
+        return np.array([float(value) for value in data] if isinstance(data, list) else [], dtype=np.float64)
+    except (TypeError, ValueError):
+        return np.empty(0)
 
 
 def _camera(numbers: dict[str, Any], lens: list[float]) -> Intrinsics:

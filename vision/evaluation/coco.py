@@ -62,11 +62,13 @@ def find_coco(folder: Path) -> list[Path]:
     return found
 
 
-def read_coco(path: Path) -> dict[str, Truth]:
-    """The labels of each image, by its name in the file; an image without annotations holds nothing.
+def read_coco(path: Path) -> tuple[dict[str, Truth], int]:
+    """The labels of each image, by its name in the file, and how many boxes without area were left out.
+
+    An image without annotations holds nothing.
 
     Raises:
-        LabelError: the file is not of this form, or an annotation is of no image or category, or has no area.
+        LabelError: the file is not of this form, or an annotation is of no image or category.
     """
     try:
         file = msgspec.json.decode(_read(path), type=_CocoFile)
@@ -81,10 +83,10 @@ def read_coco(path: Path) -> dict[str, Truth]:
             raise LabelError(f"{where}: image_id {one.image_id} is none of the file's images")
         if one.category_id not in categories:
             raise LabelError(f"{where}: category_id {one.category_id} is none of the file's categories")
-        if not (np.isfinite(one.bbox).all() and min(one.bbox[2:]) > 0.0):
-            raise LabelError(f"{where}: a box of {one.bbox[2]:g} × {one.bbox[3]:g} px has no area")
-        of_image[one.image_id].append(one)
-    return {image.file_name: _truth(of_image[image.id], categories) for image in file.images}
+        if np.isfinite(one.bbox).all() and min(one.bbox[2:]) > 0.0:
+            of_image[one.image_id].append(one)
+    labels = {image.file_name: _truth(of_image[image.id], categories) for image in file.images}
+    return labels, len(file.annotations) - sum(map(len, of_image.values()))
 
 
 def _read(path: Path) -> bytes:

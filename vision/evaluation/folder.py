@@ -7,7 +7,6 @@ not judged and is counted.
 
 from __future__ import annotations
 
-import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -54,6 +53,8 @@ class Folder:
     """Images without a label file, or of which none of COCO's files tells."""
     missing: int = 0
     """Images of a COCO file that are not in the folder."""
+    without_area: int = 0
+    """Boxes without height or width, which were left out."""
 
 
 def open_folder(
@@ -90,12 +91,14 @@ def open_folder(
     kind = format or _told_format([label for _, label in pairs])
     called = dict(enumerate(names)) if names is not None else _class_names(path)
     read = partial(_read, kind=kind, names=called, corners_tell_front=corners_tell_front)
-    images = []
+    images, without_area = [], 0
     for image, label in pairs:
         labels = read(image, label)
+        without_area += labels.without_area
         name = str(image.relative_to(path))
         images.append(LabelledImage(name=name, read=partial(_pixels, image), truth=labels.truth, gsd_m=labels.gsd_m))
-    return Folder(format=kind, images=tuple(images), unlabelled=len(paths) - len(pairs))
+    unlabelled = len(paths) - len(pairs)
+    return Folder(format=kind, images=tuple(images), unlabelled=unlabelled, without_area=without_area)
 
 
 def _read(image: Path, label: Path, *, kind: Format, names: Mapping[int, str], corners_tell_front: bool) -> LabelFile:
@@ -115,9 +118,12 @@ def _open_coco(path: Path, images: Sequence[Path]) -> Folder:
     for image in images:
         by_name[image.name].append(image)
     truths: dict[Path, Truth] = {}
-    missing = 0
+    missing = without_area = 0
     for file in files:
-        for name, truth in read_coco(file).items():
+        labels, left_out = read_coco(file)
+        without_area += left_out
+        for written, truth in labels.items():
+            name = written.replace("\\", "/")  # as programs under Windows write it
             places = [p for p in by_name[Path(name).name] if p.as_posix().endswith("/" + name)]
             places = places or by_name[Path(name).name]
             if len(places) > 1:
@@ -133,7 +139,8 @@ def _open_coco(path: Path, images: Sequence[Path]) -> Folder:
         for image in images
         if image in truths
     ]
-    return Folder(format="coco", images=tuple(found), unlabelled=len(images) - len(found), missing=missing)
+    unlabelled = len(images) - len(found)
+    return Folder(format="coco", images=tuple(found), unlabelled=unlabelled, missing=missing, without_area=without_area)
 
 
 def _label_of(image: Path) -> Path | None:
@@ -186,18 +193,19 @@ def _class_names(folder: Path) -> dict[int, str]:
 
 
 def _yaml_names(text: str, path: Path) -> dict[int, str]:
-    """``names: [a, b]``, or below ``names:`` lines ``0: a`` or ``- a``."""
-    found = re.search(r"^names:[ \t]*(\[[^\]]*\])?[ \t]*(?:#.*)?\n?((?:[ \t]+\S.*\n?|-.*\n?)*)", text, re.MULTILINE)
-    if not found or not (found[1] or found[2]):
+    """The list or the numbered names under ``names``."""
+    import yaml
+
+    try:
+        table = yaml.safe_load(text)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise LabelError(f"{path}: not YAML that can be read: {' '.join(str(error).split())[:100]}") from None
+    names = table.get("names") if isinstance(table, dict) else None
+    if isinstance(names, list):
+        names = dict(enumerate(names))
+    if not isinstance(names, dict) or not names or not all(isinstance(number, int) for number in names):
         raise LabelError(f"{path}: no list of class names under 'names:'; give them with --names")
-    items = found[1].strip("[]").split(",") if found[1] else found[2].splitlines()
-    names: dict[int, str] = {}
-    for item in (item.split("#")[0].strip() for item in items):
-        number, _, rest = item.partition(":")
-        key, name = (int(number), rest) if number.strip().isdigit() and rest else (len(names), item.lstrip("- "))
-        if item:
-            names[key] = name.strip().strip("'\"")
-    return names
+    return {number: str(name) for number, name in names.items()}
 
 
 def _pixels(path: Path) -> Image:

@@ -45,6 +45,7 @@ VISDRONE = (
     "others",
 )
 """Category names, in order."""
+_LEAST_PX = 1e-3
 BEYOND = 0.5
 """How far beyond the image a corner of a normalised label may lie, shares of its sides."""
 
@@ -56,6 +57,8 @@ class LabelFile:
     truth: Truth
     gsd_m: float = math.nan
     """Metres per pixel, NaN where it is not given."""
+    without_area: int = 0
+    """Boxes without height or width, which were left out: some are in most large sets."""
 
 
 def read_yolo(path: Path, size: tuple[int, int], names: Mapping[int, str], corners_tell_front: bool) -> LabelFile:
@@ -83,14 +86,14 @@ def read_yolo(path: Path, size: tuple[int, int], names: Mapping[int, str], corne
         upright.add(len(fields) == 5)
         name = names.get(int(number), str(int(number)))
         if len(fields) == 5:
-            return _upright(np.array(shares) * (*size, *size), where), math.nan, name, True, -1
-        box, heading = _rectangle(np.array(shares).reshape(4, 2) * size, corners_tell_front, where)
+            return _upright(np.array(shares) * (*size, *size)), math.nan, name, True, -1
+        box, heading = _rectangle(np.array(shares).reshape(4, 2) * size, corners_tell_front)
         return box, heading, name, True, -1
 
     rows = _rows(path, row, None)
     if len(upright) > 1:
         raise LabelError(f"{path}: lines of 9 and of 5 values; oriented and upright boxes cannot be judged together")
-    return LabelFile(truth=_truth(rows, upright == {True}))
+    return _label_file(rows, upright == {True})
 
 
 def read_dota(path: Path, corners_tell_front: bool) -> LabelFile:
@@ -116,11 +119,11 @@ def read_dota(path: Path, corners_tell_front: bool) -> LabelFile:
         if len(fields) == 10 and fields[9] not in ("0", "1", "2"):
             raise LabelError(f"{where}: difficult is {fields[9]!r}, wanted 0 or 1")
         points = np.array(_numbers(fields[:8], where)).reshape(4, 2)
-        box, heading = _rectangle(points, corners_tell_front, where)
+        box, heading = _rectangle(points, corners_tell_front)
         return box, heading, fields[8], len(fields) == 9 or fields[9] == "0", -1
 
     rows = _rows(path, row, None)
-    return LabelFile(truth=_truth(rows, False), gsd_m=gsd)
+    return _label_file(rows, False, gsd)
 
 
 def read_visdrone(path: Path) -> LabelFile:
@@ -140,10 +143,10 @@ def read_visdrone(path: Path) -> LabelFile:
             raise LabelError(f"{where}: category {fields[5]} is none; there are 0 to {len(VISDRONE) - 1}")
         if occlusion not in (0, 1, 2):
             raise LabelError(f"{where}: occlusion {fields[7]} is none; there are 0, 1 and 2")
-        box = _upright(np.array([left + width / 2.0, top + height / 2.0, width, height]), where)
+        box = _upright(np.array([left + width / 2.0, top + height / 2.0, width, height]))
         return box, math.nan, VISDRONE[int(category)], score > 0 and category > 0, int(occlusion)
 
-    return LabelFile(truth=_truth(_rows(path, row, ","), True))
+    return _label_file(_rows(path, row, ","), True)
 
 
 def read_text(path: Path) -> str:
@@ -186,25 +189,27 @@ def _gsd(value: str, where: str) -> float:
     return gsd
 
 
-def _upright(centre_size: Floats, where: str) -> Floats:
-    if min(centre_size[2:]) <= 0.0:
-        raise LabelError(f"{where}: a box of {centre_size[2]:g} × {centre_size[3]:g} px has no area")
+def _upright(centre_size: Floats) -> Floats:
     return np.append(centre_size, 0.0)
 
 
-def _rectangle(points: Floats, corners_tell_front: bool, where: str) -> tuple[Floats, float]:
+def _rectangle(points: Floats, corners_tell_front: bool) -> tuple[Floats, float]:
     """The smallest rectangle (5,) around corners (4, 2), and the heading of the side between the first two."""
     # about their own middle: OpenCV counts in 32 bits
     middle = points.mean(axis=0)
     (dx, dy), (w, h), degrees = cv2.minAreaRect((points - middle).astype(np.float32))
-    if min(w, h) <= 1e-3:
-        raise LabelError(f"{where}: its four corners lie on one line")
     if not corners_tell_front:
         return np.array([middle[0] + dx, middle[1] + dy, w, h, math.radians(degrees)]), math.nan
     ahead = 0.5 * (points[0] + points[1]) - middle
     # heading: clockwise from image up, x right and y down
     heading = math.atan2(ahead[0], -ahead[1]) % (2.0 * math.pi)
     return np.array([middle[0] + dx, middle[1] + dy, w, h, math.radians(degrees)]), heading
+
+
+def _label_file(rows: Sequence[Row], upright: bool, gsd_m: float = math.nan) -> LabelFile:
+    """Of the boxes that have an area."""
+    kept = [row for row in rows if min(row[0][2:4]) > _LEAST_PX]
+    return LabelFile(truth=_truth(kept, upright), gsd_m=gsd_m, without_area=len(rows) - len(kept))
 
 
 def _truth(rows: Sequence[Row], upright: bool) -> Truth:

@@ -151,6 +151,8 @@ def open_images(
         print_note(f"{opened.unlabelled} images have no label file and are not judged")
     if opened.missing:
         print_note(f"{opened.missing} images of the COCO file are not in {folder}")
+    if opened.without_area:
+        print_note(f"{opened.without_area} boxes have no height or no width and are left out")
     images, choice = choose_in_all(opened.images, _split(classes), _split(ignore))
     print_note(f"classes that count: {', '.join(sorted(choice.counts)) or 'none'}")
     return opened.format, images

@@ -1,6 +1,7 @@
 """Intrinsics for other sizes and zooms, from fields of view, and out of files; OpenCV is the oracle."""
 
 import math
+import re
 
 import cv2
 import numpy as np
@@ -112,8 +113,14 @@ distortion_coefficients:
 """
 
 
-def test_camera_info_of_ros_is_the_same_camera(tmp_path):
-    (tmp_path / "info.yaml").write_text(ROS)
+def in_blocks(text):
+    """The same with a line for each number, not indented, as PyYAML and the tools on it write lists."""
+    return re.sub(r"  data: \[(.*)\]", lambda found: "  data:\n  - " + found[1].replace(", ", "\n  - "), text)
+
+
+@pytest.mark.parametrize("write", [str, in_blocks, "# from a calibration tool\n{}".format, "%YAML 1.1\n---\n{}".format])
+def test_camera_info_of_ros_is_the_same_camera(write, tmp_path):
+    (tmp_path / "info.yaml").write_text(write(ROS))
     again = read_lens(tmp_path / "info.yaml")
     np.testing.assert_allclose(again.pixels(POINTS)[0], CAMERA.pixels(POINTS)[0], atol=1e-9)
 
@@ -133,6 +140,9 @@ def test_camera_info_of_ros_is_the_same_camera(tmp_path):
         ("a.yaml", ROS.replace("-0.008]", "-0.008, 0.0, 0.0, 0.3]"), "has 8 distortion coefficients"),
         ("a.yaml", ROS.replace("image_width", "image_breadth"), "needs camera_matrix"),
         ("a.yaml", ROS.replace("948.0, 0.0, 1304.0", ".nan, 0.0, 1304.0"), "finite"),
+        ("a.yaml", ROS.replace("948.0, 0.0", "wide, 0.0"), "needs camera_matrix"),
+        ("a.yaml", "camera_matrix: [", "not YAML that can be read: while parsing"),
+        ("a.yaml", "!!python/object/apply:os.system [true]", "not YAML that can be read: could not determine"),
     ],
 )
 def test_files_of_no_camera_say_what_is_wrong(tmp_path, name, text, message):

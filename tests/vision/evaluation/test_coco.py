@@ -71,7 +71,6 @@ def test_labels_beside_images_come_first_unless_coco_is_asked_for(tmp_path):
     [
         (box(9), "annotation 1: image_id 9"),
         (box(0, 4), "annotation 1: category_id 4"),
-        (box(0, bbox=(1, 2, 0, 5)), "annotation 1: a box of 0 × 5 px"),
         ({"image_id": 0, "category_id": 3}, r"instances\.json: .*bbox"),
         (box(0, bbox=(1, 2, 3)), r"instances\.json: .*length"),
     ],
@@ -107,3 +106,17 @@ def test_regions_without_labels_keep_their_name(tmp_path):
     path = tmp_path / "annotations/instances.json"
     path.write_text(path.read_text().replace('"car"', json.dumps(REGION)))
     assert open_folder(tmp_path).images[0].truth.name.tolist() == [REGION]
+
+
+def test_boxes_without_area_are_left_out_and_counted(tmp_path):
+    boxes = [box(1), box(1, bbox=(10, 20, 0, 5)), box(0, bbox=(10, 20, 5, 0))]
+    opened = open_folder(write(tmp_path, annotations=boxes))
+    assert opened.without_area == 2
+    assert [len(image.truth) for image in opened.images] == [0, 1]
+
+
+def test_paths_as_windows_writes_them(tmp_path):
+    images = ("images\\a.png", "images\\b.png")
+    opened = open_folder(write(tmp_path, images=images, present=("images/a.png", "images/b.png")))
+    assert [image.name for image in opened.images] == ["images/a.png", "images/b.png"]
+    assert opened.missing == 0
