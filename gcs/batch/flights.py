@@ -5,18 +5,20 @@ from __future__ import annotations
 import glob
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 from gcs.batch.addresses import is_pattern, is_remote, last_part, local_path, remote_files, store_errors
 from gcs.errors import BatchError
+from infra.files.safe_open import read_small
 from infra.files.segments import segments
 from infra.secrets import concealed, hide
 from infra.session_format import LOG
 
 __all__ = ["BatchFlight", "find_flights"]
 
-LIST_SUFFIXES = (".txt", ".list")
-"""Of files with a flight on each line."""
+MOST_LIST_BYTES = 64 << 20
+"""Of a list: a hundred thousand signed addresses."""
 LOG_SUFFIX = ".tlog"
 
 
@@ -30,22 +32,25 @@ class BatchFlight:
     """Absolute path of a session folder or telemetry log, or where fsspec finds it."""
 
 
-def find_flights(words: Iterable[str], note: Callable[[str], None] = lambda text: None) -> list[BatchFlight]:
+def find_flights(
+    words: Iterable[str], note: Callable[[str], None] = lambda text: None, *, lists: Iterable[Path] = ()
+) -> list[BatchFlight]:
     """The flights that words stand for, in their order, each once.
 
     A word is a session folder, a folder of session folders, a telemetry log, a pattern of those (``*``, ``?``, ``[]``),
-    a list (``.txt``: a word on each line, ``#`` begins a comment, paths relative to the list), or an address
-    with a protocol, as ``s3://bucket/flights/*``. ``NAME=WORD`` gives a single flight another name.
+    or an address with a protocol, as ``s3://bucket/flights/*``. ``NAME=WORD`` gives a single flight another name.
 
     Args:
         words: as given by the user.
         note: called with a line for what is left out.
+        lists: files with a word on each line; ``#`` begins a comment, paths are relative to the list.
 
     Raises:
         BatchError: no flight at all, two of one name, or a list that cannot be read.
     """
     by_name: dict[str, BatchFlight] = {}
-    for flight in _flights(words, Path(), note):
+    given = [(words, Path()), *((_lines(path), path.parent) for path in lists)]
+    for flight in chain.from_iterable(_flights(each, folder, note) for each, folder in given):
         known = by_name.setdefault(flight.name, flight)
         if known.address != flight.address:
             raise BatchError(
@@ -53,7 +58,7 @@ def find_flights(words: Iterable[str], note: Callable[[str], None] = lambda text
                 f"give one another name, as OTHER={concealed(flight.address)}"
             )
     if not by_name:
-        raise BatchError("not one flight found; give session folders, telemetry logs, patterns of them, or a .txt list")
+        raise BatchError("not one flight found; give session folders, telemetry logs, patterns of them, or a --list")
     return list(by_name.values())
 
 
@@ -67,9 +72,6 @@ def _flights(words: Iterable[str], folder: Path, note: Callable[[str], None]) ->
             if len(found) != 1:
                 raise BatchError(f"{word}: {len(found)} flights there; a name is for one")
             yield BatchFlight(_checked(name), found[0])
-        elif not is_remote(word) and Path(word).suffix.lower() in LIST_SUFFIXES:
-            path = folder / local_path(word)
-            yield from _flights(_lines(path), path.parent, note)
         else:
             for address in _addresses(word, folder, note):
                 yield BatchFlight(_checked(_name_of(address)), address)
@@ -77,8 +79,10 @@ def _flights(words: Iterable[str], folder: Path, note: Callable[[str], None]) ->
 
 def _lines(path: Path) -> Iterator[str]:
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_small(path, MOST_LIST_BYTES).decode()
+    except OSError as error:
+        raise BatchError(f"{path}: cannot be read as a list of flights: {error.strerror}") from error
+    except ValueError as error:
         raise BatchError(f"{path}: cannot be read as a list of flights: {error}") from error
     lines = (line.strip() for line in text.splitlines())
     return (line for line in lines if line and not line.startswith("#"))
@@ -116,7 +120,9 @@ def _local_addresses(path: Path, note: Callable[[str], None]) -> Iterator[str]:
         # a folder without any is a broken flight, and is told as that
         yield from (str(folder.resolve()) for folder in inside or [path])
     elif path.is_file() and path.suffix.lower() != LOG_SUFFIX:
-        note(f"{path}: neither a session folder, a {LOG_SUFFIX} nor a {LIST_SUFFIXES[0]} list; left out")
+        note(
+            f"{path}: neither a session folder nor a {LOG_SUFFIX}; left out. A list of flights is given as --list FILE"
+        )
     else:
         yield str(path.resolve())
 

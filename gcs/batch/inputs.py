@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from gcs.batch.addresses import remote_files, store_errors
-from gcs.errors import BatchError
+from gcs.errors import BatchError, StoreError
 from gcs.mission.mission import BUNDLED, Mission
 from infra.session_format import EVENTS, IDENTITY, IDENTITY_EVIDENCE, LOG, MARKS, PROGRAM_LOG
 
@@ -16,6 +17,10 @@ __all__ = ["fetch", "files_stamp", "input_files", "inputs_hash", "mission_files"
 
 _NOT_READ = frozenset((IDENTITY.name, IDENTITY_EVIDENCE, MARKS, PROGRAM_LOG, "faults.txt"))
 """Files of a session that no identification reads: what it wrote itself, and what was made later."""
+
+
+MOST_FETCH_BYTES, MOST_FETCH_S = 64 << 30, 7200.0
+"""Of one flight out of a store: eighteen hours of video at 8 Mbit/s."""
 
 
 def _is_read(name: str) -> bool:
@@ -101,11 +106,28 @@ def fetch(address: str, place: Path) -> None:
         place: path of this machine that the folder or the log gets.
 
     Raises:
-        StoreError: it cannot be fetched.
+        StoreError: it cannot be fetched, or is larger or slower than a flight.
     """
+    # only those who fetch have it
+    from fsspec.callbacks import Callback
+
+    class _Bounded(Callback):  # type: ignore[misc] - fsspec has no types
+        """Counts what comes of all files, and breaks it off when it is too much."""
+
+        def __init__(self) -> None:
+            super().__init__()
+            self._came, self._until_s = 0, time.monotonic() + MOST_FETCH_S
+
+        def relative_update(self, inc: int = 1) -> None:
+            self._came += inc
+            if self._came > MOST_FETCH_BYTES or time.monotonic() > self._until_s:
+                most = f"{MOST_FETCH_BYTES >> 30} GiB or {MOST_FETCH_S / 3600:g} h"
+                raise StoreError(f"more than {most} for one flight; fetch it yourself")
+
     with store_errors(address):
         files, path = remote_files(address)
         is_file = files.info(path)["type"] == "file"
         (place.parent if is_file else place).mkdir(parents=True, exist_ok=True)
+        coming = _Bounded()
         for name, _ in _remote_listing(address):
-            files.get_file(name, str(place if is_file else place / Path(name).name))
+            files.get_file(name, str(place if is_file else place / Path(name).name), callback=coming)

@@ -153,7 +153,7 @@ def fly(
     door = AttachServer(flight.folder, links)
     try:
         if not screen:
-            print_note(_gone_on(flight, "recording" if headless else "no terminal, so no screen; recording"))
+            print_note(_gone_on(flight, "recording" if headless else "no terminal, so no screen; recording", door))
         with telling(flight, sinks, SinkSource(name=flight.title), sessions):
             if not screen or not _screen(flight, options, door):
                 _wait(flight, door, duration)
@@ -259,10 +259,9 @@ def _check(links: tuple[str, ...], duration: float | None, mission: Mission, *, 
         TerrainFile(mission.terrain)
 
 
-def _gone_on(flight: Flight, why: str) -> str:
-    return (
-        f"{why} in {flight.folder}: stop with Ctrl-C, or kill {os.getpid()}; gcs fly --attach shows it on any terminal"
-    )
+def _gone_on(flight: Flight, why: str, door: AttachServer) -> str:
+    shown = door.trouble or "gcs fly --attach shows it on any terminal"
+    return f"{why} in {flight.folder}: stop with Ctrl-C, or kill {os.getpid()}; {shown}"
 
 
 @contextlib.contextmanager
@@ -309,14 +308,18 @@ def _screen(flight: Flight, options: ScreenOptions, door: AttachServer) -> bool:
         ended = _run(flight, options, door.taken_over)
     if not ended:
         redirect_if_terminal_gone(flight.folder / CONSOLE)
-        print_note(_gone_on(flight, "the screen is gone; still recording"))
+        print_note(_gone_on(flight, "the screen is gone; still recording", door))
     return ended
 
 
 def _lend(flight: Flight, lent: LentTerminal, door: AttachServer, end_s: float) -> bool:
-    """Show the screens on another terminal; whether the flight is to end."""
-    with lent.as_standard_streams(), door.showing():
-        ended = _run(flight, lent.options, lambda: door.taken_over() or time.monotonic() >= end_s)
+    """Show the screens on another terminal; whether the flight is to end, which no terminal decides by failing."""
+    ended = False
+    try:
+        with lent.as_standard_streams(), door.showing():
+            ended = _run(flight, lent.options, lambda: door.taken_over() or time.monotonic() >= end_s)
+    except Exception:  # noqa: BLE001 - logged; a terminal may never end a flight
+        _log.exception("a terminal that was attached failed")
     over = ended or time.monotonic() >= end_s
     lent.give_back("the flight has ended" if over else "the flight goes on; gcs fly --attach shows it again")
     return ended

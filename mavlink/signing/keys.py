@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
+from infra.files.safe_open import open_to_read
 from mavlink.errors import SigningError
 
 __all__ = ["FLEET", "Key", "KeyRing", "key_path", "passphrase_secret", "read_ring", "write_key"]
@@ -170,7 +171,7 @@ def _read_key(path: Path) -> Key:
 
 def _opened(path: Path) -> BinaryIO:
     try:
-        return path.open("rb")
+        return os.fdopen(open_to_read(path), "rb")
     except OSError as error:
         raise SigningError(f"{path}: cannot be read: {error.strerror}") from None
 

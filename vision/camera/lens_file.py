@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import tomli_w
 
+from infra.files.safe_open import read_small
 from vision.camera.intrinsics import Intrinsics
 from vision.errors import CameraError
 
@@ -26,6 +27,8 @@ KNOWN = (*NUMBERS, "distortion", "calibration")
 YAML = (".yaml", ".yml")
 MOST_BYTES = 256 << 10
 """A lens takes less than 1 KiB; calibration programs add tables to it."""
+MOST_PX = 16384
+"""No camera has a longer side."""
 PINHOLE = ("", "plumb_bob", "rational_polynomial")
 
 
@@ -43,14 +46,12 @@ def read_lens(path: Path) -> Intrinsics:
         CameraError: no such file, or no description of a camera in it.
     """
     try:
-        if path.exists() and not path.is_file():
-            raise CameraError(f"{path}: not a regular file")
-        if path.stat().st_size > MOST_BYTES:
-            raise CameraError(f"{path}: larger than {MOST_BYTES >> 10} KiB, which no lens file is")
-        text = path.read_text(encoding="utf-8")
+        text = read_small(path, MOST_BYTES).decode()
     except FileNotFoundError:
         raise CameraError(f"{path}: no such file; gcs calibrate makes one from a video of a chessboard") from None
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
+        raise CameraError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
         raise CameraError(f"{path}: cannot be read as text: {error}") from error
     try:
         return _from_yaml(text) if path.suffix.lower() in YAML else _from_toml(text)
@@ -90,7 +91,8 @@ def _from_yaml(text: str) -> Intrinsics:
         raise CameraError(f"not YAML that can be read: {' '.join(str(error).split())[:100]}") from None
     if not isinstance(table, dict):
         raise CameraError("not YAML of a camera: no names with values in it")
-    kind = str(table.get("distortion_model", ""))
+    model = table.get("distortion_model")
+    kind = model if isinstance(model, str) else ""
     if kind not in PINHOLE:
         raise CameraError(f"distortion model {kind!r} is not supported, only {' and '.join(PINHOLE[1:])}")
     K, lens = _matrix(table.get("camera_matrix")), _matrix(table.get("distortion_coefficients"))
@@ -120,6 +122,9 @@ def _camera(numbers: dict[str, Any], lens: list[float]) -> Intrinsics:
     wrong = [name for name, value in numbers.items() if not _is_number(value)]
     if wrong:
         raise CameraError(f"{wrong[0]} is {numbers[wrong[0]]!r}; a number is needed")
+    for name in ("width", "height"):
+        if not MOST_PX >= numbers[name] >= 1:
+            raise CameraError(f"{name} is {numbers[name]}; a number of pixels up to {MOST_PX} is needed")
     sides = {name: int(numbers[name]) for name in ("width", "height")}
     return Intrinsics(**{**numbers, **sides}, distortion=np.array(lens, dtype=np.float64))
 

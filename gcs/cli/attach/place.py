@@ -6,7 +6,6 @@ import contextlib
 import os
 import socket
 import stat
-import tempfile
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -25,6 +24,10 @@ VARIABLES = (
     *("TMUX", "STY", "SSH_CONNECTION", "COLUMNS", "LINES"),
 )
 """What a terminal says of itself in the environment: the flight has those of another one, or none."""
+
+
+Variable = Annotated[str, msgspec.Meta(max_length=1024, pattern=r"\A[^\x00-\x1f\x7f]*\Z")]
+"""What the environment takes."""
 
 
 class Flying(msgspec.Struct, frozen=True, kw_only=True):
@@ -47,7 +50,7 @@ class ScreenOptions(msgspec.Struct, frozen=True, kw_only=True):
 class Wish(msgspec.Struct, frozen=True, kw_only=True):
     """What a terminal asks for; its pseudo terminal comes along."""
 
-    variables: dict[str, str]
+    variables: dict[str, Variable]
     options: ScreenOptions
     take_over: bool
 
@@ -65,9 +68,10 @@ def socket_folder() -> Path:
     Raises:
         OSError: it cannot be made, or others may write there.
     """
-    runtime = os.environ.get("XDG_RUNTIME_DIR")
-    folder = Path(runtime) / "rollcall" if runtime else Path(tempfile.gettempdir()) / f"rollcall-{os.geteuid()}"
-    folder.mkdir(mode=0o700, exist_ok=True)
+    runtime = os.environ.get("XDG_RUNTIME_DIR") or os.environ.get("XDG_STATE_HOME") or "~/.local/state"
+    # never in a folder for all users' temporary files: whoever makes it there first keeps its owner out
+    folder = Path(runtime).expanduser() / "rollcall"
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     status = folder.lstat()
     if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.geteuid() or status.st_mode & 0o077:
         raise PermissionError(f"{folder}: belongs to another user, or others may enter it")

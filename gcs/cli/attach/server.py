@@ -73,6 +73,9 @@ class AttachServer:
     Args:
         folder: the flight's session.
         links: what it listens to.
+
+    Attributes:
+        trouble: why none can come, empty where they can.
     """
 
     def __init__(self, folder: Path, links: Sequence[str]) -> None:
@@ -82,6 +85,7 @@ class AttachServer:
         self._shown = False
         self._taken_over = False
         self._closing = False
+        self.trouble = ""
         self._socket: socket.socket | None = None
         try:
             self._path = socket_folder() / f"{os.getpid()}.sock"
@@ -91,7 +95,8 @@ class AttachServer:
             self._path.chmod(0o600)
             self._socket.listen(4)
         except OSError as error:
-            _log.warning("no terminal can be attached: %s", error)
+            self.trouble = f"no terminal can be attached: {error}"
+            _log.warning("%s", self.trouble)
             return
         threading.Thread(target=self._serve, name="attach", daemon=True).start()
 
@@ -135,6 +140,7 @@ class AttachServer:
 
     def _welcome(self, connection: socket.socket) -> None:
         connection.settimeout(HELLO_S)
+        fds: list[int] = []
         try:
             if not _is_ours(connection):
                 raise PermissionError("of another user")
@@ -146,8 +152,10 @@ class AttachServer:
             wish = msgspec.json.decode(data, type=Wish)
             if len(fds) != 1 or not os.isatty(fds[0]):
                 raise ValueError("no terminal came along")
-        except (OSError, ValueError, msgspec.DecodeError) as error:
+        except (OSError, ValueError, RecursionError, msgspec.DecodeError) as error:
             _log.warning("a terminal was refused: %s", error)
+            for fd in fds:
+                os.close(fd)
             connection.close()
             return
         with self._lock:

@@ -31,13 +31,18 @@ _FINE = 1000
 
 def batch(
     flights: Annotated[
-        list[str],
+        list[str] | None,
         typer.Argument(
-            help="Session folders, telemetry logs, folders or patterns of them, .txt lists, addresses as "
-            "s3://bucket/*; NAME=FLIGHT gives one another name.",
+            help="Session folders, telemetry logs, folders or patterns of them, addresses as s3://bucket/*; "
+            "NAME=FLIGHT gives one another name.",
         ),
-    ],
+    ] = None,
+    *,
     out: Annotated[str, typer.Option("--out", "-o", help="Folder or address of the results; a batch's goes on.")],
+    lists: Annotated[
+        list[Path] | None,
+        typer.Option("--list", help="File with more of them, one on each line; may be repeated."),
+    ] = None,
     jobs: Annotated[
         int | None,
         typer.Option("--jobs", "-j", callback=check_range(1, MOST_JOBS), help="Flights at once; else one a core."),
@@ -74,7 +79,7 @@ def batch(
     )
     most_bytes = round(memory * 2**30) if memory else None
     limits = RunLimits(retries=retries, timeout_s=timeout, most_bytes=most_bytes)
-    found = find_flights(flights, print_note)
+    found = find_flights(flights or (), print_note, lists=lists or ())
     shown = _Shown(len(found), as_json)
     with progress("batch", words=shown.words) as report:
         shown.report = report

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
+
+import fsspec
 import pytest
 
 from gcs.batch.flights import find_flights
-from gcs.errors import BatchError
+from gcs.batch.inputs import fetch
+from gcs.errors import BatchError, StoreError
 
 
 @pytest.fixture
@@ -33,15 +37,46 @@ def recordings(tmp_path, monkeypatch):
         (["day 1", "second x=day 2/x"], {"x": "day 1/x", "y": "day 1/y", "second x": "day 2/x"}),
         # what is not there is a broken flight of its own
         (["empty", "gone"], {"empty": "empty", "gone": "gone"}),
-        (["all.txt"], {"y": "day 1/y", "other": "day 2/x"}),
     ],
 )
 def test_words(words, expected, recordings):
-    (recordings / "all.txt").write_text("# of May\n\nday 1/y\nother=day 2/x\n")
     found = find_flights(words)
     assert {flight.name: flight.address for flight in found} == {
         name: str(recordings / path) for name, path in expected.items()
     }
+
+
+def test_a_list_is_named_as_one(recordings):
+    (recordings / "day 2" / "all.txt").write_text("# of May\n\n../day 1/y\nother=x\n")
+    found = find_flights(["lone.tlog"], lists=[recordings / "day 2" / "all.txt"])
+    assert {flight.name: flight.address for flight in found} == {
+        "lone": str(recordings / "lone.tlog"),
+        "y": str(recordings / "day 1" / "y"),
+        "other": str(recordings / "day 2" / "x"),
+    }
+
+
+def test_nothing_else_is_obeyed_as_a_list(recordings):
+    """A README among the flights, and a list that names itself."""
+    notes = []
+    (recordings / "day 1" / "README.txt").write_text("http://127.0.0.1:1/x\n")
+    (recordings / "loop.txt").write_text("loop.txt\nlone.tlog\n")
+    found = find_flights(["day 1/*"], notes.append, lists=[recordings / "loop.txt"])
+    assert [flight.address.rpartition("/")[2] for flight in found] == ["x", "y"] or len(found) == 3
+    assert all("--list" in note for note in notes) and len(notes) == 3
+
+
+@pytest.mark.parametrize("kind", ["pipe", "device", "absent", "binary"])
+def test_what_is_no_list(kind, recordings):
+    path = recordings / "list.txt"
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "device":
+        path.symlink_to("/dev/zero")
+    elif kind == "binary":
+        path.write_bytes(b"\xff\xfe")
+    with pytest.raises(BatchError, match="cannot be read as a list"):
+        find_flights([], lists=[path])
 
 
 def test_a_file_address_is_a_path(recordings):
@@ -54,7 +89,6 @@ def test_a_file_address_is_a_path(recordings):
     [
         (["day 1", "day 2"], "two flights are called x"),
         (["none/*"], "not one flight found"),
-        (["missing.txt"], "cannot be read as a list"),
         (["name=day 1"], "2 flights there"),
         (["a\nb"], "is no name"),
     ],
@@ -68,3 +102,13 @@ def test_what_is_left_out_is_told(recordings):
     notes = []
     find_flights(["day 1/*", "nothing*"], notes.append)
     assert [note.partition(":")[0].rpartition("/")[2] for note in notes] == ["notes.md", "nothing*"]
+
+
+def test_a_flight_without_end_is_broken_off(tmp_path, monkeypatch):
+    monkeypatch.setattr("gcs.batch.inputs.MOST_FETCH_BYTES", 10_000_000)
+    files = fsspec.filesystem("memory")
+    files.pipe_file("/endless/flight.tlog", bytes(20_000_000))
+    with pytest.raises(StoreError, match="for one flight"):
+        fetch("memory://endless/flight.tlog", tmp_path / "flight.tlog")
+    files.rm("/endless", recursive=True)
+    assert (tmp_path / "flight.tlog").stat().st_size < 20_000_000

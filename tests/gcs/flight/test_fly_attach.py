@@ -1,6 +1,8 @@
 """A flight without its screens shows them on another terminal, and goes on whatever becomes of that."""
 
+import contextlib
 import os
+import pty
 import socket
 import time
 from types import SimpleNamespace
@@ -14,6 +16,7 @@ from gcs.cli.attach.server import AttachServer
 from gcs.errors import GcsError
 from tests.support.bundled import swarm_session
 from tests.support.command_line import MISSION, OnTerminal, Terminal, run_gcs
+from tests.support.ports import free_port
 from tests.support.waiting import until
 
 
@@ -89,6 +92,76 @@ def test_leaving_a_lent_screen_leaves_the_flight_and_a_killed_flight_the_termina
     flight.process.kill()
     said = answer(again, b"", 2)
     assert b"without a word" in said and b"\x1b[?1049l" in said
+
+
+class Asks:
+    """A terminal that says what it likes to a flight of this user, over and over again."""
+
+    def __init__(self, process_id):
+        self._path = socket_folder() / f"{process_id}.sock"
+
+    def __call__(self, wish):
+        """What the flight answers; empty where it hangs up."""
+        controller, shown = pty.openpty()
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
+            connection.settimeout(60.0)
+            connection.connect(str(self._path))
+            connection.recv(65_536)
+            socket.send_fds(connection, [wish], [shown])
+            os.close(shown)
+            os.close(controller)
+            with contextlib.suppress(OSError):
+                return connection.recv(65_536)
+        return b""
+
+
+WISH = b'{"variables": {"TERM": "xterm%s"}, "options": {"graphics": "auto", "theme": "dark", "fps": 12, "bell": false},'
+WISHES = {
+    "a NUL in a variable": WISH % rb"\u0000" + b' "take_over": true}',
+    "an escape in a variable": WISH % rb"\u001b" + b' "take_over": true}',
+    "half a letter": WISH % rb"\ud800" + b' "take_over": true}',
+    "a long variable": WISH % (b"x" * 5000) + b' "take_over": true}',
+    "nested": WISH % b"" + b' "take_over": true, "more": ' + b"[" * 50_000,
+    "no JSON": b"\x00\xff",
+    "a terminal that is gone": WISH % b"" + b' "take_over": true}',
+}
+
+
+def test_whatever_a_terminal_asks_for_the_flight_goes_on(begin, tmp_path):
+    flight = begin(Terminal, tmp_path, "--headless", controls=False)
+    flight.read_until(b"gcs fly --attach")
+    ask = Asks(flight.process.pid)
+    before = psutil.Process(flight.process.pid).num_fds()
+    for name, wish in WISHES.items():
+        ask(wish)
+        assert flight.process.poll() is None, name
+    flight.send(3)
+    assert until(lambda: psutil.Process(flight.process.pid).num_fds() <= before)
+    last = begin(OnTerminal, "fly", "--attach")
+    last.read_until(b"NAME")
+    assert b"the flight has ended" in answer(last, b"qq", 0)
+    assert flight.process.wait(120) == 0
+
+
+def test_the_folder_of_sockets_is_never_in_one_for_all(tmp_path, monkeypatch):
+    monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    (tmp_path / f"rollcall-{os.geteuid()}").touch()  # as anybody may
+    assert socket_folder() == tmp_path / "state" / "rollcall"
+    server = AttachServer(tmp_path / "session", [])
+    assert server.trouble == ""
+    server.close()
+
+
+def test_where_no_terminal_can_come_it_is_told(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    (tmp_path / "rollcall").mkdir(mode=0o777)
+    (tmp_path / "rollcall").chmod(0o777)
+    (tmp_path / "mission.toml").write_text(MISSION)
+    words = ("-l", f"udpin:127.0.0.1:{free_port()}", "--headless", "--duration", 1, "--sessions", tmp_path / "s")
+    _, _, told = run_gcs("fly", tmp_path / "mission.toml", *words)
+    assert "no terminal can be attached" in told and "--attach" not in told
 
 
 def test_what_cannot_be_attached_is_told(begin, tmp_path, monkeypatch):

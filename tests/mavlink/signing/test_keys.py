@@ -108,6 +108,12 @@ def test_a_file_of_nobody_is_refused(folder, name):
         read_ring(folder)
 
 
+def test_a_pipe_in_a_keys_place_is_refused_at_once(folder):
+    os.mkfifo(folder / "11.key", 0o600)
+    with pytest.raises(SigningError, match=r"11\.key: cannot be read"):
+        read_ring(folder)
+
+
 def test_other_files_are_left_alone(folder):
     for name in ("streams.0", "notes.txt", "7.key~", ".8.key.swp"):
         (folder / name).write_text("x")

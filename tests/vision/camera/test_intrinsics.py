@@ -1,6 +1,7 @@
 """Intrinsics for other sizes and zooms, from fields of view, and out of files; OpenCV is the oracle."""
 
 import math
+import os
 import re
 
 import cv2
@@ -135,6 +136,13 @@ def test_camera_info_of_ros_is_the_same_camera(write, tmp_path):
         ("a.toml", "width = 10\nheight = 10\nfx = 0\nfy = 1\ncx = 1\ncy = 1\n", "must be positive"),
         ("a.toml", "width = 10\nheight = 10\nfx = 1\nfy = 1\ncx = 1\ncy = 1\ndistortion = [1]\n", "five numbers"),
         ("a.toml", "width = 10\nheight = 10\nfx = 1\nfy = 1\ncx = 1\ncy = 1\ndistortion = 'k'\n", "five numbers"),
+        ("a.toml", "width = 9e18\nheight = 10\nfx = 1\nfy = 1\ncx = 1\ncy = 1\n", "number of pixels"),
+        ("a.toml", "width = inf\nheight = 10\nfx = 1\nfy = 1\ncx = 1\ncy = 1\n", "number of pixels"),
+        ("a.yaml", "a: " + "[" * 100_000, "not YAML"),
+        ("a.yaml", "a: " + "]" * 9000 + "[" * 100_000, "not YAML"),
+        ("a.yaml", "a: " + "{a: " * 60_000, "not YAML"),
+        ("a.yaml", "a:\n  " + "- " * 100_000, "not YAML"),
+        ("a.yaml", "a: " * 80_000, "not YAML"),
         ("a.yaml", "just text", "not YAML"),
         ("a.yaml", ROS.replace("plumb_bob", "equidistant"), "'equidistant' is not supported"),
         ("a.yaml", ROS.replace("-0.008]", "-0.008, 0.0, 0.0, 0.3]"), "has 8 distortion coefficients"),
@@ -153,6 +161,9 @@ def test_files_of_no_camera_say_what_is_wrong(tmp_path, name, text, message):
 
 
 def test_missing_and_binary_files(tmp_path):
+    os.mkfifo(tmp_path / "p.toml")
+    with pytest.raises(CameraError, match="cannot be read"):
+        read_lens(tmp_path / "p.toml")
     with pytest.raises(CameraError, match="no such file; gcs calibrate makes one"):
         read_lens(tmp_path / "absent.toml")
     (tmp_path / "b.toml").write_bytes(b"\xff\xfe\x00")
