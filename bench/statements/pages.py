@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import html
 import io
 import math
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from html.parser import HTMLParser
 from itertools import pairwise
 from typing import Any
 
@@ -33,36 +33,16 @@ REMARKS = {"": "named", "never in view": "outside"} | dict.fromkeys(
 """What the last column of a roll call says of a vehicle."""
 
 
-class _Page(HTMLParser):
-    """The rows of each table of a page by its label, and the paragraphs."""
-
-    def __init__(self, page: str) -> None:
-        super().__init__()
-        self.tables: dict[str, list[Row]] = {}
-        self.texts: list[str] = []
-        self._label, self._heads, self._cells = "", list[str](), list[str]()
-        self._into: list[str] | None = None
-        self.feed(page)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        values = dict(attrs)
-        if tag == "div" and values.get("aria-label"):
-            self._label, self._heads = values["aria-label"] or "", []
-        elif tag == "tr":
-            self._cells = []
-        elif tag in ("th", "td", "p"):
-            self._into = self.texts if tag == "p" else self._heads if values.get("scope") == "col" else self._cells
-            self._into.append("")
-
-    def handle_endtag(self, tag: str) -> None:
-        if tag == "tr" and self._cells:
-            self.tables.setdefault(self._label, []).append(dict(zip(self._heads, self._cells, strict=True)))
-        elif tag in ("th", "td", "p"):
-            self._into = None
-
-    def handle_data(self, data: str) -> None:
-        if self._into is not None:
-            self._into[-1] += data
+def _tables(page: str) -> Tables:
+    """The rows of each table of a page by its label."""
+    found = {}
+    for label, inner in re.findall(r'aria-label="([^"]*)"><table>(.*?)</table>', page, re.DOTALL):
+        lines = [
+            re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row) for row in re.findall(r"<tr>(.*?)</tr>", inner, re.DOTALL)
+        ]
+        heads, *rows = [[html.unescape(cell) for cell in line] for line in lines]
+        found[html.unescape(label)] = [dict(zip(heads, row, strict=True)) for row in rows]
+    return found
 
 
 def check_rollcall(
@@ -115,26 +95,25 @@ def _said(flown: Flown, where: str, text: str, system_id: int = 0) -> Said:
 
 def check_report(flown: Flown, page: str, claims: Sequence[Claim]) -> Found:
     """The page of ``gcs report``: roll call, alarms, warnings, marks, and what is known of each vehicle."""
-    read = _Page(page)
-    lead = re.search(r"(\d+) of (\d+) boxes in (\d+) frames have a name", " ".join(read.texts))
+    tables, lead = _tables(page), re.search(r"(\d+) of (\d+) boxes in (\d+) frames have a name", page)
     if lead is None:
-        yield _said(flown, "report", " ".join(read.texts[:1])), "a lead that is not known"
+        yield _said(flown, "report", page.partition("<p>")[2][:200]), "a lead that is not known"
         return
     named, boxes, frames = map(int, lead.groups())
     told = {"frames": frames, "boxes": boxes, "unnamed": boxes - named}
-    yield from check_rollcall(flown, told, read.tables["Roll call"], "report", claims)
+    yield from check_rollcall(flown, told, tables["Roll call"], "report", claims)
     labels = ("Alarms", "Warnings and what the operator did")
-    written = {row["what"] for label in labels for row in read.tables.get(label, ())}
+    written = {row["what"] for label in labels for row in tables.get(label, ())}
     for event in flown.moments[-1].events:
         if (event.level != "info" or event.kind in ("mark", "operator")) and event.text not in written:
             said = Said(where="report", t_us=event.t_us, text=event.text)
             yield said, "the flight's log has it, and the report does not"
-    for row in read.tables.get("Alarms", ()):
+    for row in tables.get("Alarms", ()):
         t_us = flown.scenario.start_us + round((_seconds(row["from"]) + 1.0) * S)
         said = Said(where="report", t_us=t_us, text=row["what"], standing=True)
         yield from ((said, why) for why in check_sentence(flown, said))
     for i in flown.scenario.ugv_ids:
-        facts = {row["what"]: row["found"] for row in read.tables.get(f"What is known of {flown.name(i)}", ())}
+        facts = {row["what"]: row["found"] for row in tables.get(f"What is known of {flown.name(i)}", ())}
         for what, why in _facts(flown, i, facts):
             yield _said(flown, "report", f"{flown.name(i)}: {what}: {facts.get(what)}", i), why
 
@@ -162,7 +141,7 @@ def _seconds(told: str) -> float:
 
 def check_batch(flown: Flown, page: str, claims: Sequence[Claim]) -> Found:
     """The page over all flights of a batch of one."""
-    tables = _Page(page).tables
+    tables = _tables(page)
     sums = {row["sum"]: row["all flights"] for row in tables["Sums over all flights"]}
     told = {"frames": int(sums["frames looked at"]), "boxes": int(sums["boxes"])}
     reason = tables["Flights that were named, the worst first"][0]["reason"]
