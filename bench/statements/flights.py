@@ -23,7 +23,7 @@ from mavlink.protocol.packet import Packet
 from sim.telemetry.detections import DetectorModel
 from sim.telemetry.vehicle_telemetry import fleet_telemetry
 from sim.world.boxes import true_boxes
-from sim.world.scenario import Gnss, Scenario, ScenarioFault, ScenarioGround, Targets
+from sim.world.scenario import Gnss, Occlusion, Scenario, ScenarioFault, ScenarioGround, Targets
 from sim.world.world import World
 from vision.video.video import Frame
 
@@ -62,6 +62,7 @@ class Script:
     strangers: int = 1
     seed: int = 7
     faults: tuple[ScenarioFault, ...] = ()
+    occlusions: tuple[Occlusion, ...] = ()
     injected: InjectedFaults = field(default_factory=InjectedFaults)
     acts: tuple[Act, ...] = ()
 
@@ -80,6 +81,7 @@ class Script:
             gnss=Gnss(white_m=0.3, bias_m=0.5),
             targets=Targets(parked_lookalikes=self.strangers),
             faults=self.faults,
+            occlusions=self.occlusions,
         )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bench.again.scripted import InjectedFaults
 from bench.statements.flights import Act, Script
-from sim.world.scenario import ScenarioFault
+from sim.world.scenario import Occlusion, ScenarioFault
 
 __all__ = ["SCRIPTS"]
 
@@ -20,6 +20,13 @@ SCRIPTS: tuple[Script, ...] = (
         name="three silent, one by one, two come back",
         seconds=45.0,
         faults=(_fault(11, "silent", 6.0), _fault(12, "silent", 10.0, 30.0), _fault(13, "silent", 14.0, 20.0)),
+    ),
+    Script(
+        name="one silent, its box on a new track, and stated",
+        seconds=36.0,
+        faults=(_fault(12, "silent", 5.0, 30.0),),
+        occlusions=(Occlusion(vehicle=1, t_s=10.0, duration_s=4.0),),
+        acts=(Act(at_s=22.0, kind="state", of=12, says=12),),
     ),
     Script(name="never on the air", faults=(_fault(14, "silent", -9.0), _fault(15, "silent", -9.0, 15.0))),
     Script(name="late by 3 s", seconds=30.0, faults=(_fault(13, "lag", 8.0),)),

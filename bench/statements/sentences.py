@@ -172,6 +172,12 @@ def _stated(flown: Flown, said: Said, fields: Fields, who: int) -> str:
     return "" if (who, int(fields["track"])) in made else "nobody stated that"
 
 
+def _contradicted(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+    if flown.whose_track(int(fields["track"]), said.t_us) == who:
+        return "what was stated is right"
+    return _stated(flown, said, fields, who) or _named(flown, said, fields, _id(fields.get("other", "none of ours")))
+
+
 def _ends(flown: Flown, said: Said, fields: Fields, who: int) -> str:
     return _stated(flown, said, fields, who) or _left(flown, said, fields, who)
 
@@ -243,8 +249,8 @@ SENTENCES: Mapping[str, Check] = {
     _STATED + "; it ends with the track": _ends,
     _STATED + "; it ends: that is track {count} now": _stated,
     _STATED + "; withdrawn": _withdrawn,
-    _STATED + "; contradicted: by its reports it is {other} ({percent}%)": _stated,
-    _STATED + "; contradicted: by the reports it is none of ours ({percent}%)": _stated,
+    _STATED + "; contradicted: by its reports it is {other} ({percent}%)": _contradicted,
+    _STATED + "; contradicted: by the reports it is none of ours ({percent}%)": _contradicted,
 }
 """The first that fits counts."""
 _PATTERNS = tuple((_compiled(template), check) for template, check in SENTENCES.items())
