@@ -198,4 +198,4 @@ class Identities:
     candidates: Candidates
     """Who each track may be, also of those that have no name."""
     doubt: IntArray
-    """(m,) ``assoc.identification.doubts.Doubt``: what took most from the answer, 0 nothing."""
+    """(m,) ``assoc.identification.doubts.AnswerDoubt``: what took most from the answer, 0 nothing."""

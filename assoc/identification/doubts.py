@@ -1,8 +1,8 @@
 """Why an answer is less sure than its evidence alone makes it.
 
 After joint hypotheses have given the marginals of each track, steps lower what else is known to go wrong, in the order
-of :class:`Doubt`: to 6 at each update, the others in each frame. Each takes marginals and returns marginals whose rows
-add up to 1.
+of :class:`AnswerDoubt`: to 6 at each update, the others in each frame. Each takes and returns marginals whose rows add
+up to 1.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Doubt", "Doubted", "lowered"]
+__all__ = ["AnswerDoubt", "Doubted", "lowered"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -22,7 +22,7 @@ _NOTED = 0.05
 """An answer that loses less to a step is told without it."""
 
 
-class Doubt(IntEnum):
+class AnswerDoubt(IntEnum):
     """What took most from the probability of an answer, in the order in which it is looked at."""
 
     NONE = 0
@@ -59,7 +59,7 @@ class Doubted:
     answer: IntArray
     """(m,) column that the evidence alone makes likeliest."""
     doubt: IntArray
-    """(m,) :class:`Doubt`."""
+    """(m,) :class:`AnswerDoubt`."""
     taken: FloatArray
     """(m,) what that step took from the answer's probability."""
 
@@ -67,9 +67,9 @@ class Doubted:
     def of(cls, p: FloatArray) -> Doubted:
         """Marginals before any step."""
         m = len(p)
-        return cls(p, np.argmax(p, axis=1), np.full(m, Doubt.NONE, np.int64), np.full(m, _NOTED))
+        return cls(p, np.argmax(p, axis=1), np.full(m, AnswerDoubt.NONE, np.int64), np.full(m, _NOTED))
 
-    def after(self, doubt: Doubt, p: FloatArray) -> Doubted:
+    def after(self, doubt: AnswerDoubt, p: FloatArray) -> Doubted:
         """After a step that gave (m, n + 1) p; what it took counts where no other took more."""
         rows = np.arange(len(p))
         taken = self.p[rows, self.answer] - p[rows, self.answer]
@@ -77,7 +77,7 @@ class Doubted:
         return Doubted(p, self.answer, np.where(more, doubt, self.doubt), np.where(more, taken, self.taken))
 
 
-def lowered(doubt: Doubt, before: FloatArray, after: FloatArray, doubts: IntArray) -> IntArray:
+def lowered(doubt: AnswerDoubt, before: FloatArray, after: FloatArray, doubts: IntArray) -> IntArray:
     """(m,) doubts of the frame: this one where a step lowered a row's likeliest answer, else as they were.
 
     Args:

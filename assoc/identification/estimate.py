@@ -29,7 +29,7 @@ from assoc.hypotheses.search import Hypothesis, UpdateContext, keep_best, refine
 from assoc.hypotheses.sway_fit import fit_sway
 from assoc.identification.clutter import Clutter
 from assoc.identification.conflicts import ConflictMonitor
-from assoc.identification.doubts import Doubt, Doubted
+from assoc.identification.doubts import AnswerDoubt, Doubted
 from assoc.identification.fleet_fit import FleetFit
 from assoc.identification.found_share import FoundShare
 from assoc.identification.gross_errors import GrossErrors
@@ -64,7 +64,7 @@ class UpdateResult:
     p: FloatArray
     """(m, n + 1) marginals, the last column "none of ours"."""
     doubt: IntArray
-    """(m,) :class:`Doubt` of each answer."""
+    """(m,) :class:`AnswerDoubt` of each answer."""
     conflict: tuple[int, ...]
     """Indices of vehicles whose reports contradict the video or one another."""
 
@@ -207,7 +207,7 @@ class Estimator:
         told = Doubted.of(mixed_marginals(found, share, context, free, elsewhere))
         self.fit.update(t, context, best, steady=camera.attitude_known and camera.stabilized)
         stated = self._stated.among(history.track_id[live])
-        told = told.after(Doubt.FIT, self.fit.limited(told.p, stated))
+        told = told.after(AnswerDoubt.FIT, self.fit.limited(told.p, stated))
         places = self._places(live, camera)
         if not self.fit.fits:
             self.gross.look_mirrored(context, self.fit, camera)
@@ -223,15 +223,15 @@ class Estimator:
         review = self._conflicts.review(t, context, best, p, elsewhere)
         self._log.rejected_since = review.rejected_since
         self._fold(context, best)
-        told = told.after(Doubt.DOUBLE, review.p)
+        told = told.after(AnswerDoubt.DOUBLE, review.p)
         by_place = limit_by_place(review.p, best.score, places, self._bias_std)
         bias = best.final.mean[: len(live)]
         odds = log_odds_among_strangers(
             *(by_place, best.score, bias, self._bias_std, context.view, context.noise.log_area_at(best.theta)),
             found=self._found.share,
         )
-        told = told.after(Doubt.PLACE, self._strangers.limit(t, history.track_id[live], by_place, odds, stated))
-        told = told.after(Doubt.UNPROVEN, self.fit.shown(told.p, stated))
+        told = told.after(AnswerDoubt.PLACE, self._strangers.limit(t, history.track_id[live], by_place, odds, stated))
+        told = told.after(AnswerDoubt.UNPROVEN, self.fit.shown(told.p, stated))
         told = self._told(t, context, best, told, elsewhere, places)
         return UpdateResult(live, told.p, told.doubt, review.vehicles)
 
@@ -252,8 +252,8 @@ class Estimator:
         stated, former = self._stated.among(ids), self._conflicts.former(ids)
         shared = shared_with_missing(told.p, places, first_s, best.score, elsewhere, former, fleet)
         tracks = list(zip(ids.tolist(), first_s.tolist(), strict=True))
-        told = told.after(Doubt.MISSING, np.where(stated[:, None], told.p, shared))
-        return told.after(Doubt.UNSTEADY, self._steady.limited(t, tracks, told.p, stated))
+        told = told.after(AnswerDoubt.MISSING, np.where(stated[:, None], told.p, shared))
+        return told.after(AnswerDoubt.UNSTEADY, self._steady.limited(t, tracks, told.p, stated))
 
     def _follow_sway(self, context: UpdateContext, best: Hypothesis, camera: CameraState) -> None:
         """Fit the sway of a camera that is fixed to the body, or how one wanders whose places are coarse."""

@@ -17,7 +17,7 @@ from assoc.evidence.motion import ReportLog
 from assoc.geometry.ground import PITCH, ROLL, YAW, ground_to_rays, rays_to_ground
 from assoc.history import TrackHistory
 from assoc.identification.common_boxes import CommonBoxes
-from assoc.identification.doubts import Doubt, lowered
+from assoc.identification.doubts import AnswerDoubt, lowered
 from assoc.identification.estimate import Estimator
 from assoc.identification.gross_errors import MIRROR
 from assoc.identification.near_horizon import NearHorizon
@@ -144,7 +144,7 @@ class Identifier:
         beliefs = self._beliefs.for_tracks(observation.track_id)
         stated = self._stated.among(observation.track_id)
         p = self._common_boxes.limited(t, observation, beliefs.p, stated)
-        doubt = lowered(Doubt.COMMON_BOX, beliefs.p, p, beliefs.doubt)
+        doubt = lowered(AnswerDoubt.COMMON_BOX, beliefs.p, p, beliefs.doubt)
         answer = compose_identities(
             self._ids,
             replace(beliefs, p=p, doubt=doubt),

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from assoc.evidence.motion import ReportLog
 from assoc.hypotheses.labels import most_probable_names
-from assoc.identification.doubts import Doubt, lowered
+from assoc.identification.doubts import AnswerDoubt, lowered
 from assoc.identification.estimate import Estimator
 from assoc.identification.frame_masses import frame_masses
 from assoc.records import CameraState, Candidates, Identities, Observation
@@ -42,7 +42,7 @@ class Beliefs:
     p: FloatArray
     """(m, n + 1), the last column "none of ours"."""
     doubt: IntArray
-    """(m,) :class:`Doubt` of each answer."""
+    """(m,) :class:`AnswerDoubt` of each answer."""
     conflict: tuple[int, ...]
     """Indices of vehicles whose reports contradict the video or one another."""
 
@@ -51,7 +51,7 @@ class Beliefs:
         n = self.p.shape[1] - 1
         p = np.full((len(track_id), n + 1), (1.0 - _NEW_TRACK_UNKNOWN) / max(n, 1))
         p[:, n] = _NEW_TRACK_UNKNOWN if n else 1.0
-        doubt = np.full(len(track_id), Doubt.NONE, np.int64)
+        doubt = np.full(len(track_id), AnswerDoubt.NONE, np.int64)
         known = {key: row for row, key in enumerate(self.track_id.tolist())}
         for row, key in enumerate(track_id.tolist()):
             if key in known:
@@ -147,7 +147,7 @@ def compose_identities(
     m, n = len(observation.track_id), len(system_ids)
     rows = np.arange(m)
     p = _without_coasting_names(beliefs.p, observation.gap_s)
-    doubt = lowered(Doubt.COASTING, beliefs.p, p, beliefs.doubt)
+    doubt = lowered(AnswerDoubt.COASTING, beliefs.p, p, beliefs.doubt)
     choice = most_probable_names(p)
     choice = np.where((choice >= 0) & (p[rows, choice] >= threshold), choice, -1)
     others = p[:, :n].copy()

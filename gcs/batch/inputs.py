@@ -111,7 +111,7 @@ def fetch(address: str, place: Path) -> None:
     # only those who fetch have it
     from fsspec.callbacks import Callback
 
-    class _Bounded(Callback):  # type: ignore[misc] - fsspec has no types
+    class _Bounded(Callback):  # type: ignore[misc]
         """Counts what comes of all files, and breaks it off when it is too much."""
 
         def __init__(self) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Sequence
 
-from assoc.identification.doubts import Doubt
+from assoc.identification.doubts import AnswerDoubt
 from assoc.identification.identifier import Candidates, Identities
 from gcs.certainty import CONFIRMED, certainty
 from gcs.snapshot import Candidate
@@ -21,25 +21,25 @@ MOST_REASONS = 2
 """More do not fit on a line, and the weightiest comes first."""
 CONTRADICTED = "its position contradicts the video"
 _WORDS = {
-    Doubt.NONE: "",
-    Doubt.FIT: "film and telemetry are not known to belong together",
-    Doubt.DOUBLE: "another vehicle reports the same place",
-    Doubt.PLACE: "another vehicle stands too near to tell by place alone",
-    Doubt.UNPROVEN: "vehicles have not driven like their boxes for long enough yet",
-    Doubt.MISSING: "a vehicle of ours is not accounted for",
-    Doubt.UNSTEADY: "not as sure for two seconds yet",
-    Doubt.COMMON_BOX: "its box is probably round two vehicles",
-    Doubt.COASTING: "its box is predicted, and one that is seen has the name",
-    Doubt.OWN_WORD: "it doubts its own position",
-    Doubt.CONTESTED: "several senders use its id",
-    Doubt.CONTRADICTED: CONTRADICTED,
+    AnswerDoubt.NONE: "",
+    AnswerDoubt.FIT: "film and telemetry are not known to belong together",
+    AnswerDoubt.DOUBLE: "another vehicle reports the same place",
+    AnswerDoubt.PLACE: "another vehicle stands too near to tell by place alone",
+    AnswerDoubt.UNPROVEN: "vehicles have not driven like their boxes for long enough yet",
+    AnswerDoubt.MISSING: "a vehicle of ours is not accounted for",
+    AnswerDoubt.UNSTEADY: "not as sure for two seconds yet",
+    AnswerDoubt.COMMON_BOX: "its box is probably round two vehicles",
+    AnswerDoubt.COASTING: "its box is predicted, and one that is seen has the name",
+    AnswerDoubt.OWN_WORD: "it doubts its own position",
+    AnswerDoubt.CONTESTED: "several senders use its id",
+    AnswerDoubt.CONTRADICTED: CONTRADICTED,
 }
 
 
 def doubt_words(identities: Identities) -> list[str]:
     """What took most from the probability of each answer that is not sure, in words; empty: nothing."""
     columns = identities.doubt.tolist(), identities.confidence.tolist()
-    return ["" if sure >= CONFIRMED else _WORDS[Doubt(doubt)] for doubt, sure in zip(*columns, strict=True)]
+    return ["" if sure >= CONFIRMED else _WORDS[AnswerDoubt(doubt)] for doubt, sure in zip(*columns, strict=True)]
 
 
 class CandidateWords:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from assoc.identification.doubts import Doubt
+from assoc.identification.doubts import AnswerDoubt
 from assoc.identification.identifier import Identities
 from mavlink.fleet.fleet import FleetState
 
@@ -42,7 +42,7 @@ def limit_doubted(identities: Identities | None, state: FleetState, threshold: f
         confidence=np.where(own, confidence[:, None], rows.confidence),
         none_of_ours=rows.none_of_ours + over,
     )
-    doubt = np.where(over > 0.0, Doubt.OWN_WORD, identities.doubt)
+    doubt = np.where(over > 0.0, AnswerDoubt.OWN_WORD, identities.doubt)
     return replace(identities, confidence=confidence, candidates=told, doubt=doubt)
 
 
@@ -71,6 +71,6 @@ def withhold_names(
         system_id=np.where(refused, 0, identities.system_id),
         runner_up=np.where(rival, 0, identities.runner_up),
         runner_up_confidence=np.where(rival, np.nan, identities.runner_up_confidence),
-        doubt=np.where(refused, np.where(lies, Doubt.CONTRADICTED, Doubt.CONTESTED), identities.doubt),
+        doubt=np.where(refused, np.where(lies, AnswerDoubt.CONTRADICTED, AnswerDoubt.CONTESTED), identities.doubt),
         **unknown,
     )

@@ -7,6 +7,7 @@ corner: half a pixel is added to their principal points.
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -77,16 +78,10 @@ def _from_yaml(text: str) -> Intrinsics:
     """``camera_matrix``, ``distortion_coefficients`` and ``image_width``, ``image_height``, as both write them."""
     import yaml
 
-    class Loader(yaml.SafeLoader):
-        """Also reads the matrices of OpenCV."""
-
-    Loader.add_multi_constructor(
-        "tag:yaml.org,2002:opencv-", lambda loader, _, node: loader.construct_mapping(node, deep=True)
-    )
-    # OpenCV's first line is "%YAML:1.0", which is no directive of YAML's
+    # OpenCV's first line is "%YAML:1.0", which is no directive of YAML's, and its matrices have a tag
     body = text.partition("\n")[2] if text.startswith("%YAML:") else text
     try:
-        table = yaml.load(body, Loader)  # a safe one: it makes plain values alone
+        table = yaml.safe_load(re.sub(r"!!opencv-[a-z-]+", "", body))
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise CameraError(f"not YAML that can be read: {' '.join(str(error).split())[:100]}") from None
     if not isinstance(table, dict):

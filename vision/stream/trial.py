@@ -170,6 +170,6 @@ def _shows(container: InputContainer) -> bool:
     stream.codec_context.thread_count = 1
     for packet in container.demux(stream):
         with contextlib.suppress(*_DAMAGE):
-            if stream.codec_context.decode(cast("Packet[CodedStream]", packet)):
+            if stream.codec_context.decode(packet):
                 return True
     return False
