@@ -271,7 +271,7 @@ class Pipeline:
         self._contradictions.update(t_us, self._look.found, state, seen, stated)
         identities, suspected = self._names_held(state), self._contradictions.suspected
         self._events += self._names.update(t_us, identities, state, tracks, self._cameras.size, suspected)
-        self._events += self._statements.review(t_us, identities, state, self._identifier)
+        self._events += self._statements.review(t_us, identities, state, self._identifier, self._tracker.living)
         return self._snapshot(index, t_us, state, view, image, identities, health)
 
     def between_frames(self, t_us: int, health: Health | None = None) -> Snapshot:

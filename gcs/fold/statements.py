@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -101,7 +102,12 @@ class Statements:
         return events
 
     def review(
-        self, t_us: int, identities: Identities | None, state: FleetState, identifier: Identifier
+        self,
+        t_us: int,
+        identities: Identities | None,
+        state: FleetState,
+        identifier: Identifier,
+        living: Collection[int],
     ) -> list[Event]:
         """End statements whose tracks have ended, and those that the reports contradict.
 
@@ -110,6 +116,7 @@ class Statements:
             identities: of its tracks, None without a camera pose: then nothing contradicts.
             state: the fleet then.
             identifier: takes the evidence back.
+            living: all tracks, with those that have too little evidence to be shown just now.
         """
         if identities is None or not self._standing:
             return []
@@ -120,8 +127,10 @@ class Statements:
             made = standing.made
             row = rows.get(track)
             if row is None:
-                self._end(track, identifier)
-                events.append(_event(t_us, "info", f"{self._words(made)}; it ends with the track", made.system_id))
+                if track not in living:
+                    self._end(track, identifier)
+                    text = f"{self._words(made)}; it ended with the track"
+                    events.append(_event(t_us, "info", text, made.system_id))
                 continue
             agrees = int(identities.system_id[row]) == made.system_id
             if agrees or made.system_id in refused or self._mission.uav.system_id in refused:

@@ -127,6 +127,11 @@ class Tracker:
         self._evidence.gather(self._state, dt, reported_px, REACH_SHARE * (self.params.frame_size or (0, 0))[0])
         return self._tracks(order)
 
+    @property
+    def living(self) -> frozenset[int]:
+        """Ids of all tracks, with those of too little evidence to be among the results just now."""
+        return frozenset(self._state.track_id.tolist())
+
     def _strong_first(self, score: Floats) -> tuple[Indices | None, int]:
         """The boxes (m,) that count, strong ones first, None where all are strong; and how many are."""
         strong = score >= self.params.new_score

@@ -44,7 +44,8 @@ __all__ = ["FleetPane", "columns_for", "condition_columns"]
 
 IDENTITY, IDENTITY_CELLS = "IDENTITY", 13
 MARKS: Final = {"info": "", "warning": "!", "alarm": "!!"}
-MARK_CELLS: Final = 2
+MARKED_FROM: Final = 33
+"""Narrower tables have ``!`` alone, in the cell of the picked row's mark."""
 Cell = tuple[str, Colour]
 
 
@@ -194,6 +195,11 @@ def condition_columns(snapshot: Snapshot) -> tuple[Column, ...]:
     )
 
 
+def mark_cells(width: int) -> int:
+    """Cells for the mark of a row's worst alarm in a table so wide."""
+    return 2 if width >= MARKED_FROM else 0
+
+
 def columns_for(
     width: int, rows: Sequence[VehicleRow] = (), *, keyed: bool = False, more: Sequence[Column] = ()
 ) -> tuple[Column, ...]:
@@ -206,12 +212,14 @@ def columns_for(
     order = (*COLUMNS[:-1], *more, *((AUTH,) if signing else ()), *((REFUSED,) if refusing else ()), COLUMNS[-1])
     longest = max((cell_len(plain(row.name)) for row in rows), default=0)
     # without the two others that are always there
-    most = width - MARK_CELLS - 1 - sum(column.width + 1 for column in COLUMNS if column.title in ("POS", IDENTITY))
+    most = (
+        width - mark_cells(width) - 1 - sum(column.width + 1 for column in COLUMNS if column.title in ("POS", IDENTITY))
+    )
     name = replace(NAME, width=max(NAME.width, min(longest, most - 1)))
     order = tuple(name if column is NAME else column for column in order)
     kept: list[Column] = []
     # what tells the picked row and the gap before each column but the first cost a cell each
-    room = width - MARK_CELLS
+    room = width - mark_cells(width)
     for column in sorted(order, key=lambda column: column.rank):
         if column.rank > 2 and room < column.width + 1:
             break
@@ -234,7 +242,7 @@ class FleetPane(Pane):
         style = ink(ACCENT if self.has_focus else FAINT, HEAD, bold=self.has_focus)
         titles = [fitted(column.title, column.width, column.align) for column in self._columns(width)]
         before = "▌" if self.has_focus else " "
-        return line([(before + " " * MARK_CELLS, ink(ACCENT, HEAD)), (" ".join(titles), style)], width, HEAD)
+        return line([(before + " " * mark_cells(width), ink(ACCENT, HEAD)), (" ".join(titles), style)], width, HEAD)
 
     def body(self, width: int, height: int) -> list[Strip]:
         """One row per vehicle; scrolled so that the selected one is on screen."""
@@ -259,9 +267,11 @@ class FleetPane(Pane):
         held = snapshot.held_s
         paper = PICKED if picked else PANEL
         worst = worst_alarm(snapshot, row.system_id)
-        mark = fitted(MARKS[worst.level] if worst else "", MARK_CELLS)
+        mark, room = MARKS[worst.level] if worst else "", mark_cells(width)
         marked = level_colour(worst.level) if worst else INK
-        parts: list[Part] = [("▸" if picked else " ", ink(ACCENT, paper)), (mark, ink(marked, paper, bold=True))]
+        first = "▸" if picked else mark[:1] if mark and not room else " "
+        parts: list[Part] = [(first, ink(marked if worst and not room else ACCENT, paper, bold=True))]
+        parts += [(fitted(mark, room), ink(marked, paper, bold=True))] if room else []
         for index, column in enumerate(columns):
             aloft = row.role == "uav" and column.title == IDENTITY
             text, colour = _height(row, snapshot) if aloft else column.aged_cell(row)

@@ -130,6 +130,46 @@ def test_an_alarm_that_only_one_of_them_has_still_is_marked_from_then_on():
     assert [each.reported for each in flight.alarms(START_US + 40 * S, ())] == ["then"]
 
 
+def told(seconds, key, text, level="alarm", *, over=False, kind="vehicle", system_id=0):
+    """An event with the alarm that it tells of."""
+    more = {"alarm": key, "alarm_level": level, "over": over}
+    return event(seconds, text, "info" if over else level, kind, system_id, **more)
+
+
+def test_alarms_are_read_by_their_keys_whatever_their_words_are():
+    flight = reports(
+        told(2, "conflict 11", "Bravo: words of another version", kind="identity", system_id=11),
+        told(3, "video on and off", "the video comes and goes: 3 times in 9 s", "warning", kind="video"),
+        event(4, "seen", kind="operator", alarm="conflict 11"),
+        told(5, "near 11 12", "A: b and C: too near each other: 2.0 m"),
+        event(6, "UGV-12: no heartbeat", "alarm", system_id=12),
+        told(9, "conflict 11", "over after 6 s: other words", over=True, kind="identity", system_id=11),
+        told(40, "video on and off", "over after 30 s: the video comes and goes", "warning", over=True, kind="video"),
+        event(50, "the end"),
+    )
+    on = {seconds: {a.key: a for a in flight.alarms(START_US + seconds * S, ())} for seconds in (8, 20, 45)}
+    assert [set(found) for found in on.values()] == [
+        {"conflict 11", "video on and off", "near 11 12"},
+        {"video on and off", "near 11 12"},
+        {"near 11 12"},
+    ], "what has no key is an event alone"
+    assert on[8]["conflict 11"].acknowledged and on[8]["conflict 11"].doubts_name
+    assert on[8]["video on and off"].level == "warning" and "camera" in on[8]["video on and off"].advice
+
+
+def test_an_alarm_with_another_figure_in_the_replay_is_the_same():
+    flight = reports(
+        told(2, "near 11 12", "A and B: too near each other: 2.0 m"),
+        told(9, "near 11 12", "over after 4 s: A and B: too near each other: 2.0 m", over=True),
+    )
+    again = [
+        told(2.4, "near 11 12", "A and B: too near each other: 1.8 m"),
+        told(9.2, "near 11 12", "over after 5 s: A and B: too near each other: 1.8 m", over=True),
+    ]
+    flight.add(START_US + 60 * S, again, ())
+    assert [each.reported for each in flight.events()] == ["", ""]
+
+
 def test_an_alarm_of_both_is_one_and_one_of_the_replay_alone_is_marked():
     flight = reports(
         event(2, "UGV-11: no heartbeat", "alarm", system_id=11), event(3, "seen: UGV-11: no heartbeat", kind="operator")

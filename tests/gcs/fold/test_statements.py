@@ -12,6 +12,7 @@ from gcs.session.event_log import event_row
 from gcs.session.identity_log import csv_row, json_row
 from gcs.snapshot import Statement
 from tests.support.alarm_scenes import OTHER, UGV, FilmedScene, Vehicle
+from vision.track.track_state import ENOUGH
 
 STRANGER = (0.0, 8.0)
 
@@ -137,10 +138,21 @@ def test_a_statement_ends_with_its_track(silent):
     silent.hidden = {OTHER}
     track = unnamed(silent).track_id
     stated(silent, track, OTHER).run(5, filmed=True)
-    assert texts(silent)[-1] == f"stated: track {track} is UGV-12; it ends with the track"
+    assert texts(silent)[-1] == f"stated: track {track} is UGV-12; it ended with the track"
     silent.hidden = set()
     silent.run(2, filmed=True)
     assert unnamed(silent).track_id != track and not unnamed(silent).stated
+
+
+def test_a_track_that_is_not_shown_for_a_moment_ends_no_statement(silent):
+    track = unnamed(silent).track_id
+    stated(silent, track, OTHER).run(1, filmed=True)
+    silent.pipeline._tracker._state.evidence[:] = ENOUGH - 8.0
+    silent.run(0.1, filmed=True)
+    assert all(box.track_id != track for box in silent.last.boxes)
+    silent.run(3, filmed=True)
+    assert silent.box(OTHER).track_id == track and silent.box(OTHER).stated
+    assert not any("ended" in text for text in texts(silent))
 
 
 def test_a_statement_about_a_track_that_is_gone_is_not_used(sure):

@@ -19,9 +19,9 @@ VIEWS = {
 }
 """Keys that lead to what is shown."""
 TROUBLES = (
-    ("alarm", "UGV-17: no heartbeat", "its radio or power is gone, or it is out of range"),
-    ("alarm", "/dev/ttyUSB0: nothing is received any more", "check radio, cable and port"),
-    ("warning", "UGV-13: position stale", "check its stream rates and its receiver; it cannot be named meanwhile"),
+    (17, "alarm", "UGV-17: no heartbeat", "its radio or power is gone, or it is out of range"),
+    (0, "alarm", "/dev/ttyUSB0: nothing is received any more", "check radio, cable and port"),
+    (13, "warning", "UGV-13: position stale", "check its stream rates and its receiver; it cannot be named meanwhile"),
 )
 
 
@@ -33,8 +33,16 @@ def make_app(view: str, theme: str) -> RollcallApp:
     live = view == "alarms"
     image = None if view == "map" else np.full((HEIGHT, WIDTH, 3), (72, 92, 98), dtype=np.uint8)
     alarms = tuple(
-        Alarm(key=text, level=level, kind="vehicle", text=text, advice=advice, since_us=START_US + 200_000_000 + at)
-        for at, (level, text, advice) in enumerate(TROUBLES)
+        Alarm(
+            key=text,
+            level=level,
+            kind="vehicle",
+            text=text,
+            advice=advice,
+            since_us=START_US + 200_000_000 + at,
+            system_id=system_id,
+        )
+        for at, (system_id, level, text, advice) in enumerate(TROUBLES)
     )
     snapshot = replace(make_snapshot(live=live), image=image, alarms=alarms if live else ())
     return RollcallApp(FakeStation(live=live, snapshot=snapshot), graphics="blocks", theme=theme)

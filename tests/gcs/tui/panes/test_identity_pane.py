@@ -133,3 +133,19 @@ async def test_the_pane_of_a_vehicle_without_a_box_says_which_box_it_may_be():
         said = " ".join(text_of(app.query_one(IdentityPane)).split())
         assert app.selected == 15
         assert "upper right, where no box is" in said and "track 21: 34%, 9.8 m" in said and "4 σ" in said
+
+
+@pytest.mark.parametrize(("later_s", "words"), [(0, "gone: no longer in the picture"), (12, "no new frame for 12s")])
+async def test_a_picked_box_is_gone_only_where_there_is_a_frame_without_it(later_s, words):
+    now_us = SNAPSHOT.t_us + later_s * 1_000_000
+    snapshot = replace(SNAPSHOT, t_us=now_us, seen_us=SNAPSHOT.t_us, boxes=())
+    async with running(size=WIDE) as (app, pilot, station):
+        await pilot.press("up")
+        station.snapshot = snapshot
+        await polled(app, pilot)
+        assert words in text_of(app.query_one(IdentityPane))
+
+
+def test_where_a_vehicle_that_lies_should_be_is_not_known():
+    row, snapshot = row_of(16), replace(SNAPSHOT, conflicts=frozenset({16}))
+    assert expected_place(snapshot, row) == "not known: its position contradicts the video"

@@ -10,7 +10,7 @@ from gcs.snapshot import Alarm, Event
 from gcs.tui.pane_area import PaneArea
 from gcs.tui.panes.alarms import AlarmPane
 from gcs.tui.panes.banner import Banner
-from gcs.tui.panes.event_log import EventPane
+from gcs.tui.panes.event_log import EventPane, text_with_sender
 from gcs.tui.panes.fleet import FleetPane
 from gcs.tui.panes.identity import IdentityPane
 from gcs.tui.panes.map import MapPane
@@ -37,6 +37,11 @@ async def test_a_place_that_is_not_analysed_shows_nothing_old():
         text = screen_text(app)
         assert "confirmed" not in text and "%" not in text.split("EVENTS")[0] and "no alarms" not in text
         assert app.query_one(PaneArea).state.fleet_rows == rows, "no pane moves"
+
+
+def test_senders_have_their_names_where_a_place_is_not_analysed():
+    said = Event(t_us=blank().t_us, level="info", kind="text", text="UAV says: Mission: 3 WP", system_id=1)
+    assert text_with_sender(said, replace(blank(), names={1: "UAV"})) == "UAV says: Mission: 3 WP"
 
 
 async def test_provisional_names_are_told_as_such():

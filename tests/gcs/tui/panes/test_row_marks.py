@@ -1,0 +1,63 @@
+"""Each vehicle's row has the mark and colour of its worst alarm; a name not to be acted on is never green."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from gcs.health.alarms import urgency
+from gcs.snapshot import Alarm
+from gcs.tui.palette import ALARM, GOOD, WARN, ink
+from gcs.tui.panes.banner import alert_of
+from gcs.tui.panes.fleet import FleetPane
+from tests.support.fake_station import SMALL, START_US, WIDE, FakeStation, make_snapshot, polled, running
+
+
+def alarm(key, system_id=0, level="alarm", after_s=1, **more):
+    since_us = START_US + after_s * 1_000_000
+    return Alarm(
+        key=key, level=level, kind="vehicle", text=key, advice="", since_us=since_us, system_id=system_id, **more
+    )
+
+
+CONFLICT = alarm("conflict 11", 11, doubts_name=True)
+SILENT = alarm("silent 12", 12, after_s=9)
+LOW = alarm("battery 13", 13, "warning")
+BOTH = alarm("near 14 15", level="warning", vehicles=(14, 15))
+
+
+async def fleet_with(alarms, size=WIDE):
+    """Text and colours of each row, by name."""
+    snapshot = replace(make_snapshot(live=True), alarms=alarms)
+    async with running(FakeStation(live=True, snapshot=snapshot), size=size) as (app, pilot, _):
+        await polled(app, pilot)
+        pane = app.query_one(FleetPane)
+        strips = pane.body(pane.size.width, pane.size.height)
+        return {strip.text.split("UGV-")[1][:2]: strip for strip in strips if "UGV-" in strip.text}
+
+
+def colours(strip):
+    return {segment.style.color for segment in strip if segment.style and segment.text.strip()}
+
+
+@pytest.mark.parametrize("size", [WIDE, SMALL])
+async def test_a_row_has_the_mark_and_colour_of_its_worst_alarm(size):
+    rows = await fleet_with((CONFLICT, SILENT, LOW, BOTH), size)
+    marks = {name: strip.text.split("UGV-")[0].strip() for name, strip in rows.items()}
+    loud = "!!" if size == WIDE else "!"
+    assert marks == {"11": loud, "12": loud, "13": "!", "14": "!", "15": "!", "16": "", "17": ""}
+    for name, colour in (("11", ALARM), ("12", ALARM), ("13", WARN), ("14", WARN)):
+        assert ink(colour).color in colours(rows[name]), name
+
+
+async def test_a_name_not_to_be_acted_on_is_not_green():
+    rows = await fleet_with((CONFLICT, SILENT))
+    assert ink(GOOD).color not in colours(rows["11"])
+    assert ink(GOOD).color in colours(rows["12"]), "its name is right all the same"
+
+
+def test_the_banner_shows_the_worst_and_not_the_newest():
+    for alarms in ((CONFLICT, SILENT), (SILENT, CONFLICT)):
+        snapshot = replace(make_snapshot(live=True), alarms=tuple(sorted(alarms, key=urgency)))
+        assert "conflict 11" in alert_of(snapshot, (), frozenset()).text
