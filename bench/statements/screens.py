@@ -46,8 +46,6 @@ FACTS = dict.fromkeys(
     ),
 }
 """The pane's facts, and what each may say."""
-SENTENCES = ("", "doubt")
-"""Facts that are whole sentences."""
 CANDIDATE = re.compile(r"\s?(?:UGV-\d+|none of ours)\s+(\d+)%.*")
 SUM_PERCENT = 103
 """Probabilities of one box are rounded down, and add up to no more than 1; three of them may be old by a comparison."""
@@ -83,7 +81,7 @@ def _identity(flown: Flown, moment: Moment, screen: Screen) -> Iterator[tuple[Sa
     facts, percents = _facts(rows[1:])
     for name, value in facts:
         said = _said(moment, f"{whose}: {name} {value}", system_id)
-        if name in SENTENCES:
+        if name == "doubt":  # a whole sentence
             yield from ((said, why) for why in check_sentence(flown, replace(said, text=value, system_id=0)))
         elif name not in FACTS or FACTS[name].fullmatch(value) is None:
             yield said, "a fact that is not known"
@@ -100,7 +98,7 @@ def _facts(rows: Sequence[str]) -> tuple[list[tuple[str, str]], int]:
         name, value = text[1:14].strip(), text[14:].strip()
         if match := CANDIDATE.match(text):
             percents += int(match[1])
-        elif not name and value == text.strip() and facts and not value.startswith("may be"):
+        elif not name and value == text.strip() and facts:
             facts[-1] = (facts[-1][0], f"{facts[-1][1]} {value}")  # a long value goes on below
         elif not text.startswith("   ") or value == text.strip():  # else what speaks against the candidate above
             facts.append((name, value))

@@ -167,10 +167,7 @@ def _unnamed(snapshot: Snapshot, box: Box | None, width: int) -> list[list[Part]
         return _text(("standing", gone, FAINT), width)
     standing = standing_of(snapshot, box)
     words = ("stated: none of ours" if box.stated else "no name") + _since(snapshot, box.since_us)
-    lines = [_fact_parts(("standing", words, standing_colour(standing)))]
-    if missing := may_be(snapshot, box):
-        lines += _text(("", plain(missing), WARN), width)
-    return lines + _candidates(snapshot, box, width)
+    return [_fact_parts(("standing", words, standing_colour(standing))), *_candidates(snapshot, box, width)]
 
 
 def _candidates(snapshot: Snapshot, box: Box, width: int) -> list[list[Part]]:
@@ -178,7 +175,8 @@ def _candidates(snapshot: Snapshot, box: Box, width: int) -> list[list[Part]]:
     if not box.candidates:
         why = "not tracked yet" if not box.track_id else "nothing to compare: the camera's pose is unknown"
         return [] if snapshot.pose != "unknown" and box.track_id else _text(("candidates", why, FAINT), width)
-    lines: list[list[Part]] = _text(("doubt", plain(box.doubt), WARN), width) if box.doubt else []
+    doubt = may_be(snapshot, box) or box.doubt
+    lines: list[list[Part]] = _text(("doubt", plain(doubt), WARN), width) if doubt else []
     for candidate in box.candidates:
         own = candidate.system_id == box.system_id
         colour = standing_colour(standing_of(snapshot, box)) if own else INK

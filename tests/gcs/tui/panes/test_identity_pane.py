@@ -64,6 +64,15 @@ async def test_an_unnamed_box_shows_its_candidates_and_what_speaks_against_each(
         assert "none of ours" in said and "█" in said
 
 
+async def test_an_unnamed_box_says_which_missing_vehicle_it_may_be():
+    missing = replace(CANDIDATES[0], missing="no position for 27 s")
+    snapshot = changed(candidates=(missing,), none_of_ours=0.64, doubt="a vehicle of ours is not accounted for")
+    async with running(FakeStation(snapshot=snapshot), size=WIDE) as (app, pilot, _):
+        await pilot.press("up")
+        said = " ".join(text_of(app.query_one(IdentityPane)).split())
+        assert f"doubt may be {SNAPSHOT.name_of(15)}: no position for 27 s" in said
+
+
 async def test_candidates_can_be_read_on_a_small_screen():
     snapshot = changed(candidates=CANDIDATES, none_of_ours=0.64)
     async with running(FakeStation(snapshot=snapshot)) as (app, pilot, _):
