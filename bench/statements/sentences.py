@@ -52,6 +52,7 @@ FIELDS = {
     "count": r"\d+",
     "seconds": r"\d+(?:\.\d+)?",
     "percent": r"\d{1,2}",
+    "within": r"\d+ (?:s|min)",
     "kind": r"[\w ]+",
     "mode": r"[\w ]+",
     "text": r".+",
@@ -156,6 +157,18 @@ def _stopped(flown: Flown, said: Said, fields: Fields, who: int) -> str:
     return "" if longest_s > STOPPED_S else f"frames come, {longest_s:.1f} s apart"
 
 
+def _comes_and_goes(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+    came = [frame_us for now_us, frame_us in flown.turns if frame_us and now_us <= said.t_us]
+    stops = sum(b - a > S for a, b in pairwise([*came, said.t_us]))
+    return "" if abs(stops - int(fields["count"])) <= 1 else f"it has stopped {stops} times"
+
+
+def _on_and_off(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+    times = [t_us for t_us in flown.heartbeats.get(who, ()) if t_us <= said.t_us]
+    silences = sum(b - a > SILENT_S * S for a, b in pairwise([*times, said.t_us]))
+    return "" if abs(silences - int(fields["count"])) <= 1 else f"it has been silent {silences} times"
+
+
 def _blind(flown: Flown, said: Said, fields: Fields, who: int) -> str:
     """The UAV's position is lost."""
     return _without_position(flown, said, {}, UAV_ID)
@@ -217,6 +230,7 @@ SENTENCES: Mapping[str, Check] = {
     _LOST + "none of ours is likelier ({percent}%)": _stranger,
     _LOST + "the evidence does not suffice": _so,
     _LOST + "the UAV's position is lost": _blind,
+    _LOST + "its position contradicts the video": _lies,
     _LOST + "names begin anew": _so,
     _MAY + "no position for {seconds} s": _without_position,
     _MAY + "never heard": _never_heard,
@@ -244,6 +258,9 @@ SENTENCES: Mapping[str, Check] = {
     "{name}: packets with a wrong signature are rejected": _forged,
     "system {id}: {count} packets refused, bad signature ({text})": _forged,
     "the video has stopped": _stopped,
+    "the video comes and goes: {count} times in {within}": _comes_and_goes,
+    "{name}: it is heard on and off: {count} times in {within}": _on_and_off,
+    "{name}: again and again: its position contradicts the video: {count} times in {within}": _lies,
     "never heard: {names}": _unheard,
     _STATED: _stated,
     _STATED + "; it ends with the track": _ends,
