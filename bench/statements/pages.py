@@ -135,7 +135,7 @@ def _facts(flown: Flown, system_id: int, facts: Row) -> Iterator[tuple[str, str]
 
 
 def _seconds(told: str) -> float:
-    seconds = sum(float(part) * 60**k for k, part in enumerate(reversed(told.lstrip("-").split(":"))))
+    seconds: float = sum(float(part) * 60**k for k, part in enumerate(reversed(told.lstrip("-").split(":"))))
     return -seconds if told.startswith("-") else seconds
 
 

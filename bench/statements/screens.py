@@ -41,7 +41,8 @@ FACTS = dict.fromkeys(
     ANY,
 ) | {
     "standing": re.compile(
-        rf"(?:{STANDING}|stated(?:: none of ours)?|no name){AGE}|gone: no longer in the picture|not known: no new frame.*"
+        rf"(?:{STANDING}|stated(?:: none of ours)?|no name){AGE}|gone: no longer in the picture|"
+        r"not known: no new frame .*"
     ),
     "should be": re.compile(
         r"(?:not known|behind the camera): .+|in .*the picture.*|(?:above|below|left|right).* px outside"
