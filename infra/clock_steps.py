@@ -17,12 +17,18 @@ _NEXT = 8
 _MOST_STEPS = 1000
 
 
-def restarts(times: Ints, least: int) -> list[int]:
-    """Places from which times (n,) begin again: all of the next are less than all of the last, by ``least`` or more."""
+def restarts(times: Ints, least: int, agree: int = _NEXT) -> list[int]:
+    """Places from which times (n,) begin again, by ``least`` or more: all of the next are less than all of the last.
+
+    Args:
+        times: in the order in which they were written.
+        least: smaller steps back are lateness.
+        agree: how many times on either side have to.
+    """
     return [
         i
         for i in (np.flatnonzero(np.diff(times) <= -least) + 1).tolist()
-        if times[max(0, i - _NEXT) : i].min() > times[i : i + _NEXT].max()
+        if times[max(0, i - agree) : i].min() > times[i : i + agree].max()
     ]
 
 

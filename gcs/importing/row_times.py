@@ -20,8 +20,12 @@ Ints = NDArray[np.int64]
 
 NO_ZONE = "times without a zone are UTC; --clock corrects that"
 _BACK_US = 1_000_000
+_AGREE = 2
+"""Rows of one logger come late alone, if at all."""
 _SECOND_US = 1_000_000
 _LEAST_ROWS = 3
+_GAP_US, _GAP_STEPS = 5_000_000, 10
+"""A gap is longer than this, and than so many of the usual steps."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +57,7 @@ def check_one_clock(t_us: Ints, source: str, *, blocks: bool = False) -> None:
         )
     back_to_front = np.count_nonzero(np.diff(t_us) < 0) * 2 > len(t_us)
     times = t_us[::-1] if back_to_front else t_us
-    again = restarts(times, _BACK_US)
+    again = restarts(times, _BACK_US, _AGREE)
     if again and not (blocks and _apart(np.split(times, again))):
         row = again[0]
         raise ImportFileError(
@@ -92,7 +96,19 @@ def row_times(t_us: Ints, places: Floats, source: str) -> RowTimes:
         said = f"times are whole seconds that {many} rows share: spread evenly, ±{0.5 / many:.2f} s"
         return RowTimes(rows=order, t_us=spread, assumed=(said,))
     lost = len(t_us) - len(rows)
-    return RowTimes(rows=rows, t_us=times, skipped={"positions with the time of another": lost} if lost else {})
+    skipped = {"positions with the time of another": lost} if lost else {}
+    late = int(np.count_nonzero(t_us < np.maximum.accumulate(t_us)))
+    moved = (f"{late} positions stand behind later ones: put in order",) if 0 < late * 2 < len(t_us) else ()
+    return RowTimes(rows=rows, t_us=times, assumed=(*moved, *_gap_words(times)), skipped=skipped)
+
+
+def _gap_words(times: Ints) -> tuple[str, ...]:
+    """The longest gap, if it is one: a clock that was set forward looks the same."""
+    steps = np.diff(times)
+    if not len(steps) or steps.max() < max(_GAP_US, _GAP_STEPS * float(np.median(steps))):
+        return ()
+    row = int(np.argmax(steps))
+    return (f"nothing was logged for {steps[row] * 1e-6:.1f} s after position {row + 1} of {len(times)}",)
 
 
 def _differ(places: Floats, t_us: Ints) -> bool:
