@@ -142,7 +142,7 @@ class ScriptedFlight:
         self, folder: Path, scenario: Scenario, faults: InjectedFaults, on_snapshot: Callable[[Snapshot], None]
     ) -> None:
         self.scenario, self.faults, self.start_us = scenario, faults, scenario.start_us
-        self.on_snapshot, self.frame_shown, self.packets = on_snapshot, False, 0
+        self.packets = 0
         self.t_us = self.start_us + round(TELEMETRY_FROM_S * S)
         """True time."""
         self.mission = _mission(scenario)
@@ -162,7 +162,7 @@ class ScriptedFlight:
         self.pipeline = Pipeline(self.mission, ("first", "second"), lambda link, peer: self.links[link].address(peer))
         fault_log = Faults(self.recorder.folder / "faults.txt")
         parts = (self.pipeline, self.detector, self.recorder, fault_log)
-        self.fold = FrameLoop(*parts, self._show_frame, now_us=self.wall_us)
+        self.fold = FrameLoop(*parts, on_snapshot, now_us=self.wall_us)
 
     def wall_us(self, t_us: int | None = None) -> int:
         """Reading of the wall clock at a true time, now by default."""
@@ -189,16 +189,7 @@ class ScriptedFlight:
     def run_fold(self, frame: Frame | None) -> None:
         """Run the fold once, with the newest frame or None."""
         self.fold.add_packets(self.memory.take_packets(), self.wall_us())
-        before, self.frame_shown = self.fold.latest, False
         self.fold.run_once(frame)
-        # a frame that waits for telemetry shows nothing yet
-        if self.fold.latest is not None and self.fold.latest is not before and not self.frame_shown:
-            self.on_snapshot(self.fold.latest)
-
-    def _show_frame(self, snapshot: Snapshot) -> None:
-        """One turn may show several frames that waited."""
-        self.frame_shown = True
-        self.on_snapshot(snapshot)
 
     def close(self) -> Path:
         self.fold.close()

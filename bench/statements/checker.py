@@ -126,8 +126,7 @@ def _rollcall(flown: Flown, folder: Path) -> Found:
     assert mission is not None
     calls = RollCall(mission)
     for moment in flown.moments:
-        if moment.snapshot.seen_us == moment.snapshot.t_us:
-            calls.add(moment.snapshot)
+        calls.add(moment.snapshot, moment.now_us)
     told = rollcall_json(calls)
     printed = printed_remarks(lambda: print_rollcall(calls))
     rows = [

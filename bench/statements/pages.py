@@ -27,10 +27,14 @@ IN_VIEW_FRAMES, IN_VIEW_SHARE = 4, 0.1
 UNUSED = ("frozen", "zero", "jump", "drift", "spoof", "copy")
 POSITION_S, KNOWN_M = 1.0, 100.0
 """By which a silence may differ that is looked at frame by frame; a 1σ that is more than any report's."""
-REMARKS = {"": "named", "never in view": "outside"} | dict.fromkeys(
-    ("reported in view, never named", "in view, never named"), "inside"
-)
-"""What the last column of a roll call says of a vehicle."""
+REMARKS = {
+    "": "named",
+    "never where the camera looked": "outside",
+    "in view, never named": "inside",
+    "all refused": "refused",
+    "never heard": "unheard",
+}
+"""What the last column of a roll call says of a vehicle, before its reason and its silence."""
 
 
 def _tables(page: str) -> Tables:
@@ -77,14 +81,16 @@ def check_rollcall(
 
 def _remark(flown: Flown, system_id: int, remark: str, boxes: int, seen: int) -> Iterator[str]:
     heard = math.isfinite(flown.silent_s(system_id, flown.moments[-1].now_us))
-    told = REMARKS.get(remark)
+    outcome = re.sub(r"(; )?no position for [\d.]+ s$", "", remark).partition(":")[0]
+    told, refused = REMARKS.get(outcome), flown.refused.get(system_id, 0)
     if told is None:
         yield "a remark that is not known"
     elif (told == "named") != bool(boxes):
         yield f"{boxes} boxes have its name"
-    elif told != "named" and not heard:
-        refused = flown.refused.get(system_id)
-        yield f"{refused} packets, all refused" if refused else "it was never heard"
+    elif (told == "refused") != (refused > 0 and not heard):
+        yield f"{refused} of its packets were refused"
+    elif (told == "unheard") != (not heard and not refused):
+        yield "it was heard" if heard else "it was never heard"
     elif told == "outside" and seen:
         yield f"it was in view in {seen} frames"
 
@@ -108,8 +114,9 @@ def check_report(flown: Flown, page: str, claims: Sequence[Claim]) -> Found:
         if (event.level != "info" or event.kind in ("mark", "operator")) and event.text not in written:
             said = Said(where="report", t_us=event.t_us, text=event.text)
             yield said, "the flight's log has it, and the report does not"
+    began_us = min(t_us for times in (*flown.heartbeats.values(), *flown.positions.values()) for t_us in times)
     for row in tables.get("Alarms", ()):
-        t_us = flown.scenario.start_us + round((_seconds(row["from"]) + 1.0) * S)
+        t_us = began_us + round((_seconds(row["from"]) + 1.0) * S)
         said = Said(where="report", t_us=t_us, text=row["what"], standing=True)
         yield from ((said, why) for why in check_sentence(flown, said))
     for i in flown.scenario.ugv_ids:
@@ -154,8 +161,9 @@ def check_batch(flown: Flown, page: str, claims: Sequence[Claim]) -> Found:
 
 def _reason(reason: str, name: str, boxes: str) -> str:
     """What the flight's line says of a vehicle that was not named."""
-    words = next((words for words in reason.split("; ") if re.search(rf"\b{name}\b", words)), "")
-    return "" if boxes != "0" else words.partition(":")[0]
+    about = [words for words in reason.split("; ") if boxes == "0" and re.search(rf"\b{name}\b", words)]
+    outcomes = (words.partition(":")[0].partition(" (")[0] for words in about)
+    return next((outcome for outcome in outcomes if outcome in REMARKS), "")
 
 
 def printed_remarks(show: Callable[[], None]) -> list[str]:
@@ -164,4 +172,4 @@ def printed_remarks(show: Callable[[], None]) -> list[str]:
     with contextlib.redirect_stdout(out):
         show()
     head, *lines = out.getvalue().splitlines()
-    return [line[head.index("remark") :].strip() for line in lines[:-1]]
+    return [line[head.index("remark") :].strip() for line in lines[:-2]]

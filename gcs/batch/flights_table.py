@@ -30,11 +30,15 @@ COLUMNS = {
     "inputs": "string",
     "stamp": "string",
     "frames": "int64",
+    "skipped_frames": "int64",
     "span_s": "double",
     "boxes": "int64",
     "unnamed": "int64",
     "vehicles": "int64",
     "named": "int64",
+    "alarms": "int64",
+    "warnings": "int64",
+    "marks": "int64",
     **{column: "int64" if name == "switches" else "double" for name, column in _SCORES.items()},
     "earlier_result": "bool",
     "identity_bytes": "int64",
@@ -52,6 +56,9 @@ _CALL = {
     "boxes": "int64",
     "frames_in_view": "int64",
     "confidence": "double",
+    "outcome": "string",
+    "why": "string",
+    "longest_silence_s": "double",
 }
 
 
@@ -106,6 +113,6 @@ def _row(record: FlightRecord) -> dict[str, Any]:
 
 
 def _record(row: dict[str, Any]) -> FlightRecord:
-    scored = {name: row.pop(column) for name, column in _SCORES.items()}
+    scored = {name: row.pop(column, None) for name, column in _SCORES.items()}  # an earlier version has fewer
     score = None if scored["switches"] is None else scored
     return msgspec.convert(row | {"versions": json.loads(row["versions"]), "score": score}, FlightRecord)

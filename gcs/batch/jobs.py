@@ -99,6 +99,10 @@ class VehicleCall(msgspec.Struct, frozen=True, kw_only=True):
     boxes: int
     frames_in_view: int
     confidence: float | None
+    outcome: str = ""
+    """What became of it, in the roll call's words; empty in results of earlier versions."""
+    why: str = ""
+    longest_silence_s: float | None = None
 
 
 class ScoreRecord(msgspec.Struct, frozen=True, kw_only=True):
@@ -113,6 +117,7 @@ class ScoreRecord(msgspec.Struct, frozen=True, kw_only=True):
     track_idf1: float | None
     ece: float | None
     wrong_sure_s: float
+    false_strangers: float | None = None
 
 
 class FlightRecord(msgspec.Struct, frozen=True, kw_only=True):
@@ -132,11 +137,15 @@ class FlightRecord(msgspec.Struct, frozen=True, kw_only=True):
     stamp: str | None = None
     """What the store said of the input's files; null for those of a disk."""
     frames: int | None = None
+    skipped_frames: int | None = None
     span_s: float | None = None
     boxes: int | None = None
     unnamed: int | None = None
     vehicles: int | None = None
     named: int | None = None
+    alarms: int | None = None
+    warnings: int | None = None
+    marks: int | None = None
     roll_call: tuple[VehicleCall, ...] = ()
     score: ScoreRecord | None = None
     earlier_result: bool = False

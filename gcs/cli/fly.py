@@ -148,7 +148,7 @@ def fly(
     )
     calls = RollCall(loaded)
     with _naming_own_flight(links):
-        flight = Flight(plan, calls.add)
+        flight = Flight(plan, lambda snapshot: calls.add(snapshot, time.monotonic_ns() // 1000))
     sealing = _tell_start(flight, plan, mission, screen=screen)
     door = AttachServer(flight.folder, links)
     try:
@@ -161,6 +161,7 @@ def fly(
         door.close()
         sealing.close()
         flight.stop()
+    calls.end(flight.frames)
     _report(flight, calls, as_json=as_json)
     if source and not calls.named:
         raise SystemExit(NO_NAMES)

@@ -16,12 +16,14 @@ _COLUMNS = ("id", "name", "first named", "boxes", "of frames in view", "confiden
 
 
 def print_rollcall(calls: RollCall) -> None:
-    """The roll call to read: one line a vehicle, and the sum."""
+    """The roll call to read: one line a vehicle, and the sums."""
     print_table(_COLUMNS, map(_cells, calls.rows()), right=("id", *_COLUMNS[2:6]))
+    skipped = f"; {calls.skipped_frames} more frames came and were not looked at" if calls.skipped_frames else ""
     print_lines(
         f"{calls.named} of {len(calls.rows())} vehicles named; {calls.boxes} boxes in {calls.frames} frames, "
-        f"{calls.unnamed} unnamed; {calls.span_s:.1f} s"
+        f"{calls.unnamed} unnamed; {calls.span_s:.1f} s{skipped}"
     )
+    print_lines(calls.reports)
 
 
 def rollcall_json(calls: RollCall) -> dict[str, Any]:
@@ -29,17 +31,19 @@ def rollcall_json(calls: RollCall) -> dict[str, Any]:
     return {
         "named": calls.named,
         "frames": calls.frames,
+        "skipped_frames": calls.skipped_frames,
         "boxes": calls.boxes,
         "unnamed": calls.unnamed,
         "span_s": calls.span_s,
+        **asdict(calls.alarms),
+        "marks": calls.marks,
         "vehicles": [asdict(row) for row in calls.rows()],
     }
 
 
 def _cells(row: RollCallRow) -> tuple[str, ...]:
     if not row.boxes:
-        remark = "reported in view, never named" if row.frames_in_view else "never in view"
-        return str(row.system_id), row.name, "", "", "", "", remark
+        return str(row.system_id), row.name, "", "", "", "", row.remark
     share = f"{min(row.boxes / row.frames_in_view, 1):.1%}" if row.frames_in_view else "-"
     return (
         str(row.system_id),
@@ -48,5 +52,5 @@ def _cells(row: RollCallRow) -> tuple[str, ...]:
         str(row.boxes),
         share,
         certainty(row.confidence),
-        "",
+        row.remark,
     )

@@ -85,7 +85,7 @@ class Flight:
 
         Args:
             plan: What to listen to.
-            on_snapshot: Called in the fold's thread with each frame that was looked at.
+            on_snapshot: Called in the fold's thread with each snapshot, of a frame or without one.
 
         Raises:
             LinkError, ModelError, SessionError: something cannot be opened; nothing is left open.
@@ -161,6 +161,11 @@ class Flight:
         """Telemetry packets received and recorded, of all links; those that this station sent are not among them."""
         health = self._ingest.health()
         return health.packets - health.sent
+
+    @property
+    def frames(self) -> int:
+        """Frames received and recorded, whether they were looked at or not."""
+        return self._video.stream.received if self._video.stream else 0
 
     @property
     def error(self) -> FlightError | None:

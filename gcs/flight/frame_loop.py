@@ -51,7 +51,7 @@ class FrameLoop:
         detector: finds vehicles; None: without a camera.
         recorder: keeps what was found.
         faults: records what fails on the way.
-        on_snapshot: called with the snapshot of each frame that the detector has seen.
+        on_snapshot: called with each snapshot, of a frame or without one.
         now_us: the wall clock, Unix µs.
 
     Attributes:
@@ -139,10 +139,11 @@ class FrameLoop:
         return bool(self._looked_at)
 
     def close(self) -> None:
-        """Fold in the frames that still wait, and record the events since the last turn."""
+        """Fold in the frames that still wait, and all that came since the last turn: marks of the last moment, too."""
         try:
             while self._looked_at:
                 self._show(self._process_frame(self._looked_at.popleft(), self._heard_us))
+            self.run_once(None)
         except Exception as error:  # noqa: BLE001 - the recording is sealed all the same
             self._faults.turn_failed("naming", error)
         self._recorder.events(tuple(self._new_events))
@@ -150,6 +151,7 @@ class FrameLoop:
     def _show(self, snapshot: Snapshot) -> None:
         self._events.extend(snapshot.events)
         self.latest = snapshot
+        self._on_snapshot(snapshot)
 
     def _awaits(self, looked_at: _LookedAt, heard_us: int) -> bool:
         """Whether a frame's telemetry is still to come; where nothing is heard at all the wall clock decides."""
@@ -197,7 +199,6 @@ class FrameLoop:
         )
         self._record_turn(frame.index, frame.t_us, heard_us, boxes, (frame.image.shape[1], frame.image.shape[0]))
         self._recorder.snapshot(snapshot)
-        self._on_snapshot(snapshot)
         return snapshot
 
     def _record_turn(
@@ -253,6 +254,8 @@ class FrameLoop:
         # the next frame is as old as the last when it comes: time must not be ahead of it
         lag_us = min(self._lag_us, MOST_LAG_US) if 0 <= now_us - self._shown_us < MOST_LAG_US else 0
         t_us = now_us - lag_us
+        if self.latest is not None and t_us == self.latest.seen_us:
+            t_us += 1  # boxes of the very time of a snapshot are new ones
         health = replace(self.health, lag_s=lag_us * 1e-6, behind_s=_behind_s(t_us, heard_us))
         snapshot = self._pipeline.add_frame(NO_FRAME, t_us, health=health, heard_us=heard_us)
         self._record_turn(NO_FRAME, t_us, heard_us)

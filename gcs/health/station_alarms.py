@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from gcs.health.alarm_rule import AlarmRule
+from gcs.health.heard import is_heard, refused_because
 from gcs.snapshot import Health, Snapshot, VehicleRow
 
 __all__ = ["LATE_S", "LOW_BYTES", "LOW_S", "STALLED_S", "STATION_RULES", "first_of"]
@@ -50,11 +51,7 @@ def first_of(names: Sequence[str]) -> str:
 
 def _never_received(now: Snapshot) -> list[VehicleRow]:
     """Vehicles never received; one that is received and rejected has an alarm for that."""
-
-    def rejected(row: VehicleRow) -> bool:
-        return bool(row.bad_signature or row.unsigned or row.held)
-
-    return [row for row in now.vehicles if math.isinf(row.heartbeat_age_s) and not rejected(row)]
+    return [row for row in now.vehicles if not (is_heard(row) or refused_because(row))]
 
 
 def _some_never_received(health: Health, now: Snapshot) -> bool:

@@ -119,6 +119,11 @@ class Analysis:
             if snapshot.image is not None or not images or self.video is None:
                 yield snapshot  # a video has no frames without an image
 
+    @property
+    def frames(self) -> int:
+        """How many frames came, looked at or not; 0 of telemetry alone."""
+        return 0 if self.opened.frames_us is None else len(self.times_us)
+
     def moments(
         self, flown: Sequence[Event] = (), provisional_from_us: int | None = None
     ) -> Iterator[tuple[int, Snapshot]]:
@@ -147,6 +152,19 @@ class Analysis:
         for at_us, snapshot in self._moments(self._pipeline(), received_us, provisional_from_us - WARM_UP_US, looks_us):
             if at_us > looks_us:
                 yield at_us, replace(snapshot, provisional=True, alarms=(), events=())
+
+    def with_images(self, moments: Iterator[tuple[int, Snapshot]]) -> Iterator[tuple[int, Snapshot]]:
+        """The same moments, those at which a frame came with its image, where there is one that can be decoded."""
+        frames = self.video.frames() if self.video is not None else iter(())
+        frame, shown = next(frames, None), -1
+        for at_us, snapshot in moments:
+            while frame is not None and frame.index < snapshot.frame:
+                frame = next(frames, None)
+            if frame is not None and shown < frame.index == snapshot.frame:
+                shown = frame.index
+                yield at_us, replace(snapshot, image=frame.image)
+            else:
+                yield at_us, snapshot
 
     def _pipeline(self) -> Pipeline:
         senders = self._log.senders

@@ -14,8 +14,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
+from gcs.health.alarm_history import AlarmHistory, AlarmSpan
 from gcs.health.alarm_rules import ReportedAlarm, alarm_of_key, reported_alarm
-from gcs.health.alarms import urgency
+from gcs.health.alarms import rank, urgency
+from gcs.playback.opened_session import OpenedSession
 from gcs.session.event_log import read_events
 from gcs.snapshot import Alarm, Event
 from infra.files.segments import segments
@@ -54,6 +56,9 @@ class FlownReports:
         events: as recorded, empty where nothing was.
         start_us: first packet or frame, or begin of the flight.
         stop_us: last one, or its end.
+
+    Attributes:
+        start_us, stop_us: the same, and the first and last of the events.
     """
 
     def __init__(self, events: Sequence[Event], start_us: int, stop_us: int) -> None:
@@ -61,16 +66,19 @@ class FlownReports:
         self._flown = sorted(near, key=lambda event: event.t_us)[-MOST_EVENTS:]
         self._has_keys = any(event.alarm_level for event in self._flown)
         """False: an older recording, of whose alarms there are only the words."""
+        flown_us = [event.t_us for event in self._flown]
+        self.start_us, self.stop_us = min(start_us, *flown_us[:1], start_us), max(stop_us, *flown_us[-1:], stop_us)
         self._unmatched: dict[tuple[str, int, str], list[int]] = {}
         for index, event in enumerate(self._flown):
             self._unmatched.setdefault(self._gist(event), []).append(index)
         self._matched: set[int] = set()
         self._now: list[Event] = []
         alarms_of = _alarms if self._has_keys else _alarms_by_words
-        self._alarms = alarms_of(self._flown, max(stop_us, *(event.t_us for event in self._flown[-1:]), 0) + 1)
+        self._alarms = alarms_of(self._flown, self.stop_us + 1)
         self._seen = [event for event in self._flown if event.kind == "operator" and event.text.startswith(_SEEN)]
-        self._found: dict[str, list[tuple[int, int]]] = {}
-        """When a replay has an alarm: from and until, by its key."""
+        self._found = AlarmHistory()
+        self._found_at: dict[str, list[AlarmSpan]] = {}
+        """When a replay has an alarm, by its key."""
         self._worked_out_us = 0.0
         self._shown: tuple[Event, ...] | None = None
 
@@ -97,6 +105,12 @@ class FlownReports:
             trouble = f"{EVENTS}: {lost} lines could not be read and were skipped"
         return cls(events, start_us, stop_us), trouble
 
+    @classmethod
+    def of(cls, opened: OpenedSession) -> tuple[FlownReports, str]:
+        """Of an opened session: see ``read``."""
+        known_us = opened.known_us
+        return cls.read(opened.session.path, int(known_us.min()), int(known_us.max()))
+
     @property
     def flown(self) -> Sequence[Event]:
         """What the flight reported, in order of time."""
@@ -112,12 +126,10 @@ class FlownReports:
         """
         for event in events:
             self._add_event(event)
-        for alarm in alarms:
-            spans = self._found.setdefault(self._key(alarm), [])
-            if spans and spans[-1][0] == alarm.since_us:
-                spans[-1] = alarm.since_us, t_us
-            else:
-                spans.append((alarm.since_us, t_us))
+        known = len(self._found.spans)
+        self._found.add(t_us, alarms)
+        for span in self._found.spans[known:]:
+            self._found_at.setdefault(self._key(span.alarm), []).append(span)
         if t_us // SAME_US != self._worked_out_us // SAME_US:
             self._shown = None
         self._worked_out_us = max(t_us, self._worked_out_us)
@@ -167,6 +179,28 @@ class FlownReports:
         shown += [self._as_flown(flown, t_us) for flown in on if flown.alarm.key not in keys]
         return tuple(sorted(shown, key=urgency))
 
+    def spans(self) -> list[AlarmSpan]:
+        """Every alarm of the flight and every one that only its replay raises, each once, in order of their coming.
+
+        One that both have lasts from the first sign of it in either to the last.
+        """
+        spans, left = list[AlarmSpan](), {key: list(found) for key, found in self._found_at.items()}
+        for flown in _without_levels(self._alarms):
+            alarm, until_us = self._as_flown(flown, flown.alarm.since_us), flown.until_us
+            for found in list(left.get(alarm.key, ())):
+                if not (found.alarm.since_us <= until_us + SAME_US and alarm.since_us <= found.until_us + SAME_US):
+                    continue
+                left[alarm.key].remove(found)
+                since_us = min(alarm.since_us, found.alarm.since_us)
+                alarm, until_us = replace(alarm, since_us=since_us, reported=""), max(until_us, found.until_us)
+            spans.append(AlarmSpan(alarm=alarm, until_us=until_us))
+        for found in (each for others in left.values() for each in others):
+            alarm = self._compared(found.alarm, found.until_us) if self._flown else found.alarm
+            # under a clock that was set ahead it is dated later than it is seen
+            alarm = replace(alarm, since_us=min(alarm.since_us, found.until_us))
+            spans.append(AlarmSpan(alarm=alarm, until_us=found.until_us))
+        return sorted(spans, key=lambda span: (span.alarm.since_us, span.alarm.key))
+
     def _compared(self, alarm: Alarm, t_us: int) -> Alarm:
         """An alarm of the replay beside the flight's."""
         key = self._key(alarm)
@@ -178,9 +212,9 @@ class FlownReports:
 
     def _as_flown(self, flown: FlownAlarm, t_us: int) -> Alarm:
         """An alarm of the flight that the replay does not have at the moment."""
-        spans = self._found.get(flown.alarm.key, ())
         known = flown.worked_out and self._worked_out_us > t_us + SAME_US
-        differs = known and not any(_is_about(t_us, *span) for span in spans)
+        found = self._found_at.get(flown.alarm.key, ())
+        differs = known and not any(_is_about(t_us, span.alarm.since_us, span.until_us) for span in found)
         seen = self._was_seen(flown.alarm, t_us)
         return replace(flown.alarm, acknowledged=seen, reported="then" if differs else "")
 
@@ -259,6 +293,21 @@ def _alarms_by_words(events: Sequence[Event], end_us: int) -> list[FlownAlarm]:
         on[flown.alarm.key] = flown
         alarms.append(flown)
     return alarms
+
+
+def _without_levels(alarms: Iterable[FlownAlarm]) -> list[FlownAlarm]:
+    """The same alarms, where each stays the same one when its level changes."""
+    joined: list[FlownAlarm] = []
+    last: dict[str, FlownAlarm] = {}
+    for flown in alarms:
+        before = last.get(flown.alarm.key)
+        if before and before.until_us == flown.alarm.since_us and before.alarm.level != flown.alarm.level:
+            worst = max(before.alarm, flown.alarm, key=lambda alarm: rank(alarm.level))
+            before.alarm, before.until_us = replace(worst, since_us=before.alarm.since_us), flown.until_us
+        else:
+            last[flown.alarm.key] = replace(flown)
+            joined.append(last[flown.alarm.key])
+    return joined
 
 
 def _key_of_over(on: dict[str, FlownAlarm], event: Event, text: str, lasted_s: int) -> str:

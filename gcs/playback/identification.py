@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 
 from gcs.errors import SessionError
 from gcs.playback.analysis import Analysis
+from gcs.playback.as_flown import FlownReports
 from gcs.playback.hindsight import by_hindsight
-from gcs.report.rollcall import RollCall
-from gcs.session.event_log import EventLog
+from gcs.report.rollcall import WITHOUT_POSITION, RollCall
+from gcs.session.event_log import EventLog, read_marks
 from gcs.session.identity_log import IdentityLog
 from gcs.session.session import Session
 from gcs.snapshot import Snapshot
@@ -149,28 +150,48 @@ def _identify(
     calls = RollCall(analysis.mission)
     last: Snapshot | None = None
     blind = False
-    snapshots = analysis.snapshots(images=False)
-    if hindsight:
-        snapshots = by_hindsight(snapshots, analysis.mission)
     try:
         with IdentityLog(out) as log, contextlib.closing(EventLog(out / EVENTS)) as events:
+            reports, trouble = FlownReports.of(analysis.opened)
+            if trouble:
+                note(trouble)
+            snapshots = _frames(analysis, reports, calls, events, note)
+            if hindsight:
+                snapshots = by_hindsight(snapshots, analysis.mission)
             for last in snapshots:
                 log.write(last)
-                events.write(last.events)
-                calls.add(last)
-                for event in last.events:
-                    if event.kind == "video" and event.level == "info":
-                        note(event.text)
-                report(calls.frames, len(analysis.times_us))
+                calls.look(last)
+                report(last.frame + 1, len(analysis.times_us))
                 blind |= last.pose == "no attitude"
     finally:
         analysis.close()
     if last is None:
         raise SessionError(f"{analysis.opened.session.path}: not one frame in it")
+    calls.end(analysis.frames)
+    marks = read_marks(analysis.opened.session.path, reports.start_us)
+    calls.tell(reports.spans(), (*reports.flown, *marks))
     seen = analysis.opened.video is not None or analysis.opened.looks is not None
     for text in _doubts(last, calls, blind=blind, seen=seen):
         note(text)
     return calls, last
+
+
+def _frames(
+    analysis: Analysis, reports: FlownReports, calls: RollCall, events: EventLog, note: Callable[[str], None]
+) -> Iterator[Snapshot]:
+    """The frames of a recording; what happened in it, with frames and without, is taken in on the way."""
+    frame = -1
+    for at_us, snapshot in analysis.moments(reports.flown):
+        reports.add(at_us, snapshot.events, snapshot.alarms)
+        calls.watch(snapshot, at_us)
+        events.write(snapshot.events)
+        for event in snapshot.events:
+            if event.kind == "video" and event.level == "info" and not event.over:
+                note(event.text)
+        if snapshot.frame != frame:
+            frame = snapshot.frame
+            yield snapshot
+    reports.finish()
 
 
 def _doubts(last: Snapshot, calls: RollCall, *, blind: bool, seen: bool) -> list[str]:
@@ -194,9 +215,11 @@ def _doubts(last: Snapshot, calls: RollCall, *, blind: bool, seen: bool) -> list
         )
     elif blind and calls.attitude_frames == 0:
         doubts.append("the UAV never reported its attitude: names rest on motion alone and take longer")
-    silent = [row.name for row in last.vehicles[1:] if row.position_state == "never"]
-    if silent:
-        doubts.append(f"no position was reported up to the last frame by {', '.join(silent)}: they cannot be named")
+    unplaced: dict[str, list[str]] = {}
+    for row in calls.rows():
+        if row.outcome in WITHOUT_POSITION:
+            unplaced.setdefault(row.remark, []).append(row.name)
+    doubts += [f"{', '.join(names)} cannot be named: {remark}" for remark, names in unplaced.items()]
     if seen and not calls.boxes:
-        doubts.append("not one vehicle was detected in the video")
+        doubts.append("not one vehicle was detected in the video" if calls.frames else "no frame was looked at")
     return doubts

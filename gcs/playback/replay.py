@@ -25,7 +25,7 @@ from gcs.playback.confidence import ConfidenceHistory
 from gcs.playback.gaps import find_gaps
 from gcs.playback.preview import Preview
 from gcs.playback.snapshot_store import SnapshotStore
-from gcs.session.event_log import append_event, marks_path, read_events
+from gcs.session.event_log import append_event, marks_path, read_marks
 from gcs.session.session import Session
 from gcs.snapshot import Alarm, Event, Snapshot
 from gcs.trails import Trail, Trails
@@ -73,18 +73,16 @@ class Replay:
         self._analysis = analysis = Analysis(session, redetect=redetect)
         self._decoded = _DecodedFrames(session, analysis.video)
         self._times = np.maximum.accumulate(analysis.times_us)
-        first_us, last_us = int(analysis.opened.known_us.min()), int(analysis.opened.known_us.max())
-        self._reports, trouble = FlownReports.read(session.path, first_us, last_us)
-        flown_us = [event.t_us for event in self._reports.flown]
-        self._start_us, self._stop_us = min(first_us, *flown_us[:1], first_us), max(last_us, *flown_us[-1:], last_us)
+        self._reports, trouble = FlownReports.of(analysis.opened)
+        self._start_us, self._stop_us = self._reports.start_us, self._reports.stop_us
         self._done = SnapshotStore()
         self._finished = False
         self._preview = Preview(lambda t_us: analysis.moments(self._reports.flown, provisional_from_us=t_us))
         self._marks_path = marks_path(session.path)
-        self._added = _read_marks(self._marks_path, first_us)
+        self._added = read_marks(session.path, self._start_us)
         """Marks and what else the operator did, in order of time."""
         if trouble:
-            self.add_event(Event(t_us=first_us, level="warning", kind="recording", text=trouble))
+            self.add_event(Event(t_us=self._start_us, level="warning", kind="recording", text=trouble))
         self._reported: tuple[Event, ...] = ()
         self._events: tuple[Event, ...] = ()
         self._latest: Snapshot | None = None
@@ -352,19 +350,6 @@ class Replay:
             uav_heading=np.nan,
             health=self._analysis.health_at(self.now_us, frame),
         )
-
-
-def _read_marks(path: Path, start_us: int) -> list[Event]:
-    """Marks of earlier replays in order of time; what cannot be read of them is reported beside them."""
-    try:
-        marks, skipped = read_events(path)
-    except OSError as error:
-        text = f"{path.name} cannot be read: {error.strerror}"
-        return [Event(t_us=start_us, level="warning", kind="recording", text=text)]
-    if skipped:
-        text = f"{path.name}: {skipped} lines could not be read and were skipped"
-        marks.append(Event(t_us=start_us, level="warning", kind="recording", text=text))
-    return sorted(marks, key=lambda event: event.t_us)
 
 
 class _DecodedFrames:

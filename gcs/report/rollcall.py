@@ -1,14 +1,37 @@
-"""The roll call: who was seen, when first, how long and how surely."""
+"""The roll call: who was seen, when first, how long and how surely, and of the others why not.
+
+All that counts a flight's frames, boxes, silences and alarms quotes it: a frame counts when the detector looked at it,
+silences and alarms are of the whole flight, with frames and without.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Final, Literal
 
+from gcs.health.alarm_history import AlarmHistory, AlarmSpan
+from gcs.health.heard import is_heard, refused_because
 from gcs.mission.mission import Mission
-from gcs.snapshot import Snapshot
+from gcs.snapshot import Event, Snapshot, VehicleRow
+from mavlink.state import SILENT_S
 
-__all__ = ["RollCall", "RollCallRow"]
+__all__ = ["WITHOUT_POSITION", "AlarmCounts", "Outcome", "RollCall", "RollCallRow", "count_alarms"]
+
+Outcome = Literal[
+    "named",
+    "in view, never named",
+    "never where the camera looked",
+    "where the camera looked is not known",
+    "no frame was looked at",
+    "no position",
+    "all refused",
+    "never heard",
+]
+"""What became of a vehicle."""
+WITHOUT_POSITION: Final[frozenset[Outcome]] = frozenset({"no position", "all refused", "never heard"})
+"""Outcomes of vehicles whose place was never known while a frame was looked at."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,13 +41,40 @@ class RollCallRow:
     system_id: int
     name: str
     first_named_s: float
-    """Since the first frame; NaN: never named."""
+    """Since the first frame that was looked at; NaN: never named."""
     boxes: int
     """That got its name."""
     frames_in_view: int
-    """In which it reported to be where the camera looks."""
+    """In which it reported to be where the camera looks, of those that were looked at."""
     confidence: float
     """Mean over its boxes; NaN: never named."""
+    outcome: Outcome
+    why: str
+    """What there is to say about the outcome, plain text, possibly from the air; empty for nothing."""
+    longest_silence_s: float
+    """Longest time without a position, from the flight's begin to its end."""
+
+    @property
+    def remark(self) -> str:
+        """What an operator should know besides the figures, empty for nothing."""
+        parts = [] if self.outcome == "named" else [f"{self.outcome}: {self.why}" if self.why else self.outcome]
+        if self.longest_silence_s > SILENT_S and self.outcome not in WITHOUT_POSITION:
+            parts.append(f"no position for {self.longest_silence_s:.1f} s")
+        return "; ".join(parts)
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmCounts:
+    """How many alarms of each level a flight raised."""
+
+    alarms: int
+    warnings: int
+
+
+def count_alarms(spans: Iterable[AlarmSpan]) -> AlarmCounts:
+    """Count the alarms of a flight, each once however long it lasted; what only its replay finds is none of them."""
+    levels = [span.alarm.level for span in spans if span.alarm.reported != "now"]
+    return AlarmCounts(levels.count("alarm"), levels.count("warning"))
 
 
 @dataclass(slots=True)
@@ -32,31 +82,76 @@ class _Entry:
     first_us: int = 0
     boxes: int = 0
     frames_in_view: int = 0
+    frames_out_of_view: int = 0
+    frames_positioned: int = 0
     confidence: float = 0.0
+    heard: bool = False
+    positioned: bool = False
+    refused: str = ""
+    """Why the last thing that was refused was."""
+    waits_for: str = ""
+    """Why it has no position yet by its own word."""
+    placed_s: float = 0.0
+    """When its last position was taken, since the flight's begin: before its first one it is silent from there."""
+    silence_s: float = 0.0
 
 
 class RollCall:
-    """Adds up snapshots into one row a vehicle."""
+    """Adds up snapshots into one row a vehicle.
+
+    Attributes:
+        frames: that were looked at.
+        boxes: seen in them.
+        unnamed: of these, those without a name.
+        attitude_frames: in which the camera's pose was known.
+        marks: that the operator made.
+    """
 
     def __init__(self, mission: Mission) -> None:
         self._mission = mission
         self._entries = {i: _Entry() for i in mission.ugv_ids}
-        self._start_us = 0
-        self._stop_us = 0
-        self.frames = 0
-        self.boxes = 0
-        self.unnamed = 0
-        self.attitude_frames = 0
+        self._begin_us: int | None = None
+        self._start_us = self._stop_us = self._came = 0
+        self._last_frame = -1
+        self._alarms = AlarmHistory()
+        self._told: AlarmCounts | None = None
+        self.frames = self.boxes = self.unnamed = self.attitude_frames = self.marks = 0
 
-    def add(self, snapshot: Snapshot) -> None:
-        """Take in one frame."""
+    def add(self, snapshot: Snapshot, at_us: int | None = None) -> None:
+        """Take in the next snapshot, with a new frame or without; at_us: see ``watch``."""
+        self.watch(snapshot, at_us)
+        self.look(snapshot)
+
+    def watch(self, snapshot: Snapshot, at_us: int | None = None) -> None:
+        """Take in how the fleet is: who is heard and has a position, alarms, marks.
+
+        Args:
+            snapshot: the next one.
+            at_us: its time by a clock that nobody sets, µs from any moment on; None: as it is stamped.
+        """
+        at_us = snapshot.t_us if at_us is None else at_us
+        if self._begin_us is None:
+            self._begin_us = at_us
+        for row in snapshot.vehicles:
+            if (entry := self._entries.get(row.system_id)) is not None:
+                _watch(entry, row, (at_us - self._begin_us) * 1e-6)
+        self._alarms.add(at_us, snapshot.alarms)
+        self.marks += _marks(snapshot.events)
+
+    def look(self, snapshot: Snapshot) -> None:
+        """Take in what is seen, where the snapshot is of a frame that was looked at and did not come before."""
+        if snapshot.seen_us != snapshot.t_us or snapshot.frame == self._last_frame:
+            return
+        self._last_frame = snapshot.frame
         self._start_us = self._start_us or snapshot.t_us
         self._stop_us = snapshot.t_us
         self.frames += 1
         self.attitude_frames += snapshot.pose == "known"
         for row in snapshot.vehicles:
-            if row.system_id in self._entries and row.in_view:
-                self._entries[row.system_id].frames_in_view += 1
+            if (entry := self._entries.get(row.system_id)) is not None:
+                entry.frames_in_view += row.in_view is True
+                entry.frames_out_of_view += row.in_view is False
+                entry.frames_positioned += row.position_state in ("ok", "stale")
         for box in snapshot.new_boxes:
             if box.coasting:
                 continue
@@ -69,6 +164,30 @@ class RollCall:
             entry.boxes += 1
             entry.confidence += box.confidence
 
+    def end(self, frames: int) -> None:
+        """Take in how many frames came, looked at or not."""
+        self._came = frames
+
+    def tell(self, alarms: Iterable[AlarmSpan], events: Iterable[Event]) -> None:
+        """Take in what a recorded flight itself reported, with what its replay finds besides."""
+        self._told, self.marks = count_alarms(alarms), _marks(events)
+
+    @property
+    def alarms(self) -> AlarmCounts:
+        """That were raised."""
+        return self._told or count_alarms(self._alarms.spans)
+
+    @property
+    def reports(self) -> str:
+        """How many alarms, warnings and marks there were, in words."""
+        counts = {"alarm": self.alarms.alarms, "warning": self.alarms.warnings, "mark": self.marks}
+        return ", ".join(f"{count} {what}{'s' * (count != 1)}" for what, count in counts.items())
+
+    @property
+    def skipped_frames(self) -> int:
+        """Frames that came and that nobody looked at, as a machine that cannot keep up skips them."""
+        return max(self._came - self.frames, 0)
+
     @property
     def named(self) -> int:
         """Vehicles that were named at least once."""
@@ -76,19 +195,61 @@ class RollCall:
 
     @property
     def span_s(self) -> float:
-        """From the first frame to the last."""
+        """From the first frame that was looked at to the last."""
         return (self._stop_us - self._start_us) * 1e-6
 
     def rows(self) -> list[RollCallRow]:
         """One a vehicle, in the mission's order."""
-        return [
-            RollCallRow(
-                system_id=system_id,
-                name=self._mission.name_of(system_id),
-                first_named_s=(entry.first_us - self._start_us) * 1e-6 if entry.boxes else math.nan,
-                boxes=entry.boxes,
-                frames_in_view=entry.frames_in_view,
-                confidence=entry.confidence / entry.boxes if entry.boxes else math.nan,
-            )
-            for system_id, entry in self._entries.items()
-        ]
+        return [self._row(system_id, entry) for system_id, entry in self._entries.items()]
+
+    def _row(self, system_id: int, entry: _Entry) -> RollCallRow:
+        outcome, why = self._outcome(entry)
+        return RollCallRow(
+            system_id=system_id,
+            name=self._mission.name_of(system_id),
+            first_named_s=(entry.first_us - self._start_us) * 1e-6 if entry.boxes else math.nan,
+            boxes=entry.boxes,
+            frames_in_view=entry.frames_in_view,
+            confidence=entry.confidence / entry.boxes if entry.boxes else math.nan,
+            outcome=outcome,
+            why=why,
+            longest_silence_s=entry.silence_s,
+        )
+
+    def _outcome(self, entry: _Entry) -> tuple[Outcome, str]:
+        if entry.boxes:
+            return "named", ""
+        if entry.frames_in_view:
+            return "in view, never named", f"{entry.frames_in_view} of {self.frames} frames"
+        if entry.positioned:
+            return self._outcome_out_of_view(entry)
+        if entry.refused:
+            return "all refused", entry.refused
+        return ("no position", entry.waits_for) if entry.heard else ("never heard", "")
+
+    def _outcome_out_of_view(self, entry: _Entry) -> tuple[Outcome, str]:
+        """Of one that had a position at some time."""
+        if not self.frames:
+            return "no frame was looked at", ""
+        if not entry.frames_positioned:
+            return "no position", "in any frame that was looked at"
+        if not entry.frames_out_of_view:
+            return "where the camera looked is not known", ""
+        unknown = self.frames - entry.frames_out_of_view
+        why = f"its place or the camera's is not known in {unknown} of {self.frames} frames" if unknown else ""
+        return "never where the camera looked", why
+
+
+def _marks(events: Iterable[Event]) -> int:
+    return sum(event.kind == "mark" for event in events)
+
+
+def _watch(entry: _Entry, row: VehicleRow, at_s: float) -> None:
+    """Take in how a vehicle is so long after the flight's begin."""
+    entry.heard |= is_heard(row)
+    entry.positioned |= row.position_state in ("ok", "stale")
+    entry.refused = refused_because(row) or entry.refused
+    entry.waits_for = row.refused_for or entry.waits_for
+    # an age leaps where the wall clock was set: a position that came is not older for that
+    entry.placed_s = max(entry.placed_s, at_s - row.position_age_s)
+    entry.silence_s = max(entry.silence_s, at_s - entry.placed_s)

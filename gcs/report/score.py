@@ -75,6 +75,8 @@ class Score:
     """Vehicle-seconds with a wrong name at confidence ≥ 0.9."""
     false_strangers: float
     """Of boxes said to be none of ours at confidence ≥ 0.9 the share that is ours."""
+    frames_unlogged: int
+    """Frames with true boxes of which the log has none, as where nobody looked: their boxes count as not named."""
     skipped: int = 0
     """Rows of either file that could not be used."""
 
@@ -176,6 +178,7 @@ def score(m: Matched) -> Score:
         ece=_ece(m.confidence[named], right[named]),
         wrong_sure_s=float(sure.sum()) * _frame_period_s(m),
         false_strangers=_share(ours & stranger, stranger),
+        frames_unlogged=len(np.setdiff1d(m.frame, m.frame[m.named >= 0])),
     )
 
 

@@ -21,7 +21,7 @@ from infra.files.segments import segments
 from infra.plain_text import plain
 from infra.session_format import EVENTS, MARKS
 
-__all__ = ["EventLog", "append_event", "event_row", "marks_path", "read_events", "read_statements"]
+__all__ = ["EventLog", "append_event", "event_row", "marks_path", "read_events", "read_marks", "read_statements"]
 
 _LEVELS: Mapping[Level, int] = {"info": logging.INFO, "warning": logging.WARNING, "alarm": logging.ERROR}
 
@@ -177,3 +177,17 @@ def append_event(path: Path, event: Event) -> None:
 def marks_path(recording: Path) -> Path:
     """Where the marks are that are made while a recording is replayed: in a session's folder, beside a bare log."""
     return recording / MARKS if recording.is_dir() else recording.with_name(f"{recording.name}.{MARKS}")
+
+
+def read_marks(recording: Path, start_us: int) -> list[Event]:
+    """Marks of earlier replays in order of time; what cannot be read of them is reported beside them, at its start."""
+    path = marks_path(recording)
+    try:
+        marks, skipped = read_events(path)
+    except OSError as error:
+        text = f"{path.name} cannot be read: {error.strerror}"
+        return [Event(t_us=start_us, level="warning", kind="recording", text=text)]
+    if skipped:
+        text = f"{path.name}: {skipped} lines could not be read and were skipped"
+        marks.append(Event(t_us=start_us, level="warning", kind="recording", text=text))
+    return sorted(marks, key=lambda event: event.t_us)

@@ -10,6 +10,7 @@ they are read as one.
 from __future__ import annotations
 
 import contextlib
+import os
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,6 +18,7 @@ from pathlib import Path
 from gcs.errors import ConfigError, SessionError
 from gcs.mission.mission import Mission, load_mission, load_table
 from gcs.session.metadata import FlightNotes
+from infra.files.safe_open import open_to_read
 from infra.files.segments import segments
 from infra.session_format import DETECTIONS, FOLDS, FRAMES, IDENTITY, LOG, METADATA, MOTION, TRUTH
 
@@ -94,14 +96,16 @@ def open_session(
         with contextlib.suppress(ConfigError):  # another mission file may replace one that is damaged
             notes = FlightNotes.from_table(load_table(toml).get("session"))
     found = [path / f"video{suffix}" for suffix in VIDEO_SUFFIXES if segments(path / f"video{suffix}")]
+    # a flight whose camera never gave a picture has tables without a row: it is telemetry alone
+    filmed = bool(video or found) or not notes.flown or _has_rows(path / FRAMES.name)
     return Session(
         path=path,
         mission=chosen,
         tlog=tlog,
         video=video or (found[0] if found else None),
         video_start_s=video_start_s,
-        frames=None if video else _existing(path / FRAMES.name),
-        detections=_existing(path / DETECTIONS.name),
+        frames=None if video or not filmed else _existing(path / FRAMES.name),
+        detections=_existing(path / DETECTIONS.name) if filmed else None,
         motion=None if video else _existing(path / MOTION.name),
         folds=None if video else _existing(path / FOLDS.name),
         frame_size=frame_size,
@@ -113,6 +117,18 @@ def open_session(
 
 def _existing(path: Path) -> Path | None:
     return path if segments(path) else None
+
+
+def _has_rows(path: Path) -> bool:
+    """Whether a table has anything below its head; one that cannot be read may have."""
+    for part in segments(path):
+        try:
+            with os.fdopen(open_to_read(part), "rb") as file:
+                if file.readline() and file.readline():
+                    return True
+        except OSError:
+            return True
+    return False
 
 
 def create_folder(parent: Path, now: datetime | None = None) -> Path:

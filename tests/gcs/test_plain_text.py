@@ -109,7 +109,7 @@ def test_every_border_is_plain_whatever_a_vehicle_is_called(name, tmp_path, caps
     print_rollcall(RollCall(mission))
     printed = capsys.readouterr().out
     assert is_plain(printed)
-    assert printed.count("\n") == 3
+    assert printed.count("\n") == 4
     event = event_row(Event(t_us=1, level="info", kind="text", text=name))
     assert event.isprintable()
     assert json.loads(event)["text"] == plain(name)

@@ -26,9 +26,12 @@ def snapshot(frame=0, *, boxes=(), image=None, events=()):
         VehicleRow(system_id=i, name=TWO_UGVS.name_of(i), role="uav" if i == 1 else "ugv", in_view=i == 2)
         for i in (1, 2, 3)
     )
+    t_us = 1_795_171_704_000_000 + 100_000 * frame
     return Snapshot(
-        t_us=1_795_171_704_000_000 + 100_000 * frame,
+        t_us=t_us,
         frame=frame,
+        frame_us=t_us,
+        seen_us=t_us,
         width=64,
         height=48,
         image=image,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from gcs.batch.jobs import FlightRecord
+from gcs.report.rollcall import WITHOUT_POSITION
 
 __all__ = ["FlightJudgement", "judge", "mean_confidence"]
 
@@ -17,6 +18,8 @@ UNSURE: Final = 0.9
 """As in the score: below it a name counts as not sure."""
 WRONG: Final = 0.02
 """Share of boxes without their right name that is worth a word."""
+OUTAGE_S: Final = 10.0
+"""Without a position for so long a vehicle may be anywhere near; radios hold positions up for less."""
 UNNAMED: Final = 0.5
 """So many boxes without a name are more than strangers that drive by."""
 
@@ -61,6 +64,33 @@ def _wrong(record: FlightRecord) -> Finding | None:
     return (wrong_s, f"wrong and sure for {wrong_s:.1f} s") if wrong_s > 0 else None
 
 
+def _false_strangers(record: FlightRecord) -> Finding | None:
+    share = (record.score.false_strangers or 0.0) if record.score else 0.0
+    return (share, f"{share:.1%} of boxes surely called strangers are ours") if share > 0 else None
+
+
+def _alarms(record: FlightRecord) -> Finding | None:
+    alarms, warnings = record.alarms or 0, record.warnings or 0
+    if not alarms:
+        return None
+    return alarms + 1e-6 * warnings, f"{alarms} alarms, {warnings} warnings"
+
+
+def _outage(record: FlightRecord) -> Finding | None:
+    """Vehicles that had a position, and had none for long."""
+    silent = {
+        call.name: call.longest_silence_s
+        for call in record.roll_call
+        if (call.longest_silence_s or 0.0) > OUTAGE_S and call.outcome not in WITHOUT_POSITION
+    }
+    longest_s = max(silent.values(), default=None, key=lambda each: each or 0.0)
+    if longest_s is None:
+        return None
+    whole = len(silent) == len(record.roll_call) > 1
+    who = f"the whole fleet ({len(silent)} vehicles)" if whole else ", ".join(silent)
+    return len(silent) + 1e-9 * longest_s, f"no position for up to {longest_s:.0f} s: {who}"
+
+
 def _nobody(record: FlightRecord) -> Finding | None:
     if not record.boxes:
         return 2.0, "not one vehicle was detected"
@@ -102,19 +132,27 @@ def _unsure(record: FlightRecord) -> Finding | None:
     return (1 - confidence, f"mean confidence {confidence:.2f}") if confidence < UNSURE else None
 
 
-def _not_in_view(record: FlightRecord) -> Finding | None:
-    never = [call.name for call in record.roll_call if not call.boxes and not call.frames_in_view]
-    return (len(never), f"never in view: {', '.join(never)}") if never and record.named else None
+def _absent(record: FlightRecord) -> Finding | None:
+    """Vehicles that could not be named, by why."""
+    absent: dict[str, list[str]] = {}
+    for call in record.roll_call:
+        if not call.boxes and not call.frames_in_view and call.outcome:
+            absent.setdefault(call.outcome + f" ({call.why})" * bool(call.why), []).append(call.name)
+    text = "; ".join(f"{why}: {', '.join(names)}" for why, names in absent.items())
+    return (sum(map(len, absent.values())), text) if absent else None
 
 
 _LOOKS: tuple[Callable[[FlightRecord], Finding | None], ...] = (
     _wrong,
+    _false_strangers,
+    _alarms,
+    _outage,
     _nobody,
     _never_named,
     _not_right,
     _unnamed,
     _late,
     _unsure,
-    _not_in_view,
+    _absent,
 )
 """The worst first."""

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from typing import Final
 
 from gcs.batch.flights_table import read_flights
-from gcs.batch.jobs import FAILED, FLIGHTS_TABLE, FlightRecord, VehicleCall
+from gcs.batch.jobs import FAILED, FLIGHTS_TABLE, FlightRecord, ScoreRecord, VehicleCall
 from gcs.batch.report.judgement import judge, mean_confidence
 from gcs.batch.stores import ResultStore
 from gcs.certainty import certainty
@@ -21,6 +21,8 @@ __all__ = ["batch_page", "read_results"]
 MOST_FLIGHTS: Final = 2000
 """That one page lists of each kind; a browser shows as many at once."""
 MOST_VEHICLES: Final = 1000
+_FIGURES: Final = ("right", "precision", "name changes", "calibration error")
+"""Columns of flights whose truth is known."""
 
 
 def read_results(results: ResultStore) -> list[FlightRecord]:
@@ -66,26 +68,41 @@ def _share(part: float, whole: float) -> str:
 def _sums(done: Sequence[FlightRecord], failed: Sequence[FlightRecord]) -> Section:
     boxes, unnamed = _sum(done, "boxes"), _sum(done, "unnamed")
     scores = [record.score for record in done if record.score is not None]
-    right = [score.right for score in scores if score.right is not None]
     span_s, cpu_s = (math.fsum(getattr(each, name) or 0.0 for each in done) for name in ("span_s", "cpu_seconds"))
     rows = [
         ("flights named", str(len(done))),
         ("flights failed", str(len(failed))),
         ("hours of flight", fixed(span_s / 3600, 2)),
         ("frames looked at", str(_sum(done, "frames"))),
+        ("frames that came and were not looked at", str(_sum(done, "skipped_frames"))),
         ("boxes", str(boxes)),
         ("boxes with a name", _share(boxes - unnamed, boxes)),
         ("mean confidence of names", certainty(mean_confidence(done)) or "–"),
         ("flights with known truth", str(len(scores))),
-        ("right names in them, mean", fixed(100 * statistics.fmean(right), 1, "%") if right else "–"),
-        ("right names in the worst", fixed(100 * min(right), 1, "%") if right else "–"),
-        ("wrong and sure", fixed(math.fsum(score.wrong_sure_s for score in scores), 1, "s") if scores else "–"),
+        ("alarms", str(_sum(done, "alarms"))),
+        *_score_sums(scores),
         ("core hours", fixed(cpu_s / 3600, 2)),
         ("most memory of a worker", fixed(max((each.peak_bytes or 0 for each in done), default=0) / 1e6, 0, "MB")),
         ("Rollcall", _counted(record.version for record in (*done, *failed))),
         ("options", _counted("none" if each.options == "{}" else each.options for each in (*done, *failed))),
     ]
     return section("Sums", table(("sum", "all flights"), rows, right=("all flights",), caption="Sums over all flights"))
+
+
+def _score_sums(scores: Sequence[ScoreRecord]) -> list[tuple[str, str]]:
+    """Over all flights of which the truth is known."""
+    rows = []
+    for what, name in (("right names", "right"), ("precision of names", "precision")):
+        known = [value for score in scores if (value := getattr(score, name)) is not None]
+        rows.append((f"{what} in them, mean", fixed(100 * statistics.fmean(known), 1, "%") if known else "–"))
+        rows.append((f"{what} in the worst", fixed(100 * min(known), 1, "%") if known else "–"))
+    strangers = [score.false_strangers for score in scores if score.false_strangers is not None]
+    rows += [
+        ("wrong and sure", fixed(math.fsum(score.wrong_sure_s for score in scores), 1, "s") if scores else "–"),
+        ("surely called strangers, and ours, in the worst", fixed(100 * max(strangers), 1, "%") if strangers else "–"),
+        ("names that changed", str(sum(score.switches for score in scores)) if scores else "–"),
+    ]
+    return rows
 
 
 def _counted(values: Iterable[str]) -> str:
@@ -118,9 +135,8 @@ def _flights(done: Sequence[FlightRecord]) -> Section:
     scored = any(record.score is not None for record in done)
     rows = []
     for judged in sorted(map(judge, done), key=lambda judged: judged.order)[:MOST_FLIGHTS]:
-        record, score = judged.record, judged.record.score
+        record = judged.record
         boxes, unnamed = record.boxes or 0, record.unnamed or 0
-        right = "–" if score is None or score.right is None else fixed(100 * score.right, 1, "%")
         rows.append(
             (
                 record.flight,
@@ -129,14 +145,25 @@ def _flights(done: Sequence[FlightRecord]) -> Section:
                 str(boxes),
                 _share(boxes - unnamed, boxes),
                 certainty(mean_confidence([record])) or "–",
-                *([right] if scored else []),
+                "–" if record.alarms is None else str(record.alarms),
+                *(_figures(record.score) if scored else ()),
                 "; ".join(judged.reasons) or "–",
             )
         )
-    right_columns = ("named", "lasted", "boxes", "with a name", "confidence", "right")
-    names = ("flight", *right_columns[: None if scored else -1], "reason")
-    listed = table(names, rows, right=right_columns, caption="Flights that were named, the worst first")
+    figures = ("named", "lasted", "boxes", "with a name", "confidence", "alarms", *(_FIGURES if scored else ()))
+    listed = table(
+        ("flight", *figures, "reason"), rows, right=figures, caption="Flights that were named, the worst first"
+    )
     return section("Flights, the worst first", listed, _left_out(len(done), MOST_FLIGHTS, "better flights"))
+
+
+def _figures(score: ScoreRecord | None) -> tuple[str, ...]:
+    """How right a flight's names are, as ``_FIGURES``."""
+    if score is None:
+        return ("–",) * len(_FIGURES)
+    shares = (score.right, score.precision)
+    right, precision = ("–" if share is None else fixed(100 * share, 1, "%") for share in shares)
+    return right, precision, str(score.switches), "–" if score.ece is None else fixed(score.ece, 3)
 
 
 def _vehicles(done: Sequence[FlightRecord]) -> Section:

@@ -10,6 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from gcs.batch.inputs import input_files, mission_files
@@ -17,10 +18,13 @@ from gcs.cli.output.console import FRAME_SIZE, VideoStart, parse_frame_size, pri
 from gcs.cli.output.progress import progress
 from gcs.errors import GcsError, ScoreError
 from gcs.playback.analysis import Analysis
+from gcs.playback.as_flown import FlownReports
+from gcs.playback.moments import TICK_US
 from gcs.report.page.flight_report import Provenance, flight_report
 from gcs.report.page.flight_summary import FlightSummary
 from gcs.report.page.stills import Stills
 from gcs.report.score import Matched, match_files
+from gcs.session.event_log import read_marks
 from gcs.session.identity_log import IdentityLog
 from gcs.session.line_file import open_new
 from gcs.session.session import Session, open_session
@@ -45,9 +49,12 @@ def report(
     opened = open_session(session, video=video, video_start_s=video_start, mission=mission, frame_size=size)
     analysis = Analysis(opened, redetect=detect)
     try:
-        record = FlightSummary(analysis.mission, analysis.times_us)
+        reports, trouble = FlownReports.of(analysis.opened)
+        if trouble:
+            print_note(trouble)
+        record = FlightSummary(analysis.mission, reports.start_us, reports.stop_us, _frame_s(analysis))
         stills = Stills()
-        matched = _fold(analysis, record, stills)
+        matched = _fold(analysis, reports, record, stills)
         options = "looked at the video again" if detect else "as recorded"
         about = Provenance(
             name=opened.name,
@@ -57,6 +64,7 @@ def report(
                 "Python": sys.version.split()[0],
                 "recorded by": opened.notes.program or "another program, or the simulator",
                 "detections": options,
+                "names": "as the screens showed them; gcs identify may know more by hindsight",
                 **{f"network, {what}": digest for what, digest in opened.notes.models.items()},
             },
             files={path.name: _digest(path) for path in [*_read_files(opened), *mission_files(opened.mission)]},
@@ -68,16 +76,30 @@ def report(
     print_note(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
 
 
-def _fold(analysis: Analysis, record: FlightSummary, stills: Stills) -> Matched | None:
+def _frame_s(analysis: Analysis) -> float:
+    """Usual time between two frames, or moments where there are none."""
+    steps_us = np.diff(np.sort(analysis.times_us))
+    return float(np.median(steps_us)) * 1e-6 if len(steps_us) and np.median(steps_us) > 0 else TICK_US * 1e-6
+
+
+def _fold(analysis: Analysis, reports: FlownReports, record: FlightSummary, stills: Stills) -> Matched | None:
     """Fold the recording into record and pictures; returns its names beside the truth, None without one."""
     truth = analysis.opened.session.truth
     with tempfile.TemporaryDirectory(prefix="rollcall-report-") as folder:
         with IdentityLog(Path(folder)) as log, progress("report") as told:
-            for count, snapshot in enumerate(analysis.snapshots(images=analysis.video is not None), 1):
-                record.add(snapshot)
-                stills.add(snapshot)
-                log.write(snapshot)
-                told(count, len(analysis.times_us))
+            frame = -1
+            for at_us, snapshot in analysis.with_images(analysis.moments(reports.flown)):
+                reports.add(at_us, snapshot.events, snapshot.alarms)
+                record.add(at_us, snapshot)
+                if snapshot.frame != frame:
+                    frame = snapshot.frame
+                    stills.add(snapshot)
+                    log.write(snapshot)
+                told(*((each - reports.start_us) // 1_000_000 for each in (at_us, reports.stop_us)))
+            reports.finish()
+        marks = read_marks(analysis.opened.session.path, reports.start_us)
+        record.tell(reports.spans(), (*reports.events(), *marks))
+        record.rollcall.end(analysis.frames)
         if truth is None:
             return None
         try:
@@ -101,9 +123,9 @@ def _lacks(analysis: Analysis, record: FlightSummary, matched: Matched | None) -
         yield "no mission file: names of vehicles are those that their telemetry tells"
     if matched is None:
         yield "no truth (truth.csv): how right the names were is not known"
-    unposed = sum(count for pose, count in record.poses.items() if pose != "known")
-    if unposed:
-        yield f"in {unposed} of {record.rollcall.frames} frames it is not known where the camera was, or how it looked"
+    calls = record.rollcall
+    if unposed := calls.frames - calls.attitude_frames:
+        yield f"in {unposed} of {calls.frames} frames it is not known where the camera was, or how it looked"
 
 
 def _digest(path: Path) -> str:

@@ -45,7 +45,8 @@ def print_score(result: Score) -> None:
         ("wrong, sure", f"{result.wrong_sure_s:.1f} s", "vehicle-seconds wrong at confidence ≥ 0.9"),
         ("strangers", f"{result.false_strangers:.2%}", "of boxes called none of ours at confidence ≥ 0.9, ours"),
     )
-    print_lines(f"{result.frames} frames, {result.ours} boxes of ours, {result.named} named")
+    unlogged = f" ({result.frames_unlogged} without a box in the log)" if result.frames_unlogged else ""
+    print_lines(f"{result.frames} frames{unlogged}, {result.ours} boxes of ours, {result.named} named")
     print_table(("figure", "value", "what it is"), rows, right=("value",), head=False)
     if result.skipped:
         print_lines(f"{result.skipped} rows could not be used")

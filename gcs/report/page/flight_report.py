@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from typing import Final
 
 from gcs.report.page.flight_summary import FlightSummary
 from gcs.report.page.html import empty, page, section, table, words
@@ -14,8 +15,18 @@ from gcs.report.page.stills import Stills
 from gcs.report.page.timeline import clock, draw_timeline
 from gcs.report.page.vehicle_parts import rollcall_table, vehicle_parts
 from gcs.report.score import Matched
+from gcs.snapshot import Reported
 
 __all__ = ["Provenance", "flight_report"]
+
+MOST_LISTED: Final = 1000
+"""Alarms, and other events, of one flight that the page lists; the rest is counted."""
+_REPORTED: Final[Mapping[Reported, str]] = {
+    "": "",
+    "then": "the flight alone",
+    "now": "its replay alone",
+}
+"""Who tells it, where it is not both."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,9 +54,11 @@ def flight_report(record: FlightSummary, stills: Stills, matched: Matched | None
     """
     calls = record.rollcall
     began = datetime.fromtimestamp(record.start_us * 1e-6, UTC)
+    skipped = f" {calls.skipped_frames} more frames came and were not looked at." if calls.skipped_frames else ""
     lead = (
         f"{began:%Y-%m-%d %H:%M:%S} UTC, {clock(record.span_s)} min. {calls.named} of {len(record.vehicles)} vehicles "
         f"were named; {calls.boxes - calls.unnamed} of {calls.boxes} boxes in {calls.frames} frames have a name."
+        f"{skipped} {calls.reports}."
     )
     truth = "Nobody recorded which box is which vehicle: how right the names were is not known."
     sections = [
@@ -69,26 +82,43 @@ def _alarms(record: FlightSummary) -> str:
         (
             str(number),
             clock((span.alarm.since_us - record.start_us) * 1e-6),
-            clock((span.last_us - record.start_us) * 1e-6),
+            clock((span.until_us - record.start_us) * 1e-6),
             span.alarm.level,
             span.alarm.text,
             span.alarm.advice,
+            _REPORTED[span.alarm.reported],
         )
-        for number, span in enumerate(record.alarms, 1)
+        for number, span in enumerate(record.alarms[:MOST_LISTED], 1)
     ]
-    more = empty(f"{record.alarms_left_out} more alarms are not listed.") if record.alarms_left_out else ""
-    columns = ("number", "from", "until", "level", "what", "what to do")
+    more = _left_out(len(record.alarms), "alarms")
+    columns = ("number", "from", "until", "level", "what", "what to do", "told by")
     return table(columns, rows, right=columns[:1], caption="Alarms") + more
 
 
 def _events(record: FlightSummary) -> str:
     if not record.events:
         return empty("No warning was given.")
+    # what the operator did and marked is always listed
+    own = [event for event in record.events if event.kind in ("mark", "operator")]
+    listed = {id(event) for event in (*own, *record.events)[: max(MOST_LISTED, len(own))]}
     rows = [
-        (clock((event.t_us - record.start_us) * 1e-6), event.level, event.kind, event.text) for event in record.events
+        (
+            clock((event.t_us - record.start_us) * 1e-6),
+            event.level,
+            event.kind,
+            event.text,
+            _REPORTED[event.reported],
+        )
+        for event in record.events
+        if id(event) in listed
     ]
-    more = empty(f"{record.events_left_out} more are not listed.") if record.events_left_out else ""
-    return table(("at", "level", "about", "what"), rows, caption="Warnings and what the operator did") + more
+    more = _left_out(len(record.events), "of them")
+    columns = ("at", "level", "about", "what", "told by")
+    return table(columns, rows, caption="Warnings and what the operator did") + more
+
+
+def _left_out(count: int, what: str) -> str:
+    return empty(f"{count - MOST_LISTED} more {what} are not listed.") if count > MOST_LISTED else ""
 
 
 def _lines(lines: Sequence[str]) -> str:

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gcs.certainty import CONFIRMED
+from gcs.health.alarm_history import AlarmSpan
 from gcs.mission.mission import Mission
 from gcs.report.rollcall import RollCall
-from gcs.snapshot import Alarm, Box, Event, Snapshot, VehicleRow
+from gcs.snapshot import Box, Event, Snapshot, VehicleRow
 from mavlink.geodesy import LocalFrame
 
-__all__ = ["AlarmSpan", "FlightSummary", "Spread", "VehicleRecord"]
+__all__ = ["FlightSummary", "Spread", "VehicleRecord"]
 
 FloatArray = NDArray[np.float64]
 
@@ -24,8 +26,6 @@ MOST_PARTS: Final = 400
 """Of a flight's time: more than a page shows side by side."""
 FRAMES_A_PART: Final = 3
 """At least, on average: a part without a frame looks like one without a name."""
-MOST_EVENTS, MOST_ALARMS = 200, 200
-"""That are listed; the rest is counted."""
 MOST_CHANGES = 20
 
 
@@ -69,13 +69,11 @@ class VehicleRecord:
     residual_m: Spread = field(default_factory=Spread)
     """From its box to its report, box by box."""
     std_m: Spread = field(default_factory=Spread)
-    """1σ of its position, frame by frame."""
+    """1σ of its position, moment by moment while positions come: what is extrapolated over a silence is none."""
     loss: Spread = field(default_factory=Spread)
-    """Share of its packets that were lost, frame by frame."""
-    silent_s: Spread = field(default_factory=Spread)
-    """Age of its position, frame by frame."""
+    """Share of its packets that were lost, moment by moment."""
     fixes: Counter[str] = field(default_factory=Counter)
-    """Frames by the receiver's fix."""
+    """Moments by the receiver's fix."""
     runners_up: Counter[str] = field(default_factory=Counter)
     """Frames by who else it might have been."""
     first_us: int = 0
@@ -102,46 +100,34 @@ class VehicleRecord:
         )
 
 
-@dataclass(slots=True, kw_only=True)
-class AlarmSpan:
-    """An alarm from when it came until it went."""
-
-    alarm: Alarm
-    last_us: int
-
-
 class FlightSummary:
-    """Adds up snapshots, which come in order of time.
+    """Adds up the snapshots of a whole flight, with frames and without, which come in order of time.
 
     Args:
         mission: who flies.
-        times_us: (k,) of its frames, Unix µs.
+        start_us: when the flight began, Unix µs.
+        stop_us: when it ended.
+        frame_s: usual time between frames; between moments, where there are none.
 
     Attributes:
         parts: into how many its time is divided.
+        alarms: of flight and replay, in order of their coming.
+        events: warnings, what the operator did and marked, in order of time.
     """
 
-    def __init__(self, mission: Mission, times_us: NDArray[np.int64]) -> None:
-        self.start_us = int(times_us.min())
-        self.stop_us = max(int(times_us.max()), self.start_us + 1)
-        self.parts = min(max(len(times_us) // FRAMES_A_PART, 1), MOST_PARTS)
+    def __init__(self, mission: Mission, start_us: int, stop_us: int, frame_s: float) -> None:
+        self.start_us, self.stop_us = start_us, max(stop_us, start_us + 1)
+        self.parts = min(max(int(self.span_s / (FRAMES_A_PART * frame_s)), 1), MOST_PARTS)
         self.rollcall = RollCall(mission)
         self.vehicles = {i: VehicleRecord.empty(i, mission.name_of(i), self.parts) for i in mission.ugv_ids}
         self.uav: VehicleRecord | None = None
-        self.alarms: list[AlarmSpan] = []
-        self.alarms_left_out = 0
-        self.events: list[Event] = []
-        """Those that are no information only, and those about names."""
-        self.events_left_out = 0
-        self.poses: Counter[str] = Counter()
-        self.fit = math.nan
-        """Least probability that video and telemetry belong together, once there was one."""
-        self._open: dict[tuple[str, str], AlarmSpan] = {}
+        self.alarms: Sequence[AlarmSpan] = ()
+        self.events: Sequence[Event] = ()
         self._origin: LocalFrame | None = None
 
     @property
     def span_s(self) -> float:
-        """From the first frame to the last."""
+        """From begin to end."""
         return (self.stop_us - self.start_us) * 1e-6
 
     def part_of(self, t_us: int) -> int:
@@ -149,12 +135,11 @@ class FlightSummary:
         share = (t_us - self.start_us) / (self.stop_us - self.start_us)
         return min(max(int(share * self.parts), 0), self.parts - 1)
 
-    def add(self, snapshot: Snapshot) -> None:
-        """Take in one frame."""
-        self.rollcall.add(snapshot)
-        self.poses[snapshot.pose] += 1
-        self.fit = float(np.fmin(self.fit, snapshot.health.fit))
-        part = self.part_of(snapshot.t_us)
+    def add(self, at_us: int, snapshot: Snapshot) -> None:
+        """Take in what is known at the next moment of the flight, Unix µs."""
+        frames = self.rollcall.frames
+        self.rollcall.add(snapshot, at_us)
+        part = self.part_of(at_us)
         self._origin = self._origin or snapshot.origin
         for row in snapshot.vehicles:
             if row.role == "uav":
@@ -162,25 +147,30 @@ class FlightSummary:
                 self._add_report(self.uav, part, row, snapshot.origin)
             elif row.system_id in self.vehicles:
                 self._add_report(self.vehicles[row.system_id], part, row, snapshot.origin)
-        for box in snapshot.new_boxes:
+        for box in snapshot.new_boxes if self.rollcall.frames > frames else ():
             if box.system_id in self.vehicles and not box.coasting:
-                self._add_box(self.vehicles[box.system_id], part, box, snapshot)
-        self._add_alarms(snapshot)
-        for event in snapshot.events:
-            if event.level == "info" and event.kind != "operator":
-                continue
-            if len(self.events) < MOST_EVENTS:
-                self.events.append(event)
-            else:
-                self.events_left_out += 1
+                self._add_box(self.vehicles[box.system_id], at_us, box, snapshot)
 
-    def _add_box(self, vehicle: VehicleRecord, part: int, box: Box, snapshot: Snapshot) -> None:
-        vehicle.confidence[part] = np.fmin(vehicle.confidence[part], box.confidence)
+    def tell(self, alarms: Sequence[AlarmSpan], events: Iterable[Event]) -> None:
+        """Take in what was reported: every alarm, every event."""
+        events = sorted(events, key=lambda event: event.t_us)
+        coming = {(span.alarm.kind, span.alarm.system_id, span.alarm.text) for span in alarms}
+        self.rollcall.tell(alarms, events)
+        self.alarms = alarms
+        self.events = [
+            event
+            for event in events
+            if event.kind in ("mark", "operator")
+            or (event.level != "info" and (event.kind, event.system_id, event.text) not in coming)
+        ]
+
+    def _add_box(self, vehicle: VehicleRecord, at_us: int, box: Box, snapshot: Snapshot) -> None:
+        part = self.part_of(at_us)
         vehicle.named.add(box.confidence)
         vehicle.residual_m.add(box.residual_m)
-        vehicle.first_us = vehicle.first_us or snapshot.t_us
+        vehicle.first_us = vehicle.first_us or at_us
         if box.confidence >= CONFIRMED:
-            vehicle.sure_us = vehicle.sure_us or snapshot.t_us
+            vehicle.sure_us = vehicle.sure_us or at_us
         if box.runner_up:
             vehicle.runners_up[snapshot.name_of(box.runner_up)] += 1
         if math.isnan(vehicle.seen[part, 0]):
@@ -188,14 +178,16 @@ class FlightSummary:
         if vehicle.track_id not in (0, box.track_id):
             vehicle.changed += 1
             if len(vehicle.changes) < MOST_CHANGES:
-                vehicle.changes.append((snapshot.t_us, vehicle.track_id, box.track_id))
+                vehicle.changes.append((at_us, vehicle.track_id, box.track_id))
         vehicle.track_id = box.track_id
 
     def _add_report(self, vehicle: VehicleRecord, part: int, row: VehicleRow, origin: LocalFrame | None) -> None:
         vehicle.in_view[part] |= bool(row.in_view)
-        vehicle.std_m.add(row.std_m)
+        if row.standing in ("confirmed", "tentative"):
+            vehicle.confidence[part] = np.fmin(vehicle.confidence[part], row.confidence)
+        if row.position_state == "ok":
+            vehicle.std_m.add(row.std_m)
         vehicle.loss.add(row.loss)
-        vehicle.silent_s.add(row.position_age_s)
         vehicle.fixes[row.fix or "no fix told"] += 1
         if row.position_state == "ok" and math.isnan(vehicle.reported[part, 0]):
             vehicle.reported[part] = self._place(row.p_enu, origin)
@@ -205,17 +197,3 @@ class FlightSummary:
         if origin is None or self._origin is None or origin == self._origin or not np.isfinite(p_enu).all():
             return p_enu[:2]
         return np.asarray(self._origin.to_enu(*origin.to_geodetic(p_enu)), dtype=np.float64)[:2]
-
-    def _add_alarms(self, snapshot: Snapshot) -> None:
-        now = {(alarm.key, alarm.level): alarm for alarm in snapshot.alarms if not alarm.reported}
-        before, self._open = self._open, {}
-        for key, alarm in now.items():
-            span = before.get(key)
-            if span is None:
-                span = AlarmSpan(alarm=replace(alarm, since_us=min(alarm.since_us, snapshot.t_us)), last_us=0)
-                if len(self.alarms) < MOST_ALARMS:
-                    self.alarms.append(span)
-                else:
-                    self.alarms_left_out += 1
-            span.last_us = snapshot.t_us
-            self._open[key] = span

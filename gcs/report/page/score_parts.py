@@ -27,6 +27,7 @@ def score_parts(matched: Matched) -> str:
         ("wrong and sure (confidence 0.9 and more)", fixed(s.wrong_sure_s, 1, "s")),
         ("surely called strangers, and ours", fixed(100 * s.false_strangers, 2, "%")),
         ("names that changed", str(s.switches)),
+        ("frames with true boxes in which none was seen", f"{s.frames_unlogged} of {s.frames}"),
         ("expected calibration error", fixed(s.ece, 4)),
     ]
     return table(("what", "figure"), rows, right=("figure",), caption="Score against the truth") + _reliability(matched)

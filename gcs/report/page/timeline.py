@@ -7,7 +7,8 @@ from typing import Final
 import numpy as np
 
 from gcs.certainty import CONFIRMED
-from gcs.report.page.flight_summary import AlarmSpan, FlightSummary, VehicleRecord
+from gcs.health.alarm_history import AlarmSpan
+from gcs.report.page.flight_summary import FlightSummary, VehicleRecord
 from gcs.report.page.html import CHART_WIDTH, COLOURS, chart, words
 
 __all__ = ["clock", "draw_timeline"]
@@ -28,7 +29,7 @@ MOST_LETTERS: Final = 15
 
 
 def clock(seconds: float) -> str:
-    """Time since the first frame, as ``m:ss.s``.
+    """Time since the flight began, as ``m:ss.s``.
 
     Example:
         >>> clock(3.04), clock(75.0)
@@ -48,7 +49,7 @@ def draw_timeline(record: FlightSummary) -> str:
     # alarms that last at the same time stand below one another
     ends: list[float] = []
     for number, span in enumerate(record.alarms, 1):
-        since, last = (_x(record, t_us) for t_us in (span.alarm.since_us, span.last_us))
+        since, last = (_x(record, t_us) for t_us in (span.alarm.since_us, span.until_us))
         width = max(last - since, 3.0)
         line = next((k for k, end in enumerate(ends) if end < since), len(ends))
         if line >= MOST_ALARM_ROWS:
@@ -61,9 +62,9 @@ def draw_timeline(record: FlightSummary) -> str:
     label = "When each vehicle was named, how surely, and when alarms were raised"
     drawing = chart(y + 26, label, _axis(record, y) + "".join(rows))
     legend = (
-        "Band: the vehicle reported to be in the picture. Curve: the least confidence of its name then, from 0 at the "
-        f"bottom to 1 at the top; the line is {CONFIRMED:g}, from which on a name counts as confirmed. Where there is "
-        "no curve it had no name. Alarms have their numbers in the list of alarms."
+        "Time since the flight began. Band: the vehicle reported to be in the picture. Curve: the least confidence of "
+        f"its name then, from 0 at the bottom to 1 at the top; the line is {CONFIRMED:g}, from which on a name "
+        "counts as confirmed. Where there is no curve it had no name. Alarms have their numbers in the list of alarms."
     )
     return f'{drawing}<p class="soft">{legend}</p>'
 

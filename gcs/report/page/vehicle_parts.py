@@ -8,6 +8,7 @@ from gcs.certainty import certainty
 from gcs.report.page.flight_summary import MOST_CHANGES, FlightSummary, Spread, VehicleRecord
 from gcs.report.page.html import fixed, table, words
 from gcs.report.page.timeline import clock
+from gcs.report.rollcall import RollCallRow
 
 __all__ = ["rollcall_table", "vehicle_parts"]
 
@@ -18,12 +19,11 @@ def rollcall_table(record: FlightSummary) -> str:
     rows = []
     for row in record.rollcall.rows():
         share = min(row.boxes / row.frames_in_view, 1.0) if row.frames_in_view else np.nan
-        remark = "" if row.boxes else "in view, never named" if row.frames_in_view else "never in view"
-        first = clock(row.first_named_s) if row.boxes else "–"
+        first = _moment(record, record.vehicles[row.system_id].first_us) if row.boxes else "–"
         rows.append(
             (
                 *(row.name, str(row.system_id), first, str(row.boxes), fixed(100 * share, 1, "%")),
-                *(certainty(row.confidence) or "–", remark),
+                *(certainty(row.confidence) or "–", row.remark),
             )
         )
     return table(columns, rows, right=columns[1:6], caption="Roll call")
@@ -31,10 +31,11 @@ def rollcall_table(record: FlightSummary) -> str:
 
 def vehicle_parts(record: FlightSummary) -> str:
     """A part for each vehicle of the mission."""
-    return f'<div class="parts">{"".join(_part(record, vehicle) for vehicle in record.vehicles.values())}</div>'
+    called = zip(record.vehicles.values(), record.rollcall.rows(), strict=True)
+    return f'<div class="parts">{"".join(_part(record, vehicle, row) for vehicle, row in called)}</div>'
 
 
-def _part(record: FlightSummary, vehicle: VehicleRecord) -> str:
+def _part(record: FlightSummary, vehicle: VehicleRecord, row: RollCallRow) -> str:
     rows = [
         ("named first", _moment(record, vehicle.first_us)),
         ("confirmed first", _moment(record, vehicle.sure_us)),
@@ -45,7 +46,7 @@ def _part(record: FlightSummary, vehicle: VehicleRecord) -> str:
         ("GNSS fix", _fixes(vehicle)),
         ("1σ of its position", _metres(vehicle.std_m)),
         ("packets lost", _percent(vehicle.loss)),
-        ("longest without a position", fixed(vehicle.silent_s.most, 2, "s")),
+        ("longest without a position", fixed(row.longest_silence_s, 2, "s")),
     ]
     head = f"<h3>{words(vehicle.name)} <span class='soft'>system id {vehicle.system_id}</span></h3>"
     return f"<article>{head}{table(('what', 'found'), rows, caption=f'What is known of {vehicle.name}')}</article>"

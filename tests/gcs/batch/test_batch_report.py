@@ -85,6 +85,9 @@ def test_the_page_of_a_batch(results):
     assert seen.row("c")[-2] == "–"
     assert seen.row("flights failed")[1] == "2"
     assert seen.row("flights with known truth")[1] == "2"
+    (columns,) = (row for row in seen.rows if row[0] == "flight" and row[-1] == "reason")
+    assert {"alarms", "right", "precision", "name changes", "calibration error"} <= set(columns)
+    assert float(seen.row("b")[columns.index("precision")].rstrip("%")) > 90.0
     assert seen.row(HOSTILE)[2] == "1 of 1"
     assert run_gcs("batch", "report", results)[0] == 0, "a batch goes on, and so does its page"
 
@@ -119,7 +122,7 @@ def test_what_is_no_batch(table, tmp_path):
     assert "Traceback" not in stderr
 
 
-def call(name, boxes=90, frames_in_view=100, first_named_s=1.0, confidence=0.99):
+def call(name, boxes=90, frames_in_view=100, first_named_s=1.0, confidence=0.99, outcome="named", silent_s=0.2):
     known = (first_named_s, confidence) if boxes else (None, None)
     return VehicleCall(
         system_id=1,
@@ -128,10 +131,12 @@ def call(name, boxes=90, frames_in_view=100, first_named_s=1.0, confidence=0.99)
         boxes=boxes,
         frames_in_view=frames_in_view,
         confidence=known[1],
+        outcome=outcome,
+        longest_silence_s=silent_s,
     )
 
 
-def record(flight, *calls, right=1.0, wrong_sure_s=0.0, boxes=200, unnamed=10):
+def record(flight, *calls, right=1.0, wrong_sure_s=0.0, strangers=0.0, alarms=0, boxes=200, unnamed=10):
     score = ScoreRecord(
         precision=right,
         coverage=1.0,
@@ -142,6 +147,7 @@ def record(flight, *calls, right=1.0, wrong_sure_s=0.0, boxes=200, unnamed=10):
         track_idf1=1.0,
         ece=0.0,
         wrong_sure_s=wrong_sure_s,
+        false_strangers=strangers,
     )
     return FlightRecord(
         flight=flight,
@@ -156,6 +162,9 @@ def record(flight, *calls, right=1.0, wrong_sure_s=0.0, boxes=200, unnamed=10):
         unnamed=unnamed,
         vehicles=len(calls),
         named=sum(each.boxes > 0 for each in calls),
+        alarms=alarms,
+        warnings=0,
+        marks=0,
         roll_call=calls,
         score=score,
     )
@@ -164,6 +173,10 @@ def record(flight, *calls, right=1.0, wrong_sure_s=0.0, boxes=200, unnamed=10):
 WORST_FIRST = [
     (record("much wrong", call("A"), wrong_sure_s=9.0), "wrong and sure for 9.0 s"),
     (record("wrong", call("A"), wrong_sure_s=0.5), "wrong and sure for 0.5 s"),
+    (record("ours are strangers", call("A"), strangers=0.12), "12.0% of boxes surely called strangers are ours"),
+    (record("alarmed", call("A"), alarms=3), "3 alarms"),
+    (record("lost", call("A", silent_s=34.0), call("B", silent_s=30.0)), "up to 34 s: the whole fleet (2 vehicles)"),
+    (record("one lost", call("A", silent_s=34.0), call("B")), "no position for up to 34 s: A"),
     (record("nothing seen", call("A", boxes=0), boxes=0, unnamed=0), "not one vehicle was detected"),
     (record("nobody", call("A", boxes=0)), "nobody was named"),
     (record("two never", call("A"), call("B", boxes=0), call("C", boxes=0, frames_in_view=3)), "B, C (100 frames)"),
@@ -172,7 +185,15 @@ WORST_FIRST = [
     (record("many unnamed", call("A"), unnamed=150), "75% of boxes without a name"),
     (record("late", call("A", first_named_s=42.0), call("B", first_named_s=12.0)), "A named after 42 s and 1 more"),
     (record("unsure", call("A", confidence=0.6)), "mean confidence 0.60"),
-    (record("away", call("A"), call("B", boxes=0, frames_in_view=0)), "never in view: B"),
+    (
+        record(
+            "away",
+            call("A"),
+            call("B", boxes=0, frames_in_view=0, outcome="never where the camera looked"),
+            call("C", boxes=0, frames_in_view=0, outcome="never heard", silent_s=60.0),
+        ),
+        "never where the camera looked: B; never heard: C",
+    ),
     (record("well", call("A")), ""),
 ]
 
@@ -190,4 +211,4 @@ def test_what_does_not_fit_on_the_page_is_counted(monkeypatch):
     assert [row[0] for row in seen.rows if row[0] in {each.flight for each, _ in WORST_FIRST}] == [
         each.flight for each, _ in WORST_FIRST[:3]
     ]
-    assert "9 more better flights are in flights.parquet." in seen.words
+    assert "13 more better flights are in flights.parquet." in seen.words

@@ -115,9 +115,18 @@ def test_a_flight(tmp_path):
     )
     told = printed("fly", tmp_path / "m.toml", *words)
     assert set(told) == documented("fly")
-    assert told["vehicles"] == [
-        {"system_id": 2, "name": "UGV-2", "first_named_s": None, "boxes": 0, "frames_in_view": 0, "confidence": None}
-    ]
+    (vehicle,) = told["vehicles"]
+    assert 0.0 <= vehicle.pop("longest_silence_s") < 60.0
+    assert vehicle == {
+        "system_id": 2,
+        "name": "UGV-2",
+        "first_named_s": None,
+        "boxes": 0,
+        "frames_in_view": 0,
+        "confidence": None,
+        "outcome": "never heard",
+        "why": "",
+    }
 
 
 def test_a_camera_and_a_detector(tmp_path):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gcs.mission.mission import Mission, MissionVehicle
+from gcs.playback.as_flown import FlownReports
 from gcs.report.page.flight_report import Provenance, flight_report
 from gcs.report.page.flight_summary import FlightSummary
 from gcs.report.page.map_drawing import draw_map
@@ -57,11 +58,14 @@ class Page(HTMLParser):
 
 def report(snapshots, matched=None, name="x"):
     snapshots = list(snapshots)
-    times_us = np.array([each.t_us for each in snapshots] or [0])
-    record, stills = FlightSummary(TWO_UGVS, times_us), Stills()
+    start_us, stop_us = (snapshots[0].t_us, snapshots[-1].t_us) if snapshots else (0, 0)
+    record, stills = FlightSummary(TWO_UGVS, start_us, stop_us, 0.1), Stills()
+    told = FlownReports((), start_us, stop_us)
     for each in snapshots:
-        record.add(each)
+        record.add(each.t_us, each)
+        told.add(each.t_us, each.events, each.alarms)
         stills.add(each)
+    record.tell(told.spans(), told.events())
     about = Provenance(name=name, lacks=(name,), settings={name: name}, files={name: name})
     return flight_report(record, stills, matched, about)
 
@@ -134,8 +138,7 @@ def test_a_box_without_a_name_gets_none_here():
 
 def test_pictures_are_few_whatever_happens():
     image = np.random.default_rng(1).integers(0, 255, (1080, 1920, 3), dtype=np.uint8)
-    stills, times_us = Stills(), np.arange(60) * 20 * STEP
-    record = FlightSummary(TWO_UGVS, times_us)
+    stills, record = Stills(), FlightSummary(TWO_UGVS, 0, 1200 * STEP, 0.1)
     for k in range(60):
         event = Event(t_us=1, level="warning", kind="identity", text="a name changed")
         stills.add(snapshot(20 * k, boxes=[box(k + 1, 2)], image=image, events=[event]))
@@ -151,7 +154,7 @@ def test_means_are_of_every_box_however_long_the_flight():
 
 def test_names_on_the_map_stand_apart_where_tracks_end_together():
     fleet = tuple(MissionVehicle(system_id=k, name=f"UGV-{k}") for k in range(2, 10))
-    record = FlightSummary(Mission(uav=MissionVehicle(system_id=1), ugv=fleet), np.arange(6) * STEP)
+    record = FlightSummary(Mission(uav=MissionVehicle(system_id=1), ugv=fleet), 0, 7 * STEP, 0.1)
     for k, vehicle in enumerate(record.vehicles.values()):
         vehicle.reported[:] = [(-300.0, 60.0), (2.0 * k, -60.0)]
     names = re.findall(r'<text class="c\d halo" x="(\d+)" y="(\d+)">(.*?)</text>', draw_map(record))

@@ -54,6 +54,12 @@ def test_boxes_of_ours_that_were_surely_called_strangers():
     assert result.false_strangers == pytest.approx(1 / 2)
 
 
+def test_frames_that_the_log_lacks_are_told():
+    rows = [(0, 2, 2, 1, 0.9), (1, 2, -1, 0, np.nan), (1, 3, -1, 0, np.nan), (2, 2, 0, 1, 0.5), (2, 3, -1, 0, np.nan)]
+    result = score(matched(rows))
+    assert (result.frames, result.frames_unlogged) == (3, 1)
+
+
 def test_track_idf1_pairs_whole_tracks():
     # Vehicle 2 is track 1 for three frames and track 2 for one: 3 in common, 4 true, 4 tracked.
     result = score(matched([(k, 2, 2, 1 if k < 3 else 2, 0.9) for k in range(4)]))

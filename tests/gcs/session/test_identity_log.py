@@ -111,7 +111,7 @@ def test_roll_call_counts_what_was_seen(capsys):
     text = capsys.readouterr().out
     assert "Alpha" in text
     assert "75.0%" in text
-    assert "never in view" in text
+    assert "never heard" in text
     assert "1 of 2 vehicles named" in text
 
 
