@@ -15,10 +15,14 @@ from enum import Enum
 from itertools import pairwise
 from typing import NamedTuple
 
+from mavlink.estimation.clock_rate import ClockRate
+
 __all__ = ["ClockFit", "ClockParams", "ClockReading", "VehicleClock"]
 
 _WRAP_US = (1 << 32) * 1000
 """Boot times are 32 bits of milliseconds: 49.7 days."""
+STEEP, STEEP_WITHIN = 0.01, 0.1
+"""A drift that a link's growing delays do not make within seconds, and by how much of it its halves may differ."""
 _MS = 1000
 _S = 1_000_000
 
@@ -40,6 +44,8 @@ class ClockParams:
     """Spans remembered. Raise for a steadier drift, lower to follow temperature."""
     fit_after_us: int = 20 * _S
     """Drift is taken as 0 until the points span this much."""
+    steep_after_us: int = 10 * _S
+    """Except for one of 1 % and more that both halves show: it costs a second in a minute and a half."""
     known_after_us: int = 60 * _S
     """And is worth reporting from here on: over less, the delays of a busy host look like hundreds of ppm."""
     sure: float = 150e-6
@@ -145,6 +151,9 @@ class VehicleClock:
         """Changes whenever boot times before and after cannot be compared: a reboot, or a clock no longer followed."""
         self.restarts = 0
         """Changes whenever boot times are mapped anew: what came before keeps the Unix time it was given then."""
+        self.off_rate = 0.0
+        """Rate of a clock that is not followed for it, 1 is as fast as ours; 0 for one that is."""
+        self._rate = ClockRate()
         self._zero_times = 0
         self._by_arrival = False
         self._steps: deque[int] = deque(maxlen=3)
@@ -181,6 +190,8 @@ class VehicleClock:
         self._zero_times = self._zero_times + 1 if boot_ms == 0 else 0
         if not self._by_arrival and self._zero_times >= self.params.zero_times:
             self._fall_back_to_arrival(arrival_us)
+        elif self._rate.add(boot_ms * _MS, arrival_us):
+            self._heed_rate(arrival_us)
         boot_us = arrival_us if self._by_arrival else self._unwrap(boot_ms * _MS, arrival_us)
         if not self._started:
             self._started = True
@@ -236,6 +247,8 @@ class VehicleClock:
         """Starts again, for a vehicle whose clock was another's."""
         self._started = self._by_arrival = False
         self._zero_times = 0
+        self.off_rate = 0.0
+        self._rate.clear()
         self._steps.clear()
         self._former = _NO_FORMER_CLOCK
         self.epoch += 1
@@ -300,14 +313,36 @@ class VehicleClock:
         """The line under the points of all bins that is closest to them."""
         points = list(self._bins)
         span_us = points[-1][0] - points[0][0]
-        if span_us >= self.params.fit_after_us:
+        slope = _hull_slope(points)
+        if span_us >= self.params.steep_after_us and self._is_steep(slope):
+            self._measured, self._drift = True, slope
+        elif span_us >= self.params.fit_after_us:
             self._measured = span_us >= self.params.known_after_us
-            self._drift = self._limited_drift(_hull_slope(points))
+            self._drift = self._limited_drift(slope)
         self._anchor = points[-1][0]
         self._offset = min(d - self._drift * (b - self._anchor) for b, d in points)
         if not self._drift:
             # without a drift old points become less certain: each may be off by the greatest drift since
             self._offset = min(d + self.params.max_drift * (self._anchor - b) for b, d in points)
+
+    def _is_steep(self, slope: float) -> bool:
+        """Whether a drift is so large that both halves show it though little is remembered."""
+        if not STEEP <= abs(slope) <= self.params.max_sure_drift:
+            return False
+        points = list(self._bins)
+        halves = points[: len(points) // 2], points[len(points) // 2 :]
+        return all(abs(_hull_slope(half) - slope) <= STEEP_WITHIN * abs(slope) for half in halves)
+
+    def _heed_rate(self, arrival_us: int) -> None:
+        """Stop following a clock that runs at another rate, and follow it again once it runs right."""
+        if self._rate.is_off and not self.off_rate:
+            self.off_rate = self._rate.rate
+            if not self._by_arrival:
+                self._fall_back_to_arrival(arrival_us)
+        elif self.off_rate and self._rate.is_real:
+            self.off_rate = 0.0
+            self._by_arrival = self._started = False
+            self.epoch += 1
 
     def _limited_drift(self, slope: float) -> float:
         """A fitted drift, cut to the limit where it is not sure."""

@@ -110,6 +110,8 @@ class ClockHealth:
 
     def fault(self, clock: VehicleClock) -> str:
         """What is wrong with its clocks, in words; empty while nothing is."""
+        if clock.off_rate:
+            return f"it runs at {100.0 * clock.off_rate:.0f} % of real time; its reports are dated by arrival"
         drift_ppm, measured = self.drift_ppm(clock), not math.isnan(self._exchanges.drift)
         if abs(drift_ppm) > DRIFT_PPM and (measured or clock.drift_sure):
             return f"it runs {abs(drift_ppm):,.0f} ppm {'slow' if drift_ppm > 0 else 'fast'}"

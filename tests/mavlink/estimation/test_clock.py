@@ -5,6 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mavlink.estimation.clock import ClockFit, ClockParams, VehicleClock
+from mavlink.estimation.clock_health import ClockHealth
 
 T0 = 1_790_000_000_000_000
 S = 1_000_000
@@ -219,6 +220,68 @@ def test_a_clock_that_no_crystal_has_is_followed_once_it_is_sure(ppm):
     run(clock, vehicle, T0, 100)
     assert clock.drift == pytest.approx(ppm * 1e-6, abs=60e-6) and clock.drift_sure and clock.reboots == 0
     assert max(map(abs, run(clock, vehicle, T0 + 100 * S, 60))) < 8000
+
+
+class Simulator:
+    """A clock that runs at a rate, which may be another from some time on, behind a link that delays."""
+
+    def __init__(self, rates, seed=4):
+        self.rates, self.rng = rates, random.Random(seed)
+
+    def messages(self, seconds, rate=5):
+        boot_s = 30.0
+        for i in range(seconds * rate):
+            t_s = i / rate
+            boot_s += [value for since_s, value in self.rates if t_s >= since_s][-1] / rate
+            yield int(boot_s * 1000), T0 + int((t_s + 0.002 + self.rng.expovariate(250)) * S)
+
+
+RATES = [0.3, 0.5, 0.7, 0.9, 0.94, 0.97, 1.03, 1.06, 1.2, 1.5, 2.0]
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_a_simulator_at_another_rate_is_dated_right_within_twenty_seconds(rate):
+    """From then on positions are dated by arrival, or by the rate; until then they are a second off at most."""
+    clock, noticed_s, errors = ObservedClock(), None, []
+    for boot_ms, arrival_us in Simulator([(0.0, rate)]).messages(120):
+        errors.append((clock.unix_us(boot_ms, arrival_us) - arrival_us) * 1e-6)
+        if noticed_s is None and (clock.off_rate or abs(clock.drift) > 0.02):
+            noticed_s = (arrival_us - T0) * 1e-6
+    assert noticed_s is not None and 8.0 <= noticed_s <= 20.0
+    assert max(map(abs, errors[20 * 5 :])) < 0.05
+    assert clock.reboots == 0
+    assert ClockHealth().fault(clock) or (abs(clock.drift) < 0.05 and clock.drift_known)
+
+
+def test_a_rate_that_changes_is_dated_by_arrival_all_the_same():
+    rates = [(0.0, 1.0), (40.0, 0.9), (60.0, 0.6), (90.0, 0.95), (120.0, 0.8)]
+    clock, told = ObservedClock(), []
+    for boot_ms, arrival_us in Simulator(rates).messages(180):
+        error_s = (clock.unix_us(boot_ms, arrival_us) - arrival_us) * 1e-6
+        fault = ClockHealth().fault(clock)
+        told += [fault] if fault and (not told or told[-1] != fault) else []
+        if arrival_us > T0 + 60 * S:
+            assert abs(error_s) < 0.05
+    assert len(told) == 1 and "% of real time" in told[0]
+
+
+def test_a_clock_that_runs_right_again_is_followed_again():
+    clock = ObservedClock()
+    for boot_ms, arrival_us in Simulator([(0.0, 0.8), (60.0, 1.0)]).messages(150):
+        clock.unix_us(boot_ms, arrival_us)
+        assert clock.off_rate or not 20 * S < arrival_us - T0 < 100 * S
+    assert clock.off_rate == 0.0 and ClockHealth().fault(clock) == ""
+
+
+@pytest.mark.parametrize("delay_s", [0.3, 1.0, 4.0])
+def test_a_link_whose_queue_fills_is_no_other_rate(delay_s):
+    """Within seconds, and stays full: the vehicle's clock runs as before."""
+    clock, vehicle = ObservedClock(), Vehicle(5)
+    for i in range(1200):
+        boot_ms, arrival_us = vehicle.message(T0 + i * S // 10)
+        late_s = delay_s * min(max(i / 10 - 40.0, 0.0) / 4.0, 1.0)
+        clock.unix_us(boot_ms, arrival_us + int(late_s * S))
+        assert clock.off_rate == 0.0
 
 
 def test_a_drift_beyond_any_clock_is_not_followed():
