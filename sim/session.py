@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
+from infra.files.aside import make_aside, remove_aside
 from infra.session_format import DETECTIONS, FRAMES, LOG, METADATA, TRUTH
 from sim.errors import ScenarioError, SessionWriteError
 from sim.telemetry.detections import DetectorModel, truth_rows
@@ -21,7 +23,7 @@ from sim.world.world import World, random_stream
 
 __all__ = [
     "frame_times",
-    "make_folder",
+    "new_session",
     "session_toml",
     "write_frames",
     "write_session",
@@ -68,39 +70,50 @@ def write_session(
     world = World(scenario)
     filmed = world if film is None else World(film)
     ours = film is None
-    make_folder(folder)
-    t, stamps_us = frame_times(scenario)
-    save_scenario(scenario, folder / "scenario.toml")
-    (folder / METADATA).write_bytes(tomli_w.dumps(session_toml(scenario)).encode())
-    write_frames(folder / FRAMES.name, stamps_us)
-    write_tlog(folder / LOG, world)
-    if video:
-        # renderer and encoder are imported only where they are needed: that takes time
-        from sim.render.film import write_video
+    with new_session(folder) as made:
+        t, stamps_us = frame_times(scenario)
+        save_scenario(scenario, made / "scenario.toml")
+        (made / METADATA).write_bytes(tomli_w.dumps(session_toml(scenario)).encode())
+        write_frames(made / FRAMES.name, stamps_us)
+        write_tlog(made / LOG, world)
+        if video:
+            # renderer and encoder are imported only where they are needed: that takes time
+            from sim.render.film import write_video
 
-        write_visible_truth(folder / TRUTH.name, filmed, t, ours=ours)
-        write_video(filmed, t, folder / "video.mp4", report)
-    else:
-        _write_detections(folder, filmed, t, ours=ours)
+            write_visible_truth(made / TRUTH.name, filmed, t, ours=ours)
+            write_video(filmed, t, made / "video.mp4", report)
+        else:
+            _write_detections(made, filmed, t, ours=ours)
     return world
 
 
-def make_folder(folder: Path) -> None:
-    """Make the folder of a session.
+@contextlib.contextmanager
+def new_session(folder: Path) -> Iterator[Path]:
+    """A folder to be filled that becomes the session's once this is over; what breaks off leaves nothing.
 
     Raises:
         SessionWriteError: if it exists or cannot be made.
     """
+    exists = f"{folder}: exists already; recordings are never overwritten, give another name"
+    if folder.exists() or folder.is_symlink():
+        raise SessionWriteError(exists)
     try:
-        folder.mkdir(parents=True, exist_ok=False)
-    except FileExistsError as error:
-        raise SessionWriteError(
-            f"{folder}: exists already; recordings are never overwritten, give another name"
-        ) from error
+        hidden = make_aside(folder.parent)
     except OSError as error:
         raise SessionWriteError(
             f"{folder}: cannot be made: {error.strerror}; give a folder that can be written"
         ) from error
+    try:
+        made = hidden / folder.name
+        made.mkdir()
+        yield made
+        try:
+            folder.mkdir()
+        except FileExistsError as error:
+            raise SessionWriteError(exists) from error
+        made.rename(folder)  # over the empty folder that was made just now, never over another
+    finally:
+        remove_aside(hidden)
 
 
 def frame_times(scenario: Scenario) -> tuple[FloatArray, NDArray[np.int64]]:

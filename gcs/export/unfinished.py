@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
 import weakref
 from pathlib import Path
 
 from gcs.errors import SessionError
-from infra.files.aside import make_aside, put_in_place
+from infra.files.aside import make_aside, put_in_place, remove_aside
 
 __all__ = ["Unfinished"]
 
@@ -31,7 +30,7 @@ class Unfinished:
             self._hidden = make_aside(place.parent)
         except OSError as error:
             raise SessionError(f"{place}: cannot be written: {error.strerror}") from error
-        self._remove = weakref.finalize(self, shutil.rmtree, self._hidden, ignore_errors=True)
+        self._remove = weakref.finalize(self, remove_aside, self._hidden)
         self.path = self._hidden / name
         """What to make and fill."""
 

@@ -17,7 +17,7 @@ from gcs.mission.mission import Mission
 from gcs.session.metadata import PROGRAM, mission_table
 from gcs.session.session import VIDEO_SUFFIXES
 from infra.session_format import FRAMES, LOG, METADATA
-from sim.session import make_folder, write_frames
+from sim.session import new_session, write_frames
 
 __all__ = ["write_imported"]
 
@@ -53,13 +53,13 @@ def write_imported(
     if suffix not in VIDEO_SUFFIXES:
         raise ImportFileError(f"{film.path}: a session's video is one of {', '.join(VIDEO_SUFFIXES)}; remux it")
     text = mission_table(mission, {"format": 1, "program": PROGRAM, "imported": dict(notes)})
-    make_folder(folder)
-    with (folder / LOG).open("xb") as log:
-        for t_us, raw in heapq.merge(*streams, key=lambda record: record[0]):
-            log.write(_TIME.pack(t_us) + raw)
-    write_frames(folder / FRAMES.name, film.elapsed_us + film_us)
-    _link(film.path, folder / f"video{suffix}")
-    (folder / METADATA).write_text(text, encoding="utf-8")
+    with new_session(folder) as made:
+        with (made / LOG).open("xb") as log:
+            for t_us, raw in heapq.merge(*streams, key=lambda record: record[0]):
+                log.write(_TIME.pack(t_us) + raw)
+        write_frames(made / FRAMES.name, film.elapsed_us + film_us)
+        _link(film.path, made / f"video{suffix}")
+        (made / METADATA).write_text(text, encoding="utf-8")
 
 
 def _link(source: Path, target: Path) -> None:

@@ -19,7 +19,7 @@ from gcs.session.event_log import EventLog, read_marks
 from gcs.session.identity_log import IdentityLog
 from gcs.session.session import Session
 from gcs.snapshot import Snapshot
-from infra.files.aside import make_aside, put_all_in_place
+from infra.files.aside import make_aside, put_all_in_place, remove_aside
 from infra.session_format import EVENTS, IDENTITY, IDENTITY_EVIDENCE
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def _aside(out: Path) -> Iterator[Path]:
         with _as_session_error(out):
             put_all_in_place(folder, out, last=IDENTITY.name)
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
+        remove_aside(folder)
 
 
 @contextlib.contextmanager

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from infra.session_format import DETECTIONS, FRAMES, LOG, METADATA, TRUTH
 from sim.annotated.film_world import FilmWorld
 from sim.annotated.tracks import AnnotatedTracks
-from sim.session import make_folder, session_toml, write_frames, write_tlog
+from sim.session import new_session, session_toml, write_frames, write_tlog
 from sim.world.scenario_file import save_scenario
 
 __all__ = ["write_film_session"]
@@ -41,21 +41,21 @@ def write_film_session(
         SessionWriteError: if the folder exists or cannot be made.
     """
     scenario = film.world.scenario
-    make_folder(folder)
-    save_scenario(scenario, folder / "scenario.toml")
-    (folder / METADATA).write_bytes(tomli_w.dumps(session_toml(scenario)).encode())
-    stamps_us = scenario.start_us + np.rint((t + scenario.timing.video_offset_s) * 1e6).astype(np.int64)
-    write_frames(folder / FRAMES.name, stamps_us)
-    write_tlog(folder / LOG, film.world)
-    truth, detections = [TRUTH.header], [DETECTIONS.header]
-    name = dict(zip((track.track for track in film.team), scenario.ugv_ids, strict=True))
-    boxes = tracks.boxes()
-    inside = ((boxes[:, :2] >= 0.0) & (boxes[:, :2] < (scenario.camera.width, scenario.camera.height))).all(axis=1)
-    for row in np.flatnonzero(inside & ~tracks.hidden).tolist():
-        cx, cy, w, h, angle = boxes[row].tolist()
-        box = f"{tracks.frame[row]},{cx:.2f},{cy:.2f},{w:.2f},{h:.2f},{angle:.4f}"
-        truth.append(f"{box},{name.get(int(tracks.track[row]), 0)}\n")
-        detections.append(f"{box},{LABEL_SCORE},\n")
-    (folder / TRUTH.name).write_bytes("".join(truth).encode())
-    if boxes_from_labels:
-        (folder / DETECTIONS.name).write_bytes("".join(detections).encode())
+    with new_session(folder) as made:
+        save_scenario(scenario, made / "scenario.toml")
+        (made / METADATA).write_bytes(tomli_w.dumps(session_toml(scenario)).encode())
+        stamps_us = scenario.start_us + np.rint((t + scenario.timing.video_offset_s) * 1e6).astype(np.int64)
+        write_frames(made / FRAMES.name, stamps_us)
+        write_tlog(made / LOG, film.world)
+        truth, detections = [TRUTH.header], [DETECTIONS.header]
+        name = dict(zip((track.track for track in film.team), scenario.ugv_ids, strict=True))
+        boxes = tracks.boxes()
+        inside = ((boxes[:, :2] >= 0.0) & (boxes[:, :2] < (scenario.camera.width, scenario.camera.height))).all(axis=1)
+        for row in np.flatnonzero(inside & ~tracks.hidden).tolist():
+            cx, cy, w, h, angle = boxes[row].tolist()
+            box = f"{tracks.frame[row]},{cx:.2f},{cy:.2f},{w:.2f},{h:.2f},{angle:.4f}"
+            truth.append(f"{box},{name.get(int(tracks.track[row]), 0)}\n")
+            detections.append(f"{box},{LABEL_SCORE},\n")
+        (made / TRUTH.name).write_bytes("".join(truth).encode())
+        if boxes_from_labels:
+            (made / DETECTIONS.name).write_bytes("".join(detections).encode())

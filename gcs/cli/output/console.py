@@ -221,7 +221,8 @@ def errors_as_exit_codes() -> Iterator[None]:
     except OSError as error:
         if error.errno not in _OF_THE_DISK:
             raise
-        print_note(_one_line(f"{error.filename or 'the disk'}: {error.strerror}; free space or choose another place"))
+        place = error.filename2 or error.filename or "the disk"
+        print_note(_one_line(f"{place}: {error.strerror}; free space or choose another place"))
         raise SystemExit(NOT_AVAILABLE) from error
 
 

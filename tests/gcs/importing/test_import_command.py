@@ -1,5 +1,8 @@
+import errno
 import json
+import os
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -168,6 +171,26 @@ def test_what_is_there_is_not_overwritten(flown, tmp_path):
     code, _, told = run_gcs(*import_words(flown, tmp_path))
     assert code == 2
     assert "exists already" in told
+
+
+def test_an_import_that_breaks_off_leaves_nothing(flown, tmp_path, monkeypatch):
+    """Where the disk is full, which is told of the disk that is written to, not of the film that is read."""
+    out, subtitles = tmp_path / "out" / "session", tmp_path / "DJI_0001.SRT"
+    subtitles.write_text(srt("keyed", flown.spots()))
+    words = import_words(flown, out, "--uav", subtitles)
+
+    def full(source, target):
+        Path(target).write_bytes(b"half")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(source), None, str(target))
+
+    with monkeypatch.context() as patched:
+        patched.setattr("os.link", full)
+        patched.setattr("shutil.copyfile", full)
+        code, _, told = run_gcs(*words)
+    assert code == 3
+    assert str(out.parent) in told and "No space left" in told and str(flown.video) not in told
+    assert list(out.parent.iterdir()) == []
+    assert run_gcs(*words)[0] == 0 and list(out.parent.iterdir()) == [out]
 
 
 def test_nothing_is_guessed_of_the_camera(flown, tmp_path):

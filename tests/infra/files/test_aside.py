@@ -1,38 +1,62 @@
-"""Files that are put into place when they are whole, on file systems with hard links and without."""
+"""Folders of what is not whole yet: what a killed job left is removed by the next, what another works in is not."""
 
-import errno
+from __future__ import annotations
+
 import os
+import subprocess
+import sys
 
 import pytest
 
-from infra.files.aside import make_aside, put_all_in_place
+from infra.files.aside import YOUNG_S, make_aside, remove_aside
+
+MAKES = """
+import sys
+from pathlib import Path
+from infra.files.aside import make_aside
+made = make_aside(Path(sys.argv[1]))
+(made / "half").write_text("x")
+print(made, flush=True)
+sys.stdin.read()
+"""
 
 
-@pytest.fixture(params=["links", "no links"])
-def disk(request, monkeypatch):
-    if request.param == "no links":
+@pytest.fixture
+def other(tmp_path):
+    """A process with a folder of its own, and that folder, which looks old."""
+    command = [sys.executable, "-c", MAKES, str(tmp_path)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        hidden = tmp_path / process.stdout.readline().strip()
+        age(hidden)
+        yield process, hidden
+        process.kill()
 
-        def link(*_):
-            raise OSError(errno.EPERM, "no hard links here")
 
-        monkeypatch.setattr(os, "link", link)
+def age(hidden):
+    then_s = hidden.stat().st_mtime - 2 * YOUNG_S
+    os.utime(hidden, (then_s, then_s))
 
 
-def test_files_come_into_place_and_never_over_another(tmp_path, disk):
-    folder = tmp_path / "new" / "out"
-    hidden = make_aside(folder)
-    for name in ("a", "last", "z"):
-        (hidden / name).write_text(name)
-    (folder / "z").write_text("was there")
-    with pytest.raises(FileExistsError):
-        put_all_in_place(hidden, folder, last="last")
-    assert (folder / "z").read_text() == "was there"
-    assert not (folder / "last").exists()
-    (folder / "z").unlink()
-    put_all_in_place(hidden, folder, last="last")
-    assert {path.name: path.read_text() for path in folder.iterdir() if path.is_file()} == {
-        "a": "a",
-        "last": "last",
-        "z": "z",
-    }
-    assert list(hidden.iterdir()) == []
+def test_what_a_killed_job_left_is_removed_by_the_next(tmp_path, other):
+    process, hidden = other
+    mine = make_aside(tmp_path)
+    assert (hidden / "half").exists(), "its job is at work"
+    process.kill()
+    process.wait()
+    age(hidden)
+    next_one = make_aside(tmp_path)
+    assert not hidden.exists() and mine.exists()
+    remove_aside(mine)
+    remove_aside(next_one)
+    remove_aside(next_one)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_link_in_its_place_is_followed(tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "kept").touch()
+    (tmp_path / ".aside-x").symlink_to("elsewhere")
+    os.utime(tmp_path / ".aside-x", (0, 0), follow_symlinks=False)
+    remove_aside(make_aside(tmp_path))
+    assert (tmp_path / "elsewhere" / "kept").exists()
