@@ -75,7 +75,7 @@ class LogFile(logging.Handler):
     Several processes may append to one file.
 
     Args:
-        path: made with the first record; a file that is there is gone on with.
+        path: made with the first record, in a folder that no link stands for; a file that is there is gone on with.
         level: least level of what is written.
     """
 
@@ -114,7 +114,7 @@ class LogFile(logging.Handler):
             left_out, self._left_out = self._left_out, 0
             note = f"{left_out} lines were left out\n" if left_out else ""
             with contextlib.suppress(OSError):  # a log is no reason to fail; the alarm is that of the record's files
-                fd = open_to_append(self.path) if fd < 0 else fd
+                fd = open_to_append(self.path, links=False) if fd < 0 else fd
                 if os.fstat(fd).st_size < MOST_BYTES:
                     os.write(fd, f"{line}\n{note}".encode(errors="replace"))  # one call: lines of processes do not mix
         if fd >= 0:

@@ -83,5 +83,5 @@ class Faults:
 
     def _append(self, data: bytes) -> None:
         # a fault must not fail on a full disk, nor wait for one that hangs
-        with contextlib.suppress(OSError), os.fdopen(open_to_append(self._path), "ab") as file:
+        with contextlib.suppress(OSError), os.fdopen(open_to_append(self._path, links=False), "ab") as file:
             file.write(data)

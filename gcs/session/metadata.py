@@ -22,7 +22,7 @@ from typing import Any, TypeVar
 from gcs.errors import SessionError
 from gcs.mission.mission import NO_KEYS, Mission
 from gcs.session.log import SessionLog
-from infra.files.safe_open import create, open_to_read
+from infra.files.safe_open import create, open_folder, open_to_read
 from infra.files.segments import segments
 from infra.session_format import LOG, METADATA
 from infra.toml_tables import MOST_TOML_BYTES, parse_toml, toml_text
@@ -48,7 +48,6 @@ FLEET = "fleet"
 """In place of a system id: the key of all who have none of their own."""
 MOST_COUNTED_BYTES = 8 << 30
 """A day at 100 kB/s; to count the records of more would take minutes."""
-_FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC
 
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -171,15 +170,16 @@ class SessionFile:
             "started": datetime.now(UTC),
             **notes,
         }
-        self._fd = -1
+        self._fd = self._folder = -1
         try:
+            self._folder = open_folder(folder)
             self._write()
         except OSError as error:
             raise SessionError(f"{self._path}: cannot be written: {error.strerror}; choose another place") from error
 
     def restore(self) -> None:
         """Write the file again if it was deleted; where that fails the next call tries again."""
-        if not self._path.exists():
+        if not self._path.exists() and not self._path.parent.is_symlink():
             with contextlib.suppress(OSError):  # the alarm is that of the files beside it
                 self._path.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
                 self._write()
@@ -189,12 +189,14 @@ class SessionFile:
         self._notes |= {"ended": datetime.now(UTC), **notes}
         with contextlib.suppress(OSError):
             self._write()
-        if self._fd >= 0:
-            os.close(self._fd)
-            self._fd = -1
+        for fd in (self._fd, self._folder):
+            if fd >= 0:
+                os.close(fd)
+        self._fd = self._folder = -1
 
     def _write(self) -> None:
-        folder = os.open(self._path.parent, _FOLDER)
+        # one that was deleted is made anew under its name; where a link has taken its place it stays where it is
+        folder = os.dup(self._folder) if self._path.parent.is_symlink() else open_folder(self._path.parent)
         try:
             fd = _replace(folder, mission_table(self._mission, self._notes))
         finally:
@@ -274,7 +276,7 @@ def seal(folder: Path) -> Interrupted | None:
     Neither the folder nor its files may be links: they could lead to what its author must not read or change.
     """
     try:
-        at = os.open(folder, _FOLDER | os.O_NOFOLLOW)
+        at = open_folder(folder)
     except OSError:
         return None
     try:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from infra.files.safe_open import open_folder
+
 __all__ = ["OS_DISK", "Disk"]
 
 _sync = getattr(os, "fdatasync", os.fsync)
@@ -15,8 +17,12 @@ class Disk:
     """The operating system's files; every method raises OSError as the call below it does."""
 
     def open(self, path: Path) -> int:
-        """Make a file that must not exist yet, to append to and to read back."""
-        return os.open(path, _NEW, 0o644)
+        """Make a file that must not exist yet, to append to and to read back; in no folder that a link stands for."""
+        folder = open_folder(path.parent)
+        try:
+            return os.open(path.name, _NEW, 0o644, dir_fd=folder)
+        finally:
+            os.close(folder)
 
     def write(self, fd: int, data: bytes) -> int:
         """Hand bytes to the kernel; returns how many it took."""
@@ -42,9 +48,12 @@ class Disk:
         """Whether the file is where it was made; False: deleted, moved, or gone with the disk that was mounted there.
 
         Any file of that name will do: not every file system numbers its files so that two answers can be compared.
+        Where a link has taken the folder's place the file stays where it is.
         """
         if not os.fstat(fd).st_nlink:
             return False
+        if path.parent.is_symlink():
+            return True
         try:
             path.stat()
         except (FileNotFoundError, NotADirectoryError):

@@ -46,7 +46,9 @@ class RestorableFile:
         if now_s - self._looked_s < LOOK_S:
             return False
         self._looked_s = now_s
-        return not os.fstat(self._file.fileno()).st_nlink or not self.path.exists()
+        gone = not os.fstat(self._file.fileno()).st_nlink or not self.path.exists()
+        # a link in the folder's place leads to what is another's
+        return gone and not self.path.parent.is_symlink()
 
     def restore(self) -> None:
         """Copy what was written so far to where it was, in a thread of its own; then let go of it."""

@@ -13,7 +13,7 @@ import pwd
 import stat
 from pathlib import Path
 
-__all__ = ["create", "is_shared", "open_to_append", "open_to_read", "read_small"]
+__all__ = ["create", "is_shared", "open_folder", "open_to_append", "open_to_read", "read_small"]
 
 _OPEN = os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY  # a pipe is not waited on, a terminal does not become ours
 
@@ -65,8 +65,21 @@ def create(path: Path | str, *, folder: int | None = None) -> int:
     return os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644, dir_fd=folder)
 
 
-def open_to_append(path: Path | str) -> int:
+def open_folder(path: Path | str) -> int:
+    """Descriptor of a folder that no link stands for, to open files relative to.
+
+    Raises:
+        OSError: no such folder, or a link in its place.
+    """
+    return os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
+
+
+def open_to_append(path: Path | str, *, links: bool = True) -> int:
     """Open a file of ours at its end, made where there is none.
+
+    Args:
+        path: its name.
+        links: follow a symbolic link in the place of its folder; one in its own place is never followed.
 
     Returns:
         The file descriptor.
@@ -74,7 +87,16 @@ def open_to_append(path: Path | str) -> int:
     Raises:
         OSError: it cannot be opened or made, or in its place is a link or another's file.
     """
-    fd = _regular(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | _OPEN, 0o644), path)
+    flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | _OPEN
+    if links:
+        opened = os.open(path, flags, 0o644)
+    else:
+        folder = open_folder(Path(path).parent)
+        try:
+            opened = os.open(Path(path).name, flags, 0o644, dir_fd=folder)
+        finally:
+            os.close(folder)
+    fd = _regular(opened, path)
     status = os.fstat(fd)
     if status.st_uid != os.geteuid() or status.st_nlink > 1:
         os.close(fd)

@@ -79,7 +79,7 @@ def test_a_file_does_not_grow_without_end(log, monkeypatch):
 
 def test_nobody_waits_for_a_disk_that_hangs(tmp_path, monkeypatch):
     answers, opened = threading.Event(), program_log.open_to_append
-    monkeypatch.setattr(program_log, "open_to_append", lambda path: answers.wait() and opened(path))
+    monkeypatch.setattr(program_log, "open_to_append", lambda path, links=True: answers.wait() and opened(path))
     monkeypatch.setattr(program_log, "MOST_WAITING", 3)
     log = LogFile(tmp_path / "program.log")
     for number in range(100):

@@ -174,7 +174,7 @@ def start_log(level: LogLevel | None, path: Path | None) -> None:
         os.close(open_to_append(path))
     except OSError as error:
         raise GcsError(f"--log-file {path}: cannot be written: {error.strerror}; choose another place") from error
-    LogFile(path, least)
+    LogFile(path.parent.resolve() / path.name, least)
     log_uncaught()
 
 
@@ -259,7 +259,7 @@ def redirect_if_terminal_gone(path: Path) -> None:
             try:
                 termios.tcgetattr(stream.fileno())
             except termios.error:
-                with os.fdopen(open_to_append(path), "ab") as file:
+                with os.fdopen(open_to_append(path, links=False), "ab") as file:
                     os.dup2(file.fileno(), stream.fileno())
 
 
@@ -275,7 +275,7 @@ def redirect_stderr(path: Path | None) -> Iterator[None]:
     target = os.open(os.devnull, os.O_WRONLY)
     if path is not None:
         with contextlib.suppress(OSError):  # a file that cannot be had is no reason to do without the screen
-            os.dup2(console := open_to_append(path), target)
+            os.dup2(console := open_to_append(path, links=False), target)
             os.close(console)
     sys.stderr.flush()
     before = sys.__stderr__

@@ -14,7 +14,10 @@ from gcs.errors import ConfigError
 from gcs.health.faults import Faults
 from gcs.mission.mission import load_mission
 from gcs.session.metadata import SessionFile, seal
+from gcs.session.recorder import Recorder
 from gcs.session.session import create_folder, open_session
+from gcs.snapshot import Event
+from infra.files.disk import Disk
 from infra.files.restorable_file import RestorableFile
 from infra.files.safe_open import create, is_shared, open_to_append, read_small
 from mavlink.errors import TlogError
@@ -195,3 +198,37 @@ def test_a_mission_made_to_break_its_reader_is_refused_in_a_line(tmp_path, toml)
     with pytest.raises(ConfigError) as error:
         load_mission(tmp_path / "m.toml")
     assert len(str(error.value)) < 400
+
+
+@pytest.mark.parametrize("there", [True, False], ids=["files of the same names", "an empty folder"])
+def test_a_link_in_the_place_of_a_flights_folder_is_not_followed(tmp_path, there):
+    """Whoever may write beside it moves the folder away and puts a link there: all goes on where it was."""
+    victim = tmp_path / "victim"
+    victim.mkdir()
+    for name in ("session.toml", "events.jsonl", "frames.csv") if there else ():
+        (victim / name).write_text("another's")
+    before = {path.name: path.read_text() for path in victim.iterdir()}
+    recorder = Recorder(tmp_path, ONE_UGV, video=True)
+    film = RestorableFile(recorder.video_path)
+    recorder.folder.rename(tmp_path / "moved")
+    recorder.folder.symlink_to(victim)
+    line = Event(t_us=1, level="info", kind="operator", text="after the move")
+    recorder.events((line,))
+    recorder.frame_time(0, 1)
+    for _ in range(3):
+        recorder.check()
+        film._looked_s = 0.0
+        assert not film.is_gone()
+    film.close()
+    recorder.close()
+    assert {path.name: path.read_text() for path in victim.iterdir()} == before
+    assert "after the move" in (tmp_path / "moved" / "events.jsonl").read_text()
+    assert "ended" in (tmp_path / "moved" / "session.toml").read_text()
+
+
+def test_no_file_is_made_in_a_folder_that_a_link_stands_for(tmp_path):
+    (tmp_path / "victim").mkdir()
+    (tmp_path / "session").symlink_to("victim")
+    with pytest.raises(OSError, match="session"):
+        Disk().open(tmp_path / "session" / "telemetry.tlog")
+    assert list((tmp_path / "victim").iterdir()) == []
