@@ -22,6 +22,7 @@ __all__ = ["CameraOptions", "ChosenCamera", "choose_camera"]
 _TURNS = math.radians(5.0)
 """A gimbal that turns by more than this in pitch is followed only where its heading is known too."""
 _STRAIGHT_DOWN_DEG = -90.0
+_SAME_ASPECT = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +82,7 @@ def choose_camera(
 def _intrinsics(film: ImportedFilm, uav: VehicleLog | None, options: CameraOptions) -> tuple[Intrinsics, str]:
     size = film.width, film.height
     if options.lens is not None:
-        return resized(read_lens(options.lens), *size), f"lens file {options.lens.name}"
+        return _lens_of(options.lens, film), f"lens file {options.lens.name}"
     if options.fov_deg is not None:
         return _of_width(size, math.radians(options.fov_deg)), f"{options.fov_deg:g}° across the picture, as given"
     if options.model:
@@ -105,6 +106,14 @@ def _intrinsics(film: ImportedFilm, uav: VehicleLog | None, options: CameraOptio
         )
     hfov_deg = known.hfov_deg
     return _of_width(size, math.radians(hfov_deg)), f"{hfov_deg:.1f}° of {known.name}, by the video: {known.source}"
+
+
+def _lens_of(path: Path, film: ImportedFilm) -> Intrinsics:
+    """A lens file for pictures as they are shown, or as they are coded where pixels are not square."""
+    lens = read_lens(path)
+    coded = lens.width * film.aspect * film.height
+    drawn_out = film.aspect != 1.0 and abs(coded / (lens.height * film.width) - 1.0) < _SAME_ASPECT
+    return resized(lens, film.width, film.height, drawn_out=drawn_out)
 
 
 def _of_width(size: tuple[int, int], hfov: float) -> Intrinsics:

@@ -31,6 +31,8 @@ class ImportedFilm:
     """(n,) µs of each frame since the first."""
     width: int
     height: int
+    aspect: float = 1.0
+    """Width of a pixel by its height, as coded: pictures are shown drawn out by it."""
     shown_as: str = ""
     """In words, how its pictures are shown otherwise than they are coded; empty as coded."""
     created_us: int
@@ -46,7 +48,8 @@ def open_film(path: Path) -> ImportedFilm:
         VideoError: no such file, or no video in it.
     """
     with closing(VideoFile.open(path)) as video:
-        elapsed_us, size, shown_as = video.times_us, (video.width, video.height), video.shown_as
+        elapsed_us, size = video.times_us, (video.width, video.height)
+        aspect, shown_as = video.aspect, video.shown_as
     with closing(open_video(path)) as container:
         tags = {name.lower(): value for name, value in container.metadata.items()}
     return ImportedFilm(
@@ -54,6 +57,7 @@ def open_film(path: Path) -> ImportedFilm:
         elapsed_us=elapsed_us,
         width=size[0],
         height=size[1],
+        aspect=aspect,
         shown_as=shown_as,
         created_us=_unix_us(tags.get("creation_time", "")),
         model=plain(next((tags[name] for name in _MODEL_TAGS if name in tags), ""))[:_MOST_WORDS],

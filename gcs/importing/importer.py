@@ -99,11 +99,12 @@ def import_flight(out: Path, options: ImportOptions) -> ImportReport:
     if options.clock_s is None:
         seen = _uav_records(uav, uav_id, fleet, timeline)
         timeline = searched_times(film, uav, fleet, mission, seen, timeline, options.clock_within_s)
-    check_overlap(film, timeline, uav, fleet.span_us, {words: None for words in fleet.assumed})
+    uav_span = _uav_span(uav, uav_id, fleet, timeline)
+    partly = check_overlap(film, timeline, uav_span, fleet.span_us, dict.fromkeys(fleet.assumed))
     report = _report(film, fleet, uav, chosen, timeline, uav_id)
     unused = (("not read", "; ".join(unread)), ("not in the mission", _not_in_mission(fleet, uav_id)))
     found = (*report.found, *((subject, text) for subject, text in unused if text))
-    report = replace(report, found=found, assumed=(*report.assumed, *swapped))
+    report = replace(report, found=found, assumed=(*report.assumed, *swapped, *partly))
     streams = fleet.streams()
     if uav is not None:
         streams.append(_uav_records(uav, uav_id, fleet, timeline))
@@ -126,6 +127,23 @@ def _uav_records(
         return vehicle_records(uav, uav_id, timeline.uav_shift_us, flies=True, home_m=_home_m(uav, fleet))
     assert fleet.tlog is not None
     return fleet.tlog.records_of(uav_id)
+
+
+def _uav_span(
+    uav: VehicleLog | None, uav_id: int, fleet: GroundVehicles, timeline: FilmTimes
+) -> tuple[str, tuple[int, int]]:
+    """What tells where the UAV was, and its first and last position, Unix µs.
+
+    Raises:
+        ImportFileError: nothing does.
+    """
+    places, source = (None, "") if uav is None else (uav.places, uav.source)
+    if fleet.tlog is not None and places is None:
+        places, source = fleet.tlog.places(uav_id), f"{fleet.tlog.tlog.path.name}, system {uav_id},"
+    if places is None or not len(places):
+        raise ImportFileError(f"{source or 'nothing'} reports no position of the UAV; give its log with --uav")
+    shift_us = timeline.uav_shift_us if uav is not None else 0
+    return source, (int(places.t_us[0]) + shift_us, int(places.t_us[-1]) + shift_us)
 
 
 def _one_log(path: Path) -> VehicleLog:

@@ -16,6 +16,8 @@ from gcs.importing.vehicle_log import VehicleLog
 __all__ = ["FilmTimes", "check_overlap", "find_timeline", "on_film"]
 
 _LEAST_OVERLAP_US = 1_000_000
+_MOST_OF_FILM = 0.9
+"""Reports of a smaller share of the film are told."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,44 +107,51 @@ def _of_film(film: ImportedFilm, fleet_span_us: tuple[int, int]) -> tuple[int, s
 def check_overlap(
     film: ImportedFilm,
     timeline: FilmTimes,
-    uav: VehicleLog | None,
+    uav: tuple[str, tuple[int, int]],
     fleet_span_us: tuple[int, int],
     assumed: Collection[str] = (),
-) -> None:
-    """See that the UAV and the fleet report while it is filmed.
+) -> tuple[str, ...]:
+    """See that the UAV and the fleet report while it is filmed, and say where one of them does so in a part of it.
 
     Args:
         film: what was filmed.
         timeline: when.
-        uav: the UAV's log; None: its telemetry is in the fleet's.
-        fleet_span_us: first and last position of the fleet, Unix µs.
+        uav: what tells of the UAV, and its first and last position, Unix µs.
+        fleet_span_us: likewise of the fleet.
         assumed: of the fleet's times, for the message.
 
     Raises:
         ImportFileError: one of them does not.
     """
-    first_us, last_us = timeline.film_us, timeline.film_us + film_length_us(film)
-    taken = f"{film.path}: taken {_words(first_us, last_us)} by {timeline.said}"
+    film_us = timeline.film_us, timeline.film_us + film_length_us(film)
+    taken = f"{film.path}: taken {_words(*film_us)} by {timeline.said}"
     said = "".join(f" ({words})" for words in assumed)
-    if not _overlap((first_us, last_us), fleet_span_us):
+    if not _overlaps(film_us, fleet_span_us):
         raise ImportFileError(
             f"{taken}, while the fleet reports {_words(*fleet_span_us)}; give by how much the fleet's clock is ahead "
             f"of the film's: --clock +SECONDS{said}"
         )
-    if uav is None:
-        return
-    span_us = (int(uav.places.t_us[0]) + timeline.uav_shift_us, int(uav.places.t_us[-1]) + timeline.uav_shift_us)
-    if not _overlap((first_us, last_us), span_us):
-        away = "" if uav.clock != "video" else f", {uav.places.t_us[0] * 1e-6:.1f} s after the film's first frame"
+    source, span_us = uav
+    if not _overlaps(film_us, span_us):
+        away_s = (span_us[0] - film_us[0]) * 1e-6
         raise ImportFileError(
-            f"{taken}, while {uav.source} tells of {_words(*span_us)}{away}: it does not cover the film; is it of that "
-            "flight, are its times in the unit of their column?"
+            f"{taken}, while {source} tells of {_words(*span_us)}, from {away_s:+.1f} s of the film on: it does not "
+            "cover the film; is it of that flight, are its times in the unit of their column?"
         )
+    reports = (source, span_us), ("the fleet", fleet_span_us)
+    return tuple(
+        f"{who} tells of {_shared_us(film_us, span) * 1e-6:.1f} s of the film's {film_length_us(film) * 1e-6:.1f} s"
+        for who, span in reports
+        if _shared_us(film_us, span) < _MOST_OF_FILM * film_length_us(film)
+    )
 
 
-def _overlap(film_us: tuple[int, int], span_us: tuple[int, int]) -> bool:
-    shared_us = min(film_us[1], span_us[1]) - max(film_us[0], span_us[0])
-    return shared_us >= min(_LEAST_OVERLAP_US, film_us[1] - film_us[0])
+def _shared_us(film_us: tuple[int, int], span_us: tuple[int, int]) -> int:
+    return min(film_us[1], span_us[1]) - max(film_us[0], span_us[0])
+
+
+def _overlaps(film_us: tuple[int, int], span_us: tuple[int, int]) -> bool:
+    return _shared_us(film_us, span_us) >= min(_LEAST_OVERLAP_US, film_us[1] - film_us[0])
 
 
 def _words(first_us: int, last_us: int) -> str:

@@ -101,8 +101,14 @@ class Intrinsics:
 
 
 @lru_cache(maxsize=8)
-def resized(intrinsics: Intrinsics, width: int, height: int) -> Intrinsics:
+def resized(intrinsics: Intrinsics, width: int, height: int, *, drawn_out: bool = False) -> Intrinsics:
     """The same camera delivering an image of another size.
+
+    Args:
+        intrinsics: as it is described.
+        width: px.
+        height: px.
+        drawn_out: an image of another aspect shows the same part of the sensor: its pixels were not square.
 
     Raises:
         CameraError: the image has another aspect, so it shows another part of the sensor; which one is not known.
@@ -110,7 +116,7 @@ def resized(intrinsics: Intrinsics, width: int, height: int) -> Intrinsics:
     if (width, height) == (intrinsics.width, intrinsics.height):
         return intrinsics
     kx, ky = width / intrinsics.width, height / intrinsics.height
-    if abs(kx / ky - 1.0) > SAME_ASPECT:
+    if abs(kx / ky - 1.0) > SAME_ASPECT and not drawn_out:
         raise CameraError(
             f"the camera is described for images of {intrinsics.width}×{intrinsics.height}, these are "
             f"{width}×{height}: another aspect shows another part of the sensor; calibrate on such images"

@@ -78,10 +78,11 @@ def _from_yaml(text: str) -> Intrinsics:
     """``camera_matrix``, ``distortion_coefficients`` and ``image_width``, ``image_height``, as both write them."""
     import yaml
 
-    # OpenCV's first line is "%YAML:1.0", which is no directive of YAML's, and its matrices have a tag
+    # OpenCV's first line is "%YAML:1.0", which is no directive of YAML's, and its matrices have types of its own
     body = text.partition("\n")[2] if text.startswith("%YAML:") else text
+    body = re.sub(r"!!opencv-[\w-]+", "", body)
     try:
-        table = yaml.safe_load(re.sub(r"!!opencv-[a-z-]+", "", body))
+        table = yaml.safe_load(body)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise CameraError(f"not YAML that can be read: {' '.join(str(error).split())[:100]}") from None
     if not isinstance(table, dict):

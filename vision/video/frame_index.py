@@ -63,6 +63,8 @@ class FrameIndex:
     tick_us: float
     quarter_turns: int = 0
     """Counterclockwise, that the container asks for."""
+    aspect: float = 1.0
+    """Width of a coded pixel by its height."""
     shown_as: str = ""
     """In words, how pictures are shown otherwise than they are coded; empty as coded."""
 
@@ -82,11 +84,12 @@ def read_index(path: Path) -> FrameIndex:
         if not shown or not stream.codec_context.width:
             raise VideoError(f"video {path}: no frame with a time stamp in it; remux it, for example to .mkv")
         _check_one_film(path, stamps, stream.time_base)
-        width, height, quarter_turns, shown_as = _picture(path, stream)
+        width, height, quarter_turns, aspect, shown_as = _picture(path, stream)
         return FrameIndex(
             width=width,
             height=height,
             quarter_turns=quarter_turns,
+            aspect=aspect,
             shown_as=shown_as,
             pts=shown,
             order={stamp: i for i, stamp in enumerate(shown)},
@@ -143,8 +146,8 @@ def _check_one_film(path: Path, stamps: list[int], tick: Fraction | None) -> Non
         )
 
 
-def _picture(path: Path, stream: VideoStream) -> tuple[int, int, int, str]:
-    """Width, height and quarter turns of the pictures as they are shown, and that in words."""
+def _picture(path: Path, stream: VideoStream) -> tuple[int, int, int, float, str]:
+    """Width, height and quarter turns of the pictures as they are shown, their pixels' aspect, and that in words."""
     coded = stream.codec_context
     width, height = coded.width, coded.height
     # how a picture is turned is told with a decoded one
@@ -152,8 +155,9 @@ def _picture(path: Path, stream: VideoStream) -> tuple[int, int, int, str]:
         first = _first_frame(container, film_stream(container))
     turns = round(first.rotation / 90.0) % 4 if first is not None else 0
     aspect = float(stream.sample_aspect_ratio or coded.sample_aspect_ratio or 1.0)
+    aspect = aspect if _LEAST_ASPECT < aspect < 1.0 / _LEAST_ASPECT else 1.0
     words = []
-    if _LEAST_ASPECT < aspect < 1.0 / _LEAST_ASPECT and aspect != 1.0:
+    if aspect != 1.0:
         # nothing is lost where the shorter side of a pixel is drawn out
         width, height = (round(width * aspect), height) if aspect > 1.0 else (width, round(height / aspect))
         words.append(f"pixels {aspect:.3g} times as wide as high")
@@ -162,7 +166,7 @@ def _picture(path: Path, stream: VideoStream) -> tuple[int, int, int, str]:
     if turns % 2:
         width, height = height, width
     said = f"coded {coded.width}×{coded.height} px, {', '.join(words)}" if words else ""
-    return width, height, turns, said
+    return width, height, turns, aspect, said
 
 
 def _first_frame(container: InputContainer, stream: VideoStream) -> VideoFrame | None:

@@ -46,6 +46,7 @@ class VideoFile:
         fps: mean frames per second, NaN for a single frame.
         times_us: (n,) int64 Unix µs of each frame in display order, read-only.
         mismatch: how many more times were given than there are frames; negative when fewer, 0 when they agree.
+        aspect: width of a coded pixel by its height.
         shown_as: in words, how pictures are shown otherwise than they are coded; empty as coded.
         missing: frames between two files of which there is no image.
     """
@@ -59,7 +60,7 @@ class VideoFile:
         span_s = (times_us[-1] - times_us[0]) / 1e6 if self.n > 1 else 0.0
         self.fps = float((self.n - 1) / span_s) if span_s > 0 else float("nan")
         self.times_us = times_us
-        self.shown_as = parts[0].index.shown_as
+        self.aspect, self.shown_as = parts[0].index.aspect, parts[0].index.shown_as
         self.mismatch = mismatch
         self.missing = max(parts[-1].end - sum(part.n for part in parts), 0)
         self._parts = parts

@@ -1,12 +1,15 @@
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gcs.errors import ImportFileError
+from gcs.importing.camera_choice import CameraOptions, choose_camera
 from gcs.importing.film import ImportedFilm
 from gcs.importing.timeline import check_overlap, find_timeline
 from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog
+from vision.errors import CameraError
 
 T0 = 1_790_000_000_000_000
 FILM = ImportedFilm(
@@ -28,14 +31,35 @@ def test_a_log_of_the_uav_has_to_cover_the_film(first_s, last_s, covers, clock):
     times = find_timeline(FILM, uav, FLEET, 0.0)
     if clock == "utc":
         times = find_timeline(FILM, None, FLEET, 0.0)  # as a search in the film may have it
-    if covers:
-        check_overlap(FILM, times, uav, FLEET)
+    told = uav.source, tuple(int(uav.places.t_us[k]) + times.uav_shift_us for k in (0, -1))
+    if not covers:
+        with pytest.raises(ImportFileError, match=r"while uav\.csv tells of .*: it does not cover the film"):
+            check_overlap(FILM, times, told, FLEET)
         return
-    with pytest.raises(ImportFileError, match=r"while uav\.csv tells of .*: it does not cover the film"):
-        check_overlap(FILM, times, uav, FLEET)
+    partly = check_overlap(FILM, times, told, FLEET)
+    assert partly == (() if first_s == 0 else ("uav.csv tells of 4.8 s of the film's 19.8 s",))
 
 
 def test_what_was_assumed_of_the_fleet_is_told_where_it_does_not_fit():
     times = find_timeline(FILM, None, FLEET, 3600.0)
     with pytest.raises(ImportFileError, match=r"--clock \+SECONDS \(rover\.gpx: times without a zone are UTC\)$"):
-        check_overlap(FILM, times, None, FLEET, ["rover.gpx: times without a zone are UTC"])
+        check_overlap(FILM, times, ("uav.csv", FLEET), FLEET, ["rover.gpx: times without a zone are UTC"])
+
+
+LENS = "width = {}\nheight = {}\nfx = {}\nfy = {}\ncx = {}\ncy = {}\n"
+
+
+@pytest.mark.parametrize(
+    "lens", [(1440, 1080, 1100.0, 1466.7, 700.0, 550.0), (1920, 1080, 1466.7, 1466.7, 933.3, 550.0)]
+)
+def test_a_lens_described_for_the_coded_picture_or_the_shown_one(lens, tmp_path):
+    film = dataclasses.replace(FILM, width=1920, height=1080, aspect=4 / 3)
+    (tmp_path / "lens.toml").write_text(LENS.format(*lens))
+    chosen, _ = choose_camera(film, None, CameraOptions(lens=tmp_path / "lens.toml"))
+    camera = chosen.camera
+    assert (camera.width, camera.height) == (1920, 1080)
+    assert (camera.fx, camera.fy, camera.cx, camera.cy) == pytest.approx((1466.7, 1466.7, 933.3, 550.0), abs=0.1)
+    square = dataclasses.replace(film, aspect=1.0)
+    if lens[0] == 1440:
+        with pytest.raises(CameraError, match="another aspect"):
+            choose_camera(square, None, CameraOptions(lens=tmp_path / "lens.toml"))
