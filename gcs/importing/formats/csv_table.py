@@ -67,34 +67,43 @@ def read_csv(path: Path) -> list[VehicleLog]:
     times, clock, said = unix_us(table.time, by_name[table.time], dated=table.dated, where=where)
     t_us = np.rint(np.clip(times, -1.0, _LATEST_US))
     assumed += said + ((NO_ZONE,) if table.zoneless else ())
-    good = whole_places(by_name["lat"], by_name["lon"])
+    return _vehicles(path, by_name, t_us, clock, ImportNotes(assumed=assumed, skipped=table.skipped))
+
+
+def _vehicles(
+    path: Path, columns: dict[str, Floats], t_us: Floats, clock: LogClock, notes: ImportNotes
+) -> list[VehicleLog]:
+    """The rows of each vehicle as its log.
+
+    Raises:
+        ImportFileError: no row can be used, or a vehicle's times are of no clock.
+    """
+    good = whole_places(columns["lat"], columns["lon"])
     if not good.any():
-        worst = f"{by_name['lat'][0]:g}, {by_name['lon'][0]:g}"
+        worst = f"{columns['lat'][0]:g}, {columns['lon'][0]:g}"
         raise ImportFileError(
             f"{path}: no row in it that can be used: lat, lon such as {worst} are no place in degrees"
         )
     good &= (t_us >= 0) & (t_us < _LATEST_US)
-    owner = _owners(by_name)
-    if "id" in by_name and owner is None:
+    owner, assumed = _owners(columns), notes.assumed
+    if "id" in columns and owner is None:
         assumed += ("the column id counts rows: it is no system id",)
     owner = np.zeros(len(t_us)) if owner is None else owner
     theirs = (owner >= 0) & (owner <= 255) & (owner == np.floor(owner))
-    table.skipped["rows without a place or time that can be"] += int(np.count_nonzero(~good))
-    table.skipped["rows with a system id that is none of 1 to 255"] += int(np.count_nonzero(good & ~theirs))
+    skipped = Counter(notes.skipped)
+    skipped["rows without a place or time that can be"] += int(np.count_nonzero(~good))
+    skipped["rows with a system id that is none of 1 to 255"] += int(np.count_nonzero(good & ~theirs))
     logs = []
     for system_id in np.unique(owner[good & theirs]).tolist():
         mine = np.flatnonzero(good & (owner == system_id))
         whose = f"{path}, system {system_id:g}" if system_id else f"{path}"
-        at = np.column_stack([by_name["lat"][mine], by_name["lon"][mine]])
+        at = np.column_stack([columns["lat"][mine], columns["lon"][mine]])
         ordered = row_times(t_us[mine].astype(np.int64), at, whose)
-        part = {name: column[mine[ordered.rows]] for name, column in by_name.items()}
-        notes = ImportNotes(
-            assumed=(*assumed, *ordered.assumed), skipped=dict(+(table.skipped + Counter(ordered.skipped)))
-        )
-        logs.append(_log(path, int(system_id), ordered.t_us, clock, part, notes))
+        part = {name: column[mine[ordered.rows]] for name, column in columns.items()}
+        told = ImportNotes(assumed=(*assumed, *ordered.assumed), skipped=dict(+(skipped + Counter(ordered.skipped))))
+        logs.append(_log(path, int(system_id), ordered.t_us, clock, part, told))
     if not logs:
-        seen = f"{owner[good][0]:g}" if good.any() else ""
-        why = f"system ids are 1 to 255, not {seen}" if seen else "its times are none of 1970 to 2099"
+        why = f"system ids are 1 to 255, not {owner[good][0]:g}" if good.any() else "its times are none of 1970 to 2099"
         raise ImportFileError(f"{path}: no row in it that can be used: {why}")
     return logs
 
