@@ -135,13 +135,15 @@ def _on_one_clock(tlog: Tlog) -> tuple[Ints, tuple[str, ...]]:
         )
     ahead_us, said = np.zeros_like(t_us), list[str]()
     for step in most.steps:
-        # the vehicle that reports first after it tells the place best
         same = [
             other
             for clock in known
             for other in clock.steps
             if abs(other.by_s - step.by_s) < _SAME_STEP_S and abs(int(t_us[other.row] - t_us[step.row])) < _SAME_STEP_US
         ]
+        if len(same) * 2 < len(known):
+            continue  # it was that vehicle's clock, which stood still or was started
+        # the vehicle that reports first after it tells the place best
         first = min(same, key=lambda other: other.row)
         ahead_us[first.row :] += round(step.by_s * 1e6)
         said.append(f"the recorder's clock was set by {step.by_s:+.1f} s at byte {first.offset}")

@@ -20,8 +20,8 @@ def path_of(k):
     return 47.1 + 4e-6 * k, 8.1, 430.0
 
 
-def written(path: Path, *, set_back_s=0.0, companion=False, speed=1.0, systems=(11, 12)):
-    """A log of rovers, the recorder's clock set back in the middle."""
+def written(path: Path, *, set_back_s=0.0, companion=False, speed=1.0, stopped_s=0.0, systems=(11, 12, 13)):
+    """A log of rovers, the recorder's clock set back in the middle, the clock of the first stopped for a while."""
     autopilots = {i: MavlinkEncoder(i) for i in systems}
     companions = {i: MavlinkEncoder(i, 191) for i in systems}
     with path.open("wb") as file:
@@ -30,7 +30,10 @@ def written(path: Path, *, set_back_s=0.0, companion=False, speed=1.0, systems=(
                 stamp = T0 + round(k * 200_000 / speed) + system_id
                 stamp -= round(set_back_s * 1e6) if k >= STEPS // 3 else 0
                 place = path_of(k)
-                frames = [speaker.global_position_int(5000 + 200 * k, *place, 0.0, (2.0, 0.0, 0.0), 0.0)]
+                boot_ms = 60_000 + 200 * k
+                if system_id == systems[0] and k >= STEPS // 3:
+                    boot_ms -= round(stopped_s * 1000)
+                frames = [speaker.global_position_int(boot_ms, *place, 0.0, (2.0, 0.0, 0.0), 0.0)]
                 if k % 5 == 0:
                     frames.append(speaker.heartbeat(kind=ROVER))
                 if companion:
@@ -60,7 +63,7 @@ def test_a_recorder_whose_clock_was_set_is_put_on_one_clock(set_back_s, tmp_path
     assert min(stamps) == start_us + 11
     assert np.abs(np.diff(stamps)).max() <= 200_000
     assert [t_us for t_us, _ in fleet.records_of(11)] == [t_us for t_us in stamps if (t_us - start_us) % 100_000 == 11]
-    (log, _) = read_vehicle_logs(tmp_path / "fleet.tlog")
+    (log, _, _) = read_vehicle_logs(tmp_path / "fleet.tlog")
     assert log.notes.assumed == fleet.assumed
 
 
@@ -68,6 +71,13 @@ def test_a_whole_log_is_taken_as_it_is(tmp_path):
     fleet = open_fleet(written(tmp_path / "fleet.tlog"))
     assert fleet.assumed == ()
     assert (fleet.t_us == fleet.tlog.index.t_us).all()
+
+
+def test_a_vehicle_whose_own_clock_stood_still_does_not_move_the_others(tmp_path):
+    fleet = open_fleet(written(tmp_path / "fleet.tlog", stopped_s=9.9))
+    assert fleet.assumed == ()
+    assert_path(fleet.places(11), T0 + 11)
+    assert_path(fleet.places(12), T0 + 12)
 
 
 def test_what_a_companion_reports_is_not_where_the_vehicle_is(tmp_path):
