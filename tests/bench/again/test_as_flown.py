@@ -140,7 +140,7 @@ def test_alarms_are_read_by_their_keys_whatever_their_words_are():
     flight = reports(
         told(2, "conflict 11", "Bravo: words of another version", kind="identity", system_id=11),
         told(3, "video on and off", "the video comes and goes: 3 times in 9 s", "warning", kind="video"),
-        event(4, "seen", kind="operator", alarm="conflict 11"),
+        event(4, "seen: Bravo", kind="operator", alarm="conflict 11"),
         told(5, "near 11 12", "A: b and C: too near each other: 2.0 m"),
         event(6, "UGV-12: no heartbeat", "alarm", system_id=12),
         told(9, "conflict 11", "over after 6 s: other words", over=True, kind="identity", system_id=11),
