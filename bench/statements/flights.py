@@ -27,7 +27,7 @@ from sim.world.scenario import Gnss, Occlusion, Scenario, ScenarioFault, Scenari
 from sim.world.world import World
 from vision.video.video import Frame
 
-__all__ = ["Act", "Flown", "Script", "TrueFrame", "fly_script"]
+__all__ = ["FlightScript", "Flown", "OperatorAct", "TrueFrame", "fly_script"]
 
 S = 1_000_000
 HEARTBEAT, GLOBAL_POSITION_INT = 0, 33
@@ -37,7 +37,7 @@ LATENCY_US = 120_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Act:
+class OperatorAct:
     """What the operator does."""
 
     at_s: float
@@ -51,7 +51,7 @@ class Act:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Script:
+class FlightScript:
     """What happens in one flight. Vehicles are 11, 12, … in the order of ``faults``' indices; the last are outside."""
 
     name: str
@@ -64,7 +64,7 @@ class Script:
     faults: tuple[ScenarioFault, ...] = ()
     occlusions: tuple[Occlusion, ...] = ()
     injected: InjectedFaults = field(default_factory=InjectedFaults)
-    acts: tuple[Act, ...] = ()
+    acts: tuple[OperatorAct, ...] = ()
 
     @property
     def scenario(self) -> Scenario:
@@ -115,13 +115,13 @@ class TrueFrame:
 class Flown:
     """A flight that was flown: what it said is in its moments and its folder, all else here is the truth."""
 
-    script: Script
+    script: FlightScript
     folder: Path
     moments: Sequence[Moment]
     """One a turn of the fold."""
     turns: Sequence[tuple[int, int]]
     """Of each turn, Unix µs: when it was, and when the frame was taken that came with it, 0 none."""
-    acted: Sequence[tuple[int, Act, int]]
+    acted: Sequence[tuple[int, OperatorAct, int]]
     """When the operator did what, Unix µs, and the track that was meant."""
     heartbeats: Mapping[int, Sequence[int]]
     """Arrival, Unix µs, of each vehicle's that can be believed, by system id."""
@@ -189,17 +189,17 @@ class Flown:
 
 
 @dataclass(kw_only=True)
-class _Station:
+class _Surroundings:
     """What is around the fold: a monitor, a screen, and an operator who acts."""
 
-    script: Script
-    acts: list[Act]
+    script: FlightScript
+    acts: list[OperatorAct]
     frames: Mapping[int, TrueFrame]
     heard: tuple[Mapping[int, Sequence[int]], Mapping[int, Sequence[int]]]
     """Heartbeats and positions."""
     moments: list[Moment] = field(default_factory=list)
     turns: list[tuple[int, int]] = field(default_factory=list)
-    acted: list[tuple[int, Act, int]] = field(default_factory=list)
+    acted: list[tuple[int, OperatorAct, int]] = field(default_factory=list)
     frames_us: list[int] = field(default_factory=list)
     checked_us: int = 0
     flight: ScriptedFlight | None = None
@@ -222,7 +222,7 @@ class _Station:
         while self.acts and flight.t_us >= flight.start_us + self.acts[0].at_s * S:
             self._act(flight, self.acts.pop(0))
 
-    def _act(self, flight: ScriptedFlight, act: Act) -> None:
+    def _act(self, flight: ScriptedFlight, act: OperatorAct) -> None:
         track, latest = 0, flight.fold.latest
         if act.kind == "mark":
             flight.fold.add_event(Event(t_us=flight.t_us, level="info", kind="mark", text=act.text, system_id=act.of))
@@ -260,7 +260,7 @@ def _last(times_us: Sequence[int], now_us: int) -> int:
     return times_us[at - 1] if at else 0
 
 
-def fly_script(script: Script, folder: Path) -> Flown:
+def fly_script(script: FlightScript, folder: Path) -> Flown:
     """Fly, record into a folder, and keep the truth."""
     scenario, injected = script.scenario, script.injected
     world = World(scenario)
@@ -279,7 +279,7 @@ def fly_script(script: Script, folder: Path) -> Flown:
             (positions if packet.message_id else heartbeats)[packet.system_id].append(sent.t_us)
     acts = sorted(script.acts, key=lambda act: act.at_s)
     frames = {frame.t_us: frame for frame in _true_frames(world)}
-    station = _Station(script=script, acts=acts, frames=frames, heard=(heartbeats, positions))
+    station = _Surroundings(script=script, acts=acts, frames=frames, heard=(heartbeats, positions))
     recorded = fly(folder, scenario, injected, station.on_snapshot, station.before_turn)
     came = {frame_us for _, frame_us in station.turns}
     return Flown(

@@ -12,7 +12,7 @@ import pytest
 from bench.again.scripted import InjectedFaults
 from bench.statements.boxes import check_agreement, check_claims, check_flips, read_identity
 from bench.statements.checker import check_flight
-from bench.statements.flights import Act, Script, fly_script
+from bench.statements.flights import FlightScript, OperatorAct, fly_script
 from bench.statements.pages import check_report, check_rollcall
 from bench.statements.rows import check_alarms, check_missing_alarms, check_row
 from bench.statements.sentences import Said, check_sentence, match_sentence
@@ -21,7 +21,7 @@ from sim.world.scenario import ScenarioFault
 S = 1_000_000
 PLACES = ("events", "turns", "identity", "exports", "screens", "roll call")
 FLIGHTS = (
-    Script(
+    FlightScript(
         name="one silent and back, one refused, and an operator",
         seconds=18.0,
         fps=4.0,
@@ -30,12 +30,12 @@ FLIGHTS = (
         faults=(ScenarioFault(vehicle=1, kind="silent", start_s=4.0, stop_s=14.0),),
         injected=InjectedFaults(signed=True, wrong_keys=frozenset((14,))),
         acts=(
-            Act(at_s=3.0, kind="state", of=13, says=13),
-            Act(at_s=9.0, kind="mark", of=12, text="it went behind the barn"),
-            Act(at_s=12.0, kind="undo", of=13),
+            OperatorAct(at_s=3.0, kind="state", of=13, says=13),
+            OperatorAct(at_s=9.0, kind="mark", of=12, text="it went behind the barn"),
+            OperatorAct(at_s=12.0, kind="undo", of=13),
         ),
     ),
-    Script(
+    FlightScript(
         name="one late, and the video stops",
         seconds=16.0,
         fps=4.0,
