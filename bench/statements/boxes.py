@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from bench.statements.flights import Flown
+from bench.statements.flights import TrueFlight
 from gcs.certainty import CONFIRMED
 
 __all__ = ["Claim", "check_agreement", "check_claims", "check_flips", "read_cot", "read_geojson", "read_identity"]
@@ -85,7 +85,7 @@ def read_cot(events: Iterable[bytes], by_frame: Mapping[int, int]) -> list[Claim
     return claims
 
 
-def check_claims(flown: Flown, claims: Iterable[Claim]) -> Found:
+def check_claims(flown: TrueFlight, claims: Iterable[Claim]) -> Found:
     """Sure names and sure strangers that are neither."""
     for claim in claims:
         frame = flown.frames.get(claim.t_us)
@@ -103,7 +103,7 @@ def check_claims(flown: Flown, claims: Iterable[Claim]) -> Found:
             yield claim, f"it is {flown.name(whose or 0)}, silent, and nothing says that it may be"
 
 
-def _missing(flown: Flown, whose: int, claim: Claim) -> bool:
+def _missing(flown: TrueFlight, whose: int, claim: Claim) -> bool:
     """Whether a box that is likelier nobody's is that of one who has been silent for long."""
     return bool(whose) and claim.confidence > LIKELIER and flown.silent_s(whose, claim.t_us, "position") > TOLD_S
 

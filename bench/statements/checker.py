@@ -20,7 +20,7 @@ from bench.statements.boxes import (
     read_geojson,
     read_identity,
 )
-from bench.statements.flights import Flown
+from bench.statements.flights import TrueFlight
 from bench.statements.pages import check_batch, check_report, check_rollcall, printed_remarks
 from bench.statements.rows import check_alarms, check_missing_alarms, check_rows
 from bench.statements.screens import check_screens
@@ -54,7 +54,7 @@ class Falsehood:
     true: str
 
 
-def check_flight(flown: Flown, folder: Path, place: str) -> tuple[int, list[Falsehood]]:
+def check_flight(flown: TrueFlight, folder: Path, place: str) -> tuple[int, list[Falsehood]]:
     """How many statements were checked, and which are false.
 
     Args:
@@ -72,12 +72,12 @@ def check_flight(flown: Flown, folder: Path, place: str) -> tuple[int, list[Fals
     return count, found
 
 
-def _sentences(flown: Flown, sentences: Iterable[Said]) -> Found:
+def _sentences(flown: TrueFlight, sentences: Iterable[Said]) -> Found:
     for said in sentences:
         yield 1, [(said, why) for why in check_sentence(flown, said)]
 
 
-def _events(flown: Flown, folder: Path) -> Found:
+def _events(flown: TrueFlight, folder: Path) -> Found:
     rows = map(json.loads, (flown.folder / "events.jsonl").read_text(encoding="utf-8").splitlines())
     said = (
         Said(where="events.jsonl", t_us=row["time_us"], text=row["text"], system_id=row["system_id"] or 0)
@@ -86,24 +86,24 @@ def _events(flown: Flown, folder: Path) -> Found:
     yield from _sentences(flown, said)
 
 
-def _turns(flown: Flown, folder: Path) -> Found:
+def _turns(flown: TrueFlight, folder: Path) -> Found:
     for moment in flown.moments:
         for check in (check_rows, check_alarms, check_missing_alarms):
             yield len(moment.snapshot.vehicles), list(check(flown, moment))
 
 
-def _own(flown: Flown) -> list[Claim]:
+def _own(flown: TrueFlight) -> list[Claim]:
     return read_identity(flown.folder / "identity.jsonl")
 
 
-def _identity(flown: Flown, folder: Path) -> Found:
+def _identity(flown: TrueFlight, folder: Path) -> Found:
     claims = _own(flown)
     yield len(claims), [*check_claims(flown, claims), *check_flips(claims)]
     words = ((claim, text) for claim in claims for text in (claim.may_be, claim.doubt) if text)
     yield from _sentences(flown, (Said(where=claim.where, t_us=claim.t_us, text=text) for claim, text in words))
 
 
-def _exports(flown: Flown, folder: Path) -> Found:
+def _exports(flown: TrueFlight, folder: Path) -> Found:
     own, frames = _own(flown), [moment.snapshot for moment in flown.moments if moment.snapshot.new_boxes]
     by_frame = {snapshot.frame: snapshot.t_us for snapshot in frames}
     export = GeoJsonExport(ExportJob(path=folder / "boxes.geojson"))
@@ -115,12 +115,12 @@ def _exports(flown: Flown, folder: Path) -> Found:
         yield len(claims), [*check_agreement(own, claims), *check_claims(flown, claims)]
 
 
-def _screens(flown: Flown, folder: Path) -> Found:
+def _screens(flown: TrueFlight, folder: Path) -> Found:
     moments = flown.moments[:: max(1, len(flown.moments) // SCREENS)]
     yield from asyncio.run(check_screens(flown, moments))
 
 
-def _rollcall(flown: Flown, folder: Path) -> Found:
+def _rollcall(flown: TrueFlight, folder: Path) -> Found:
     """As ``gcs fly`` adds it up, as JSON and as it is printed."""
     mission = open_session(flown.folder).mission
     assert mission is not None
@@ -137,13 +137,13 @@ def _rollcall(flown: Flown, folder: Path) -> Found:
     yield len(rows) + len(sums), list(check_rollcall(flown, sums, rows, "roll call", _own(flown)))
 
 
-def _report(flown: Flown, folder: Path) -> Found:
+def _report(flown: TrueFlight, folder: Path) -> Found:
     report(flown.folder, folder / "report.html")
     page = (folder / "report.html").read_text(encoding="utf-8")
     yield page.count("<td"), list(check_report(flown, page, _own(flown)))
 
 
-def _batch(flown: Flown, folder: Path) -> Found:
+def _batch(flown: TrueFlight, folder: Path) -> Found:
     subprocess.run(
         [*GCS_WORDS, "batch", str(flown.folder), "-o", str(folder / "batch")], check=True, capture_output=True
     )
@@ -151,7 +151,7 @@ def _batch(flown: Flown, folder: Path) -> Found:
     yield page.count("<td"), list(check_batch(flown, page, _own(flown)))
 
 
-PLACES: MappingProxyType[str, Callable[[Flown, Path], Found]] = MappingProxyType(
+PLACES: MappingProxyType[str, Callable[[TrueFlight, Path], Found]] = MappingProxyType(
     {
         "events": _events,
         "turns": _turns,

@@ -27,7 +27,7 @@ from sim.world.scenario import Gnss, Occlusion, Scenario, ScenarioFault, Scenari
 from sim.world.world import World
 from vision.video.video import Frame
 
-__all__ = ["FlightScript", "Flown", "OperatorAct", "TrueFrame", "fly_script"]
+__all__ = ["FlightScript", "OperatorAct", "TrueFlight", "TrueFrame", "fly_script"]
 
 S = 1_000_000
 HEARTBEAT, GLOBAL_POSITION_INT = 0, 33
@@ -112,7 +112,7 @@ class TrueFrame:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Flown:
+class TrueFlight:
     """A flight that was flown: what it said is in its moments and its folder, all else here is the truth."""
 
     script: FlightScript
@@ -260,7 +260,7 @@ def _last(times_us: Sequence[int], now_us: int) -> int:
     return times_us[at - 1] if at else 0
 
 
-def fly_script(script: FlightScript, folder: Path) -> Flown:
+def fly_script(script: FlightScript, folder: Path) -> TrueFlight:
     """Fly, record into a folder, and keep the truth."""
     scenario, injected = script.scenario, script.injected
     world = World(scenario)
@@ -282,7 +282,7 @@ def fly_script(script: FlightScript, folder: Path) -> Flown:
     station = _Surroundings(script=script, acts=acts, frames=frames, heard=(heartbeats, positions))
     recorded = fly(folder, scenario, injected, station.on_snapshot, station.before_turn)
     came = {frame_us for _, frame_us in station.turns}
-    return Flown(
+    return TrueFlight(
         script=script,
         folder=recorded,
         moments=station.moments,

@@ -13,7 +13,7 @@ from itertools import pairwise
 from typing import Any
 
 from bench.statements.boxes import Claim
-from bench.statements.flights import Flown
+from bench.statements.flights import TrueFlight
 from bench.statements.sentences import Said, check_sentence
 
 __all__ = ["check_batch", "check_report", "check_rollcall", "printed_remarks"]
@@ -50,7 +50,7 @@ def _tables(page: str) -> Tables:
 
 
 def check_rollcall(
-    flown: Flown, told: Mapping[str, int], rows: Sequence[Row], where: str, claims: Sequence[Claim]
+    flown: TrueFlight, told: Mapping[str, int], rows: Sequence[Row], where: str, claims: Sequence[Claim]
 ) -> Found:
     """Sums and a line for each vehicle.
 
@@ -79,7 +79,7 @@ def check_rollcall(
             yield _said(flown, where, f"{name}: {row['remark']}", i), why
 
 
-def _remark(flown: Flown, system_id: int, remark: str, boxes: int, seen: int) -> Iterator[str]:
+def _remark(flown: TrueFlight, system_id: int, remark: str, boxes: int, seen: int) -> Iterator[str]:
     heard = math.isfinite(flown.silent_s(system_id, flown.moments[-1].now_us))
     outcome = re.sub(r"(; )?no position for [\d.]+ s$", "", remark).partition(":")[0]
     told, refused = REMARKS.get(outcome), flown.refused.get(system_id, 0)
@@ -95,11 +95,11 @@ def _remark(flown: Flown, system_id: int, remark: str, boxes: int, seen: int) ->
         yield f"it was in view in {seen} frames"
 
 
-def _said(flown: Flown, where: str, text: str, system_id: int = 0) -> Said:
+def _said(flown: TrueFlight, where: str, text: str, system_id: int = 0) -> Said:
     return Said(where=where, t_us=flown.moments[-1].now_us, text=text, system_id=system_id)
 
 
-def check_report(flown: Flown, page: str, claims: Sequence[Claim]) -> Found:
+def check_report(flown: TrueFlight, page: str, claims: Sequence[Claim]) -> Found:
     """The page of ``gcs report``: roll call, alarms, warnings, marks, and what is known of each vehicle."""
     tables, lead = _tables(page), re.search(r"(\d+) of (\d+) boxes in (\d+) frames have a name", page)
     if lead is None:
@@ -125,7 +125,7 @@ def check_report(flown: Flown, page: str, claims: Sequence[Claim]) -> Found:
             yield _said(flown, "report", f"{flown.name(i)}: {what}: {facts.get(what)}", i), why
 
 
-def _facts(flown: Flown, system_id: int, facts: Row) -> Iterator[tuple[str, str]]:
+def _facts(flown: TrueFlight, system_id: int, facts: Row) -> Iterator[tuple[str, str]]:
     stop_us = flown.moments[-1].now_us
     times = [t_us for t_us in flown.positions.get(system_id, ()) if t_us <= stop_us]
     true_s = max((after - before for before, after in pairwise([*times, stop_us])), default=0) / S
@@ -146,7 +146,7 @@ def _seconds(told: str) -> float:
     return -seconds if told.startswith("-") else seconds
 
 
-def check_batch(flown: Flown, page: str, claims: Sequence[Claim]) -> Found:
+def check_batch(flown: TrueFlight, page: str, claims: Sequence[Claim]) -> Found:
     """The page over all flights of a batch of one."""
     tables = _tables(page)
     sums = {row["sum"]: row["all flights"] for row in tables["Sums over all flights"]}

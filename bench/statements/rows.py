@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from bench.screens.flights import Moment
-from bench.statements.flights import Flown
+from bench.statements.flights import TrueFlight
 from bench.statements.sentences import LOST_S, SILENT_S, SLACK_S, Said, check_sentence
 from gcs.snapshot import VehicleRow
 
@@ -21,7 +21,7 @@ LATE_S = 4.0
 """An alarm is there so long after what raises it, where its rule asks for no longer."""
 
 
-def check_rows(flown: Flown, moment: Moment) -> Iterator[tuple[Said, str]]:
+def check_rows(flown: TrueFlight, moment: Moment) -> Iterator[tuple[Said, str]]:
     """Standing, ages and whether it is in view, of each ground vehicle."""
     snapshot = moment.snapshot
     for row in snapshot.vehicles:
@@ -30,7 +30,7 @@ def check_rows(flown: Flown, moment: Moment) -> Iterator[tuple[Said, str]]:
                 yield Said(where="fleet", t_us=snapshot.t_us, text=f"{row.name}: {what}", system_id=row.system_id), why
 
 
-def check_row(flown: Flown, moment: Moment, row: VehicleRow) -> Iterator[tuple[str, str]]:
+def check_row(flown: TrueFlight, moment: Moment, row: VehicleRow) -> Iterator[tuple[str, str]]:
     """What is false of one vehicle; ages that are not told are NaN."""
     snapshot, i = moment.snapshot, row.system_id
     for what, told_s in (("heartbeat", row.heartbeat_age_s), ("position", row.position_age_s)):
@@ -64,7 +64,7 @@ def check_row(flown: Flown, moment: Moment, row: VehicleRow) -> Iterator[tuple[s
             yield "no position", f"one came {age_s:.1f} s before"
 
 
-def check_alarms(flown: Flown, moment: Moment) -> Iterator[tuple[Said, str]]:
+def check_alarms(flown: TrueFlight, moment: Moment) -> Iterator[tuple[Said, str]]:
     """Every alarm that stands has its cause, or had it a moment ago."""
     for alarm in moment.snapshot.alarms:
         said = Said(
@@ -73,7 +73,7 @@ def check_alarms(flown: Flown, moment: Moment) -> Iterator[tuple[Said, str]]:
         yield from ((said, why) for why in check_sentence(flown, said))
 
 
-def check_missing_alarms(flown: Flown, moment: Moment) -> Iterator[tuple[Said, str]]:
+def check_missing_alarms(flown: TrueFlight, moment: Moment) -> Iterator[tuple[Said, str]]:
     """What is wrong for long is told: a vehicle is silent, or the video has stopped."""
     t_us = moment.snapshot.t_us
     texts = {alarm.text for alarm in moment.snapshot.alarms}

@@ -11,7 +11,7 @@ from bench.screens.checker import Checker
 from bench.screens.flights import Moment
 from bench.screens.screen import Screen, read_screen
 from bench.screens.station import ScriptedStation
-from bench.statements.flights import Flown
+from bench.statements.flights import TrueFlight
 from bench.statements.sentences import SLACK_S, Said, check_sentence
 from gcs.tui import RollcallApp
 
@@ -54,7 +54,7 @@ SUM_PERCENT = 103
 """Probabilities of one box are rounded down, and add up to no more than 1; three of them may be old by a comparison."""
 
 
-async def check_screens(flown: Flown, moments: Sequence[Moment]) -> list[tuple[int, list[tuple[Said, str]]]]:
+async def check_screens(flown: TrueFlight, moments: Sequence[Moment]) -> list[tuple[int, list[tuple[Said, str]]]]:
     """Letters and false statements of a screen a moment; one after the other of vehicles and boxes is picked."""
     station, checker, found = ScriptedStation(moments[0]), Checker(), []
     app = RollcallApp(station, graphics="blocks")
@@ -76,7 +76,7 @@ def _said(moment: Moment, text: str, system_id: int = 0) -> Said:
     return Said(where="screen", t_us=moment.snapshot.t_us, text=text, system_id=system_id, standing=True)
 
 
-def _identity(flown: Flown, moment: Moment, screen: Screen) -> Iterator[tuple[Said, str]]:
+def _identity(flown: TrueFlight, moment: Moment, screen: Screen) -> Iterator[tuple[Said, str]]:
     rows = screen.pane_rows("identity")
     picked = re.search(r"(UAV|UGV-\d+|track \d+) *$", rows[0]) if rows else None
     whose = picked[1] if picked else "fleet"
@@ -108,7 +108,7 @@ def _facts(rows: Sequence[str]) -> tuple[list[tuple[str, str]], int]:
     return facts, percents
 
 
-def _age(flown: Flown, moment: Moment, system_id: int, name: str, value: str) -> Iterator[str]:
+def _age(flown: TrueFlight, moment: Moment, system_id: int, name: str, value: str) -> Iterator[str]:
     """How long ago a heartbeat or a position came, by the pane."""
     told = re.search(r"\b([\d.]+)s\b", value)
     now_s, then_s = (flown.silent_s(system_id, t_us, name) for t_us in (moment.now_us, moment.snapshot.t_us))

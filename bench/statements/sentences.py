@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
-from bench.statements.flights import Flown
+from bench.statements.flights import TrueFlight
 from gcs.certainty import CONFIRMED
 from sim.world.scenario import UAV_ID
 
@@ -41,7 +41,7 @@ class Said:
 
 
 Fields = Mapping[str, str]
-Check = Callable[[Flown, Said, Fields, int], str]
+Check = Callable[[TrueFlight, Said, Fields, int], str]
 """What is false, empty where all is so; the last argument: system id of whom a sentence is about."""
 FIELDS = {
     "name": r"UAV|UGV-\d+|none of ours",
@@ -69,56 +69,56 @@ def _id(name: str) -> int:
     return 0 if name == "none of ours" else 1 if name == "UAV" else int(name.removeprefix("UGV-"))
 
 
-def _so(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _so(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     """No script contradicts it."""
     return ""
 
 
-def _there(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _there(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     first_us = min(flown.heartbeats.get(who, [0]))
     return (
         "" if 0 <= said.t_us - first_us < SLACK_S * S else f"its first heartbeat came at {flown.at_s(first_us):.1f} s"
     )
 
 
-def _speaks(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _speaks(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     # its words come beside its heartbeats
     silent_s = flown.silent_s(who, said.t_us)
     return f"it has been silent for {silent_s:.1f} s" if silent_s > SILENT_S else ""
 
 
-def _open(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _open(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     return "the fleet signs, and the station has its keys" if flown.script.injected.signed else ""
 
 
-def _named(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _named(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     whose = flown.whose_track(int(fields["track"]), said.t_us)
     sure = int(fields["percent"]) >= 100 * CONFIRMED
     return f"it is {flown.name(whose or 0)}" if sure and whose not in (None, who) else ""
 
 
-def _stranger(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _stranger(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     return _named(flown, said, fields, 0)
 
 
-def _left(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _left(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     seen_us = flown.seen_later(int(fields["track"]), said.t_us)
     return f"the track goes on at {flown.at_s(seen_us):.1f} s" if said.t_us < seen_us < said.t_us + S else ""
 
 
-def _without_position(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _without_position(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     age_s = flown.silent_s(who, said.t_us, "position")
     told_s = float(fields["seconds"]) if "seconds" in fields else max(age_s, LOST_S)
     lies = flown.fault_of(who, said.t_us, within_s=ADRIFT_S)
     return f"its last position came {age_s:.1f} s before" if abs(told_s - age_s) > SLACK_S and not lies else ""
 
 
-def _never_heard(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _never_heard(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     heard = flown.refused.get(who) or math.isfinite(flown.silent_s(who, said.t_us))
     return "it was heard" if heard else ""
 
 
-def _unheard(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _unheard(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     told = {_id(name) for name in fields["names"].split(", ")}
     ids = [i for i in flown.scenario.ugv_ids if not flown.refused.get(i)]
     at_us = (said.t_us + round(SLACK_S * S), said.t_us - round(SLACK_S * S))
@@ -126,81 +126,81 @@ def _unheard(flown: Flown, said: Said, fields: Fields, who: int) -> str:
     return "" if later <= told <= before else f"never heard were {sorted(map(flown.name, later))}"
 
 
-def _unaccounted(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _unaccounted(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     shown = next(each.snapshot for each in reversed(flown.moments) if each.snapshot.t_us <= said.t_us)
     rows = [row for row in shown.vehicles if row.role == "ugv"]
     return "all are named, or out of view" if all(row.track_id or row.in_view is False for row in rows) else ""
 
 
-def _silent(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _silent(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     looks = [said.t_us - k * S // 2 for k in range(2 * round(HOLD_S) + 1 if said.standing else 1)]
     silences = [flown.silent_s(who, t_us, "heartbeat") for t_us in looks if flown.silent_s(who, t_us) > 1.0]
     lately = any(SILENT_S < silent_s < math.inf for silent_s in silences)
     return "" if lately else f"it was heard {flown.silent_s(who, said.t_us):.1f} s before"
 
 
-def _lies(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _lies(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     fault = flown.fault_of(who, said.t_us, within_s=said.standing * HOLD_S + ADRIFT_S)
     return "" if fault else "its positions are right"
 
 
-def _forged(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _forged(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     # somebody forges the first vehicle of a fleet that signs
     forged = flown.script.injected.signed and who == flown.scenario.ugv_ids[0]
     return "" if forged or flown.refused.get(who) else "all its packets are rightly signed"
 
 
-def _stopped(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _stopped(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     came = [now_us for now_us, frame_us in flown.turns if frame_us and now_us <= said.t_us]
     since_us = said.t_us - round(HOLD_S * S) * said.standing
     longest_s = max((b - a for a, b in pairwise([*came, said.t_us]) if b >= since_us), default=0) / S
     return "" if longest_s > STOPPED_S else f"frames come, {longest_s:.1f} s apart"
 
 
-def _comes_and_goes(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _comes_and_goes(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     came = [frame_us for now_us, frame_us in flown.turns if frame_us and now_us <= said.t_us]
     stops = sum(b - a > S for a, b in pairwise([*came, said.t_us]))
     return "" if abs(stops - int(fields["count"])) <= 1 else f"it has stopped {stops} times"
 
 
-def _on_and_off(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _on_and_off(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     times = [t_us for t_us in flown.heartbeats.get(who, ()) if t_us <= said.t_us]
     silences = sum(b - a > SILENT_S * S for a, b in pairwise([*times, said.t_us]))
     return "" if abs(silences - int(fields["count"])) <= 1 else f"it has been silent {silences} times"
 
 
-def _blind(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _blind(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     """The UAV's position is lost."""
     return _without_position(flown, said, {}, UAV_ID)
 
 
-def _lossy(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _lossy(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     # after a silence of some seconds those of before are counted for half a minute
     silences = [flown.silent_s(who, said.t_us - k * S) for k in range(30)]
     return "" if max(silences) > 2.0 else "all its packets have come"
 
 
-def _stated(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _stated(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     made = [(act.says, track) for t_us, act, track in flown.acted if act.kind == "state" and t_us <= said.t_us + S]
     return "" if (who, int(fields["track"])) in made else "nobody stated that"
 
 
-def _contradicted(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _contradicted(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     if flown.whose_track(int(fields["track"]), said.t_us) == who:
         return "what was stated is right"
     return _stated(flown, said, fields, who) or _named(flown, said, fields, _id(fields.get("other", "none of ours")))
 
 
-def _ends(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _ends(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     return _stated(flown, said, fields, who) or _left(flown, said, fields, who)
 
 
-def _withdrawn(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _withdrawn(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     undone = any(act.kind == "undo" and abs(t_us - said.t_us) < S for t_us, act, _ in flown.acted)
     return _stated(flown, said, fields, who) or ("" if undone else "nobody withdrew it")
 
 
-def _over(flown: Flown, said: Said, fields: Fields, who: int) -> str:
+def _over(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     """An alarm is over when its cause is."""
     raised_us = max((t_us for t_us, text in flown.logged if text == fields["text"] and t_us < said.t_us), default=0)
     lasted_s, told_s = (said.t_us - raised_us) / S, float(fields["seconds"])
@@ -279,7 +279,7 @@ def match_sentence(text: str) -> tuple[Check, Fields] | None:
     return next(found, None)
 
 
-def check_sentence(flown: Flown, said: Said) -> Iterator[str]:
+def check_sentence(flown: TrueFlight, said: Said) -> Iterator[str]:
     """What is false about a sentence."""
     if said.text in (act.text for t_us, act, _ in flown.acted if act.kind == "mark" and abs(t_us - said.t_us) < S):
         return
