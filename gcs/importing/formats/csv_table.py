@@ -58,7 +58,7 @@ def read_csv(path: Path) -> list[VehicleLog]:
         header = next(lines, "")  # Excel tells itself what separates cells
     between = max(",;\t", key=header.count)
     cells = header.split(between)[:_MOST_COLUMNS]
-    table = _Table(path, between, [column_of(cell) for cell in cells])
+    table = _TextTable(path, between, [column_of(cell) for cell in cells])
     table.read(lines)
     by_name, assumed = in_our_units(
         table.columns(), {cell.strip(_AROUND + "\ufeff").lower() for cell in cells}, f"{path}"
@@ -116,7 +116,7 @@ def _owners(columns: dict[str, Floats]) -> Floats | None:
     return None if ids is None or (len(ids) > 1 and len(np.unique(ids)) == len(ids)) else ids
 
 
-class _Table:
+class _TextTable:
     """Numbers of a table's rows as they are read."""
 
     def __init__(self, path: Path, between: str, columns: list[tuple[str, float]]) -> None:
