@@ -144,6 +144,10 @@ def _lies(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     return "" if fault else "its positions are right"
 
 
+def _some_lies(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
+    return "all positions are right" if all(_lies(flown, said, fields, v) for v in flown.scenario.ugv_ids) else ""
+
+
 def _forged(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     # somebody forges the first vehicle of a fleet that signs
     forged = flown.script.injected.signed and who == flown.scenario.ugv_ids[0]
@@ -239,6 +243,7 @@ SENTENCES: Mapping[str, Check] = {
     _MAY + "its positions are refused: {text}": _lies,
     _MAY + "its position contradicts the video": _lies,
     "a vehicle of ours is not accounted for": _unaccounted,
+    "its position contradicts the video": _some_lies,
     "film and telemetry are not known to belong together": _so,
     "another vehicle reports the same place": _so,
     "another vehicle stands too near to tell by place alone": _so,

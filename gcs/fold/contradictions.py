@@ -42,6 +42,8 @@ class Contradictions:
         self._left_us: dict[int, int] = {}
         self._fits_us: dict[int, int] = {}
         """Since when each vehicle is far from its box, far from the one that it was, and at its box."""
+        self._cleared: set[int] = set()
+        """Those whom the identifier suspects, and whose boxes surely were them where they report to be."""
         self._was: dict[int, int] = {}
         """The track that surely was a vehicle when it last was at its box."""
 
@@ -81,9 +83,12 @@ class Contradictions:
                 fits.add(vehicle)
                 if confidence >= CONFIRMED:
                     sure[vehicle] = track
-        left = self._left(identities, seen, limit_m)
+        left, at_former = self._beside_former(identities, seen, limit_m)
         # where most are elsewhere it is the camera that is
         left = left if len(left) <= len(fits) else set()
+        # of two that report one place the one that was there before is right
+        self._cleared = ((self._cleared | at_former) & set(identities.conflict)) - apart - left
+        conflict = set(identities.conflict) - self._cleared
         self._apart_us, self._left_us, self._fits_us = (
             {vehicle: before.get(vehicle, t_us) for vehicle in now}
             for before, now in ((self._apart_us, apart), (self._left_us, left), (self._fits_us, fits))
@@ -91,16 +96,24 @@ class Contradictions:
         at_home = _lasting(self._fits_us, t_us, FITS_S)
         self._was |= {vehicle: track for vehicle, track in sure.items() if vehicle in at_home}
         accused = _lasting(self._apart_us, t_us, APART_S) | _lasting(self._left_us, t_us, LEFT_S)
-        accused |= _at_one_place(identities.conflict, state)
+        # without a box that surely was it, it may be another that was taken for it
+        accused |= _at_one_place(conflict, state) | (conflict & self._was.keys())
         self._proved = (self._proved - at_home) | accused
-        self.standing = self._proved | frozenset(identities.conflict)
+        self.standing = self._proved | conflict
         self.suspected = self.standing | apart | left
         nameless = self._proved - set(identities.system_id.tolist())
         self._lost = (self._lost & self._proved) | nameless
         self.withheld = self._lost - fits - set(stated)
 
-    def _left(self, identities: Identities, seen: Collection[int], limit_m: dict[int, float]) -> set[int]:
-        """Vehicles without a name that report to be far from the box that surely was them, and from all others."""
+    def _beside_former(
+        self, identities: Identities, seen: Collection[int], limit_m: dict[int, float]
+    ) -> tuple[set[int], set[int]]:
+        """Vehicles beside the boxes that surely were them.
+
+        Returns:
+            Those without a name that report to be far from that box, and from all others; those that report to be
+            there.
+        """
         rows = {track: row for row, track in enumerate(identities.track_id.tolist())}
         named, found = identities.system_id.tolist(), identities.candidates
         taken = set(named)
@@ -117,13 +130,9 @@ class Contradictions:
             for vehicle, distance_m, age_s in zip(*columns, strict=True):
                 if age_s < FRESH_S and named[row] in (0, vehicle):
                     away_m.setdefault(vehicle, {})[track] = distance_m
-        return {
-            vehicle
-            for vehicle, track in self._was.items()
-            if vehicle not in taken
-            and track in away_m.get(vehicle, {})
-            and min(away_m[vehicle].values()) > limit_m[vehicle]
-        }
+        compared = {v: away_m[v] for v, track in self._was.items() if track in away_m.get(v, {})}
+        left = {v for v, away in compared.items() if v not in taken and min(away.values()) > limit_m[v]}
+        return left, {v for v, away in compared.items() if away[self._was[v]] <= limit_m[v]}
 
 
 def _at_one_place(vehicles: Collection[int], state: FleetState) -> set[int]:

@@ -400,8 +400,8 @@ class Pipeline:
         width, height = self._cameras.size or (0, 0)
         self._fences.set_origin(self.fleet.origin)
         lapsed = bool(self._frame_us) and t_us - self._frame_us > HELD_US
-        contradicted = self._contradictions.standing
-        rows = vehicle_rows(self.mission, state, boxes, expected_px, (width, height), contradicted=contradicted)
+        suspected = self._contradictions.suspected
+        rows = vehicle_rows(self.mission, state, boxes, expected_px, (width, height), suspected=suspected)
         snapshot = Snapshot(
             t_us=t_us,
             frame=self._frame,
@@ -421,7 +421,7 @@ class Pipeline:
             ),
             camera=camera_aim(view, state.uav) if view else None,
             pose="unknown" if view is None else "known" if view.attitude_known else "no attitude",
-            conflicts=contradicted,
+            conflicts=self._contradictions.standing,
             origin=self.fleet.origin,
             limits=self.mission.limits,
             fence_enu=self._fences.outlines,

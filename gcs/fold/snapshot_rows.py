@@ -140,7 +140,7 @@ def vehicle_rows(
     expected_px: Mapping[int, tuple[float, float]] | None,
     size: tuple[int, int],
     *,
-    contradicted: Collection[int] = (),
+    suspected: Collection[int] = (),
 ) -> tuple[VehicleRow, ...]:
     """The fleet table, UAV first.
 
@@ -151,7 +151,7 @@ def vehicle_rows(
         expected_px: Where the vehicles' reports put them in the image plane, by system id; those behind the camera are
             not in it. None when the camera's pose is unknown.
         size: Width and height of the image, px.
-        contradicted: Vehicles whose positions contradict the video: without a box nobody knows where they are.
+        suspected: Vehicles whose positions contradict the video now: without a box nobody knows where they are.
 
     Returns:
         Their rows, which have no standing yet.
@@ -163,7 +163,7 @@ def vehicle_rows(
         box = None if is_uav else by_name.get(status.system_id)
         uv = (expected_px or {}).get(status.system_id)
         unseen = is_uav or expected_px is None or not state.valid[k - 1]
-        lies = status.system_id in contradicted and box is None
+        lies = status.system_id in suspected and box is None
         in_view = None if unseen or lies else uv is not None and _inside(uv, size)
         rows.append(
             VehicleRow(

@@ -66,3 +66,13 @@ def test_one_that_leaves_the_picture_with_its_position_is_not_accused():
     scene.hidden = set()
     scene.run(4, filmed=True)
     assert not any(snapshot.conflicts for snapshot in scene.kept)
+
+
+def test_of_two_that_report_one_place_the_one_that_was_there_before_is_not_accused():
+    scene = FilmedScene().run(8, filmed=True)
+    copier, copied = scene.vehicles[1], next(each for each in scene.vehicles if each.system_id == OTHER)
+    copier.place = copied.place
+    scene.run(10, filmed=True)
+    assert on(scene.last)
+    assert not any(OTHER in snapshot.conflicts for snapshot in scene.kept)
+    assert scene.row(OTHER).standing == "confirmed"
