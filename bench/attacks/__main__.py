@@ -22,7 +22,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from bench.attacks import contests, disclosure, disk, floods, folders, quiet, signed, streams, takeover
+from bench.attacks import contests, disclosure, disk, floods, folders, quiet, signed, streams, takeover, video_port
 from bench.attacks.report import AttackRow, page, read_rows, write_rows
 from bench.attacks.run import Attack, Options
 
@@ -47,6 +47,7 @@ ATTACKS: Final[dict[str, Attack]] = {
     "quiet": quiet.healthy_fleet,
     "recording": quiet.played_recording,
     "three-bytes": streams.swallowed_frames,
+    "video-port": video_port.others_at_the_port,
 }
 
 

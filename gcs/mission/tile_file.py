@@ -6,8 +6,10 @@ Mercator; zoom z has 2^z × 2^z tiles.
 
 from __future__ import annotations
 
+import io
 import re
 import sqlite3
+import time
 from collections import OrderedDict
 from pathlib import Path
 from typing import Final
@@ -15,6 +17,7 @@ from typing import Final
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image as Picture
 
 from gcs.errors import ConfigError
 from infra.plain_text import plain
@@ -27,6 +30,15 @@ MOST_KEPT: Final = 96
 """Decoded tiles in memory, 19 MB: more than two screens of them."""
 MOST_TILE_BYTES: Final = 4_000_000
 """A tile is some ten thousand; what is larger is none."""
+MOST_SIDE_PX: Final = 4096
+"""Of a tile's picture: larger ones would take hundreds of megabytes once decoded."""
+MOST_OPEN_S: Final = 10.0
+MOST_READ_S: Final = 1.0
+MOST_SLOW: Final = 3
+"""Tiles that were given up for taking longer, after which the file is left alone."""
+MOST_HEAP_BYTES: Final = 256 << 20
+STEPS: Final = 10_000
+"""Of SQLite's machine between two looks at the clock."""
 MOST_ZOOM: Final = 30
 LONGEST_CREDIT: Final = 80
 RASTER: Final = frozenset({"png", "jpg", "jpeg", "webp"})
@@ -52,6 +64,7 @@ class TileFile:
         try:
             # immutable: nothing is written beside the file, also where it was not closed
             self._base = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
+            self._bound()
         except sqlite3.Error as error:
             raise ConfigError(f"{path}: cannot be opened: {plain(str(error))}") from None
         try:
@@ -63,8 +76,16 @@ class TileFile:
             self._base.close()
             raise ConfigError(f"{path}: cannot be read as MBTiles: {plain(str(error))}") from None
 
+    def _bound(self) -> None:
+        """Whoever made the file wrote its views, which may ask for any work: none may take long, or much memory."""
+        self._until_s = time.monotonic() + MOST_OPEN_S
+        self._slow = 0
+        self._base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MOST_TILE_BYTES)
+        self._base.execute(f"PRAGMA hard_heap_limit = {MOST_HEAP_BYTES}")
+        self._base.set_progress_handler(lambda: time.monotonic() > self._until_s, STEPS)
+
     def _check(self) -> None:
-        notes = dict(self._base.execute("SELECT name, value FROM metadata").fetchall())
+        notes = dict(self._base.execute("SELECT name, value FROM metadata LIMIT 1000").fetchall())
         first = self._base.execute("SELECT tile_data FROM tiles LIMIT 1").fetchone()
         if first is None or not isinstance(first[0], bytes):
             raise ConfigError(f"{self.path}: it has no tiles")
@@ -73,7 +94,7 @@ class TileFile:
             raise ConfigError(f"{self.path}: it has vector tiles; raster tiles (PNG, JPEG, WebP) are needed")
         if kind and kind not in RASTER:
             raise ConfigError(f"{self.path}: tiles of format {plain(kind)[:20]!r}; PNG, JPEG or WebP are needed")
-        zooms = self._base.execute("SELECT DISTINCT zoom_level FROM tiles ORDER BY zoom_level").fetchall()
+        zooms = self._base.execute("SELECT DISTINCT zoom_level FROM tiles ORDER BY zoom_level LIMIT 100").fetchall()
         self.zooms = tuple(zoom for (zoom,) in zooms if isinstance(zoom, int) and 0 <= zoom <= MOST_ZOOM)
         """Which there are, the coarsest first."""
         if not self.zooms:
@@ -100,14 +121,21 @@ class TileFile:
         return self._kept[key]
 
     def _read(self, zoom: int, column: int, row: int) -> Image | None:
+        if self._slow >= MOST_SLOW:
+            return None
+        began_s = time.monotonic()
+        self._until_s = began_s + MOST_READ_S
         # rows are counted from the south in the file
         where = (zoom, column, 2**zoom - 1 - row)
         query = "SELECT tile_data FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?"
         try:
             found = self._base.execute(query, where).fetchone()
-        except sqlite3.Error:
+        except (sqlite3.Error, MemoryError):
+            self._slow += time.monotonic() - began_s > MOST_READ_S
             return None
         if found is None or not isinstance(found[0], bytes) or not 0 < len(found[0]) <= MOST_TILE_BYTES:
+            return None
+        if not _is_small(found[0]):
             return None
         try:
             image = cv2.imdecode(np.frombuffer(found[0], dtype=np.uint8), cv2.IMREAD_COLOR)
@@ -122,3 +150,12 @@ class TileFile:
     def close(self) -> None:
         """Close the file."""
         self._base.close()
+
+
+def _is_small(data: bytes) -> bool:
+    """Whether a picture's own heading gives it a size that may be decoded."""
+    try:
+        with Picture.open(io.BytesIO(data), formats=("PNG", "JPEG", "WEBP")) as picture:
+            return max(picture.size) <= MOST_SIDE_PX
+    except (OSError, ValueError, SyntaxError, Picture.DecompressionBombError):
+        return False

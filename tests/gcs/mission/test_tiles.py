@@ -1,12 +1,14 @@
 from __future__ import annotations
 
 import sqlite3
+import struct
+import zlib
 
 import pytest
 
 from gcs.errors import ConfigError
 from gcs.mission.mission import load_mission
-from gcs.mission.tile_file import MOST_KEPT, TILE_PX, TileFile
+from gcs.mission.tile_file import MOST_KEPT, MOST_SLOW, TILE_PX, TileFile
 from gcs.session.metadata import mission_table
 from tests.support.films.board_video import make_tiles, png
 
@@ -68,6 +70,48 @@ def test_what_is_no_use_is_told_clearly(tmp_path, made, said):
     with pytest.raises(ConfigError, match=said) as error:
         TileFile(path)
     assert str(path) in str(error.value) and "\n" not in str(error.value)
+
+
+ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i"
+AS_VIEW = "CREATE VIEW tiles AS SELECT zoom_level, tile_column, tile_row, %s AS tile_data FROM kept"
+
+
+@pytest.mark.parametrize(
+    "statements",
+    [
+        [
+            "ALTER TABLE metadata RENAME TO m",
+            f"CREATE VIEW metadata AS {ENDLESS} AS name, i AS value FROM n WHERE i < 0",
+        ],
+        ["ALTER TABLE tiles RENAME TO kept", AS_VIEW % f"({ENDLESS} FROM n WHERE i < 0)"],
+        ["ALTER TABLE tiles RENAME TO kept", AS_VIEW % "zeroblob(900000000)"],
+    ],
+    ids=["endless notes", "endless tiles", "a gigabyte"],
+)
+def test_what_a_file_asks_of_the_database_is_bounded(tmp_path, monkeypatch, statements):
+    monkeypatch.setattr("gcs.mission.tile_file.MOST_OPEN_S", 0.3)
+    path = spoil(make_tiles(tmp_path / "a.mbtiles", {(1, 0, 0): (1, 2, 3)}), *statements)
+    with pytest.raises(ConfigError, match="cannot be read as MBTiles"):
+        TileFile(path)
+
+
+def test_a_file_whose_tiles_take_too_long_is_left_alone(tmp_path, monkeypatch):
+    monkeypatch.setattr("gcs.mission.tile_file.MOST_READ_S", 0.05)
+    slow = f"CASE tile_row WHEN 1 THEN ({ENDLESS} FROM n WHERE i < 0) ELSE tile_data END"
+    path = make_tiles(tmp_path / "a.mbtiles", {(1, 0, 1): (1, 2, 3), **{(9, n, 510): (1, 2, 3) for n in range(5)}})
+    tiles = TileFile(spoil(path, "ALTER TABLE tiles RENAME TO kept", AS_VIEW % slow))
+    assert [tiles.tile(9, n, 510) is None for n in range(5)] == [True] * 5
+    assert tiles._slow == MOST_SLOW
+
+
+@pytest.mark.parametrize("sides", [(20_000, 20_000), (20_000, 1)])
+def test_a_picture_of_any_size_is_not_decoded(tmp_path, sides):
+    picture = bytearray(png((7, 7, 7), 1))
+    picture[16:24] = struct.pack("!II", *sides)
+    picture[29:33] = struct.pack("!I", zlib.crc32(picture[12:29]))
+    path = make_tiles(tmp_path / "a.mbtiles", {(1, 0, 0): (1, 2, 3), (1, 1, 0): bytes(picture)})
+    tiles = TileFile(path)
+    assert tiles.tile(1, 1, 0) is None and tiles.tile(1, 0, 0) is not None
 
 
 def test_the_mission_has_it_beside_itself_and_a_session_keeps_it(tmp_path):
