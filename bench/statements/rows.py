@@ -15,7 +15,7 @@ __all__ = ["check_alarms", "check_missing_alarms", "check_row", "check_rows"]
 S = 1_000_000
 EDGE_PX = 60.0
 """Three metres of a position's error, near the border of the frame."""
-FOUND_OUT_S = 2.0
+FOUND_OUT_S = 3.0
 CONTRADICTIONS = ("conflict", "doubted", "refused")
 LATE_S = 4.0
 """An alarm is there so long after what raises it, where its rule asks for no longer."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from bench.statements.flights import TrueFlight
@@ -38,6 +38,8 @@ class Said:
     system_id: int = 0
     standing: bool = False
     """It is said of the present all the while; else once, of what has just come."""
+    ending: bool = False
+    """It is the cause of an alarm that is said to be over."""
 
 
 Fields = Mapping[str, str]
@@ -129,7 +131,15 @@ def _unheard(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
 def _unaccounted(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     shown = next(each.snapshot for each in reversed(flown.moments) if each.snapshot.t_us <= said.t_us)
     rows = [row for row in shown.vehicles if row.role == "ugv"]
-    return "all are named, or out of view" if all(row.track_id or row.in_view is False for row in rows) else ""
+    lies = any(flown.fault_of(row.system_id, said.t_us, within_s=ADRIFT_S) for row in rows)
+    found = all(row.track_id or row.in_view is False for row in rows)
+    return "all are named, or out of view" if found and not lies else ""
+
+
+def _one_lies(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
+    """Said of a box, whose candidates may be several."""
+    lies = any(flown.fault_of(i, said.t_us, within_s=ADRIFT_S) for i in flown.scenario.ugv_ids)
+    return "" if lies else "all positions are right"
 
 
 def _silent(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
@@ -140,12 +150,8 @@ def _silent(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
 
 
 def _lies(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
-    fault = flown.fault_of(who, said.t_us, within_s=said.standing * HOLD_S + ADRIFT_S)
+    fault = flown.fault_of(who, said.t_us, within_s=said.standing * HOLD_S + ADRIFT_S * (not said.ending))
     return "" if fault else "its positions are right"
-
-
-def _some_lies(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
-    return "all positions are right" if all(_lies(flown, said, fields, v) for v in flown.scenario.ugv_ids) else ""
 
 
 def _forged(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
@@ -211,7 +217,7 @@ def _over(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     if not lasted_s - HOLD_S - SLACK_S < told_s < lasted_s + 0.6:
         return f"it was raised {lasted_s:.1f} s before" if raised_us else "it was never raised"
     before_us = said.t_us - round(SLACK_S * S)
-    cause = check_sentence(flown, Said(where=said.where, t_us=before_us, text=fields["text"], system_id=said.system_id))
+    cause = check_sentence(flown, replace(said, t_us=before_us, text=fields["text"], ending=True))
     return "" if any(cause) else "its cause goes on"
 
 
@@ -243,7 +249,7 @@ SENTENCES: Mapping[str, Check] = {
     _MAY + "its positions are refused: {text}": _lies,
     _MAY + "its position contradicts the video": _lies,
     "a vehicle of ours is not accounted for": _unaccounted,
-    "its position contradicts the video": _some_lies,
+    "its position contradicts the video": _one_lies,
     "film and telemetry are not known to belong together": _so,
     "another vehicle reports the same place": _so,
     "another vehicle stands too near to tell by place alone": _so,
@@ -256,6 +262,8 @@ SENTENCES: Mapping[str, Check] = {
     "{name}: position lost": _without_position,
     "{name}: its position contradicts the video": _lies,
     "{name}: its positions cannot be right: {text}": _lies,
+    "{name}: its receiver has no 3D fix": _lies,
+    "GPS fix {mode}, was {kind}": _so,
     "position not used: {text}": _lies,
     "positions not used: {text}": _lies,
     "{name}: its packets are lost": _lossy,
