@@ -167,7 +167,7 @@ def check_video_labels(screen: Screen, moment: Moment) -> Iterator[tuple[str, st
     inside = {i for i, box in boxes.items() if 0 <= box.cx < snapshot.width and 0 <= box.cy < snapshot.height}
     read = _read(screen, "video", snapshot)
     yield from _check_labels(read, "video", snapshot, inside)
-    standings = {row.system_id: row.standing for row in snapshot.vehicles}
+    standings = {row.system_id: row.standing for row in snapshot.vehicles if not row.stated}
     for system_id, signs in read.marks:
         name = snapshot.name_of(system_id)
         if system_id not in boxes:

@@ -119,7 +119,8 @@ def check_agreement(first: Iterable[Claim], second: Iterable[Claim]) -> Found:
             yield claim, "nothing else tells of this box"
             continue
         same = all(getattr(claim, name) == getattr(other, name) for name in ("system_id", "name", "stated", "may_be"))
-        unknown = math.isnan(claim.confidence) and math.isnan(other.confidence)
+        # of a name that is withheld one place tells no number, another what little speaks for a stranger
+        unknown = math.isnan(other.confidence) and not claim.confidence >= CONFIRMED
         if not same or not (unknown or abs(claim.confidence - other.confidence) <= AGREE):
             yield claim, f"{other.where} has it as {other}"
 
