@@ -207,7 +207,9 @@ class FlownReports:
         both = any(
             flown.alarm.key == key and _is_about(t_us, flown.alarm.since_us, flown.until_us) for flown in self._alarms
         )
-        differs = not both and alarm_of_key(alarm.key, alarm.level, alarm.system_id) is not None
+        known = alarm_of_key(alarm.key, alarm.level, alarm.system_id)
+        # an alarm whose lines another module writes is none by its key in the flight's log
+        differs = not both and known is not None and not known.rule.logged_by
         return replace(alarm, acknowledged=self._was_seen(alarm, t_us), reported="now" if differs else "")
 
     def _as_flown(self, flown: FlownAlarm, t_us: int) -> Alarm:
