@@ -6,7 +6,7 @@ import re
 import pytest
 
 from bench.again.scripted import InjectedFaults
-from bench.statements.flights import Act, Script, fly_script
+from bench.statements.flights import FlightScript, OperatorAct, fly_script
 from gcs.cli.rollcall import print_rollcall
 from gcs.playback.identification import identify_session
 from gcs.playback.replay import Replay
@@ -32,9 +32,11 @@ EVENTS = "Warnings and what the operator did"
 @pytest.fixture(scope="module", params=list(FLIGHTS))
 def flown(request, tmp_path_factory):
     """Which flight it is, its session folder, and the roll call at its end."""
-    acts = tuple(Act(at_s=at_s, kind="mark", of=11, text=text) for at_s, text in zip((1.0, 7.0), MARKS, strict=True))
+    acts = tuple(
+        OperatorAct(at_s=at_s, kind="mark", of=11, text=text) for at_s, text in zip((1.0, 7.0), MARKS, strict=True)
+    )
     faults = FLIGHTS[request.param]
-    script = Script(name=request.param, seconds=SECONDS, vehicles=3, outside=1, injected=faults, acts=acts)
+    script = FlightScript(name=request.param, seconds=SECONDS, vehicles=3, outside=1, injected=faults, acts=acts)
     flown = fly_script(script, tmp_path_factory.mktemp("flown"))
     calls = RollCall(open_session(flown.folder).mission)
     for moment in flown.moments:
@@ -75,7 +77,7 @@ def test_flight_and_identification_count_alike(flown, tmp_path):
 
 
 def test_a_flight_whose_camera_never_gave_a_picture_has_a_report_too(tmp_path):
-    script = Script(name="blind", seconds=6.0, vehicles=2, injected=InjectedFaults(no_video=((-9.0, 99.0),)))
+    script = FlightScript(name="blind", seconds=6.0, vehicles=2, injected=InjectedFaults(no_video=((-9.0, 99.0),)))
     folder = fly_script(script, tmp_path / "flown").folder
     code, _, told = run_gcs("report", folder, "-o", tmp_path / "report.html")
     assert code == 0, told
