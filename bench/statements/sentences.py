@@ -179,6 +179,13 @@ def _on_and_off(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     return "" if abs(silences - int(fields["count"])) <= 1 else f"it has been silent {silences} times"
 
 
+def _stale_often(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
+    looks = range(flown.scenario.start_us, said.t_us, S // 5)
+    stale = [flown.silent_s(who, t_us, "position") > 1.0 for t_us in looks]
+    times = sum(b and not a for a, b in pairwise(stale))
+    return "" if abs(times - int(fields["count"])) <= 1 else f"they stopped {times} times"
+
+
 def _blind(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     """The UAV's position is lost."""
     return _without_position(flown, said, {}, UAV_ID)
@@ -273,10 +280,11 @@ SENTENCES: Mapping[str, Check] = {
     "the video has stopped": _stopped,
     "the video comes and goes: {count} times in {within}": _comes_and_goes,
     "{name}: it is heard on and off: {count} times in {within}": _on_and_off,
+    "{name}: its positions come and go: {count} times in {within}": _stale_often,
     "{name}: again and again: its position contradicts the video: {count} times in {within}": _lies,
     "never heard: {names}": _unheard,
     _STATED: _stated,
-    _STATED + "; it ends with the track": _ends,
+    _STATED + "; it ended with the track": _ends,
     _STATED + "; it ends: that is track {count} now": _stated,
     _STATED + "; withdrawn": _withdrawn,
     _STATED + "; contradicted: by its reports it is {other} ({percent}%)": _contradicted,
