@@ -62,7 +62,7 @@ def test_nothing_wrong_nothing_said(watch):
         (changed(1, position_state="refused", refused_for="jump"), "refused 11 jump", "alarm"),
         (changed(1, heartbeat_age_s=4.0, position_state="lost"), "silent 11", "alarm"),
         (changed(2, contested=True), "contested 12", "alarm"),
-        (changed(2, heartbeat_age_s=math.inf, position_state="never"), "unheard", "warning"),
+        (changed(2, heartbeat_age_s=math.inf, position_age_s=math.inf, position_state="never"), "unheard", "warning"),
         (changed(2, position_state="never"), "no position 12", "warning"),
         (changed(2, clock_fault="x"), "clock 12", "warning"),
         (changed(2, doubted_for="GPS glitch"), "doubted 12", "alarm"),
