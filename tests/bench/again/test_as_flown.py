@@ -205,8 +205,8 @@ def test_every_alarm_is_known_again_by_its_event():
         assert known.key == finding.key or " and " in known.key
 
 
-def line_of(t_us, level, kind, system_id, text):
-    return json.dumps({"time_us": t_us, "level": level, "kind": kind, "system_id": system_id, "text": text})
+def line_of(t_us, level, kind, system_id, text, **more):
+    return json.dumps({"time_us": t_us, "level": level, "kind": kind, "system_id": system_id, "text": text} | more)
 
 
 def test_events_beside_a_bare_log_are_not_its_own(tmp_path):
@@ -226,7 +226,11 @@ def flown(tmp_path_factory):
     silent = next(json.loads(line) for line in lines if "no heartbeat" in line and '"system_id":12' in line)
     lines.remove(next(line for line in lines if "no heartbeat" in line and '"system_id":11' in line))
     extra = [
-        line_of(start_us + 3 * S, "alarm", "vehicle", 13, "UGV-13: position lost"),
+        line_of(
+            *(start_us + 3 * S, "alarm", "vehicle", 13, "UGV-13: position lost"),
+            alarm="position 13",
+            alarm_level="alarm",
+        ),
         line_of(silent["time_us"] + S // 2, "info", "operator", 12, f"seen: {silent['text']}"),
         line_of(start_us + 60 * S, "info", "operator", None, "order: return"),
     ]
