@@ -71,6 +71,10 @@ def withhold_names(
         system_id=np.where(refused, 0, identities.system_id),
         runner_up=np.where(rival, 0, identities.runner_up),
         runner_up_confidence=np.where(rival, np.nan, identities.runner_up_confidence),
+        # nobody knows, which is no stranger either
+        candidates=replace(
+            identities.candidates, none_of_ours=np.where(refused, np.nan, identities.candidates.none_of_ours)
+        ),
         doubt=np.where(refused, np.where(lies, AnswerDoubt.CONTRADICTED, AnswerDoubt.CONTESTED), identities.doubt),
         **unknown,
     )

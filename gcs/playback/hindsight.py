@@ -152,7 +152,8 @@ def _renamed(snapshot: Snapshot, courses: Mapping[int, _Course], mission: Missio
         return snapshot
     t_us = snapshot.seen_us or snapshot.t_us
     tracked = [box for box in snapshot.boxes if box.track_id]
-    boxes = {box.track_id: _told(box, courses.get(box.track_id), t_us, mission) for box in tracked}
+    contested = frozenset(row.system_id for row in snapshot.vehicles if row.contested or snapshot.vehicles[0].contested)
+    boxes = {box.track_id: _told(box, courses.get(box.track_id), t_us, mission, contested) for box in tracked}
     # of two boxes with one name the surer has it, and one that was seen before one that is only predicted
     holder: dict[int, Box] = {}
     for box in sorted(boxes.values(), key=lambda box: (not box.coasting, box.stated, box.confidence)):
@@ -172,15 +173,18 @@ def _renamed(snapshot: Snapshot, courses: Mapping[int, _Course], mission: Missio
     return replace(snapshot, boxes=new, vehicles=tuple(rows))
 
 
-def _told(box: Box, course: _Course | None, t_us: int, mission: Mission) -> Box:
-    """The box with what its course tells; as it was without one, or where the operator stated who it is."""
-    p = None if course is None or box.stated else course.mean(t_us)
+def _told(box: Box, course: _Course | None, t_us: int, mission: Mission, contested: frozenset[int]) -> Box:
+    """The box with what its course tells; as it was without one, where it is stated, and where a name was withheld."""
+    withheld = bool(box.doubt) and math.isnan(box.confidence)
+    p = None if course is None or box.stated or withheld else course.mean(t_us)
     if p is None:
         return box
     system_ids = mission.ugv_ids
     order = [k for k in np.argsort(-p[:-1], kind="stable").tolist() if p[k] >= _LEAST_SHOWN]
     first = order[0] if order and p[order[0]] >= mission.identity.threshold - _LOWER else None
     name = 0 if first is None else system_ids[first]
+    if name in contested:
+        return box
     others = [k for k in order if k != first]
     known = {candidate.system_id: candidate for candidate in box.candidates}
     candidates = tuple(

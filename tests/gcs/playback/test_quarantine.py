@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from gcs.playback.analysis import Analysis
+from gcs.playback.hindsight import by_hindsight
 from gcs.session.identity_log import IdentityLog
 from gcs.session.session import open_session
 from mavlink.protocol.dialect import DEFINITIONS
@@ -31,8 +32,10 @@ def test_no_name_comes_out_of_quarantine(tmp_path):
 
     with_packets(shortened(SWARM, tmp_path / "short", FRAMES), tmp_path / "session", invade)
     events = []
+    analysis = Analysis(open_session(tmp_path / "session"))
+    snapshots = list(analysis.snapshots(images=False))
     with IdentityLog(tmp_path / "out") as log:
-        for snapshot in Analysis(open_session(tmp_path / "session")).snapshots(images=False):
+        for snapshot in snapshots:
             log.write(snapshot)
             events += snapshot.events
     with (tmp_path / "out" / "identity.csv").open() as file:
@@ -44,6 +47,9 @@ def test_no_name_comes_out_of_quarantine(tmp_path):
     named = names[names[:, 1] == VICTIM, 0]
     assert (named < begin_us).any()
     assert not ((named > found_us) & (named < end_us + 4 * S)).any()
+    later = list(by_hindsight(snapshots, analysis.mission))
+    told_us = [each.t_us for each in later for box in each.boxes if box.system_id == VICTIM]
+    assert min(told_us) < begin_us and not any(found_us < t_us < end_us + 4 * S for t_us in told_us)
     others = names[(names[:, 0] > found_us) & (names[:, 0] < end_us), 1]
     assert {2, 3, 5, 6, 7} <= set(others.tolist())
     released = [event.t_us for event in events if "one sender again" in event.text]
