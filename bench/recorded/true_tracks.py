@@ -61,6 +61,11 @@ class TrueTracker:
         self._seen: dict[int, _Seen] = {}
         self._next_other = OTHERS_FROM
 
+    @property
+    def living(self) -> frozenset[int]:
+        """Ids of all tracks: a true one may be seen again."""
+        return frozenset(self._seen)
+
     def update(self, detections: Detections, t_us: int, *, warp: FloatArray | None = None, **_: object) -> Tracks:
         """The tracks of one frame: those that are seen in it."""
         centre = np.stack([detections.cx, detections.cy], axis=-1)

@@ -226,7 +226,7 @@ def test_vehicles_that_never_report_stay_unnamed(tmp_path):
     folder = swarm_session(tmp_path, tlog=lambda _: kept.read_bytes())
     code, stdout, stderr = run_gcs("identify", folder, "-o", tmp_path / "o")
     assert code == 4
-    assert "no position was reported up to the last frame by UGV-2" in stderr
+    assert "UGV-2, UGV-3, UGV-4, UGV-5, UGV-6, UGV-7 cannot be named: never heard" in stderr
     assert "0 of 6 vehicles named" in stdout
 
 

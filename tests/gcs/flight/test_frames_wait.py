@@ -39,7 +39,8 @@ class Station:
         self.loop = FrameLoop(self.pipeline, Blind(), self.recorder, faults, self.show, lambda: self.now_us)
 
     def show(self, snapshot):
-        self.shown.append((snapshot.frame, snapshot.frame_us, self.now_us))
+        if snapshot.seen_us == snapshot.t_us:  # of a frame, not of a moment between two
+            self.shown.append((snapshot.frame, snapshot.frame_us, self.now_us))
 
     def packets(self, made_us):
         boot_ms = (made_us - T0) // 1000 + 60_000

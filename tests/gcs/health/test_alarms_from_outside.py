@@ -316,7 +316,7 @@ def has_two_cameras_on_one_port(tmp_path):
             # who is taken instead is listened to from its next key frame on
             assert station.video.take_rival() == health.video_rival
             assert until(lambda: station.health().video_sender == health.video_rival)
-            assert station.health().video_rival == health.video_sender
+            assert until(lambda: station.health().video_rival == health.video_sender)
     assert any(health.video_rival in event.text for event in station.events)
     return judged_health(health, 5.0)
 

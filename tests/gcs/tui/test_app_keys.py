@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from gcs.snapshot import Event
@@ -160,7 +162,7 @@ async def test_picking_a_vehicle_stresses_it_everywhere():
     async with running(size=WIDE) as (app, pilot, _):
         await pilot.press("down", "down")
         assert app.selected == 11
-        assert "▸UGV-11" in text_of(app.query_one("#fleet"))
+        assert re.search("▸ *UGV-11", text_of(app.query_one("#fleet")))
         assert "confirmed 97%" in text_of(app.query_one("#identity"))
         await pilot.press("up", "up", "up")
         assert app.selected == 17
