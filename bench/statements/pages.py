@@ -128,14 +128,16 @@ def check_report(flown: TrueFlight, page: str, claims: Sequence[Claim]) -> Found
 def _facts(flown: TrueFlight, system_id: int, facts: Row) -> Iterator[tuple[str, str]]:
     stop_us = flown.moments[-1].now_us
     times = [t_us for t_us in flown.positions.get(system_id, ()) if t_us <= stop_us]
-    true_s = max((after - before for before, after in pairwise([*times, stop_us])), default=0) / S
+    heard = (*flown.heartbeats.values(), *flown.positions.values())
+    start_us = min(flown.moments[0].now_us, *(times_us[0] for times_us in heard if times_us))
+    true_s = max(after - before for before, after in pairwise([start_us, *times, stop_us])) / S
     match = re.fullmatch(r"([\d.]+) s", facts.get(silence := "longest without a position", ""))
     # a position that is refused is none, whenever it came
     faulty = any(
         flown.scenario.ugv_ids[fault.vehicle] == system_id for fault in flown.script.faults if fault.kind in UNUSED
     )
-    if bool(match) != bool(times) or (match and not faulty and abs(float(match[1]) - true_s) > POSITION_S):
-        yield silence, f"it was {true_s:.1f} s" if times else "none ever came"
+    if match is None or (not faulty and abs(float(match[1]) - true_s) > POSITION_S):
+        yield silence, f"it was {true_s:.1f} s"
     most = re.search(r"most ([\d.]+) m", facts.get(spread := "1σ of its position", ""))
     if most and float(most[1]) > KNOWN_M:
         yield spread, "that long after the last report nobody knows a position"
