@@ -23,7 +23,7 @@ _NOTED = 0.05
 
 
 class AnswerDoubt(IntEnum):
-    """What took most from the probability of an answer, in the order in which it is looked at."""
+    """Reasons for which an answer is less probable than its evidence, in the order of the steps that take from it."""
 
     NONE = 0
     FIT = 1

@@ -274,7 +274,7 @@ def _mission(scenario: Scenario) -> Mission:
 
 
 def within(span: tuple[float, float] | None, since_us: float) -> bool:
-    """Whether a time, µs since the first frame, is in a span in seconds."""
+    """True when a time since the first frame, µs, lies in a span, seconds; False without a span."""
     return span is not None and span[0] * S <= since_us < span[1] * S
 
 

@@ -7,11 +7,10 @@ import random
 from collections.abc import Callable, Sequence
 
 from bench.attacks.actors import rover, uav, vehicle_schedules
-from bench.attacks.flooder import Flood
 from bench.attacks.records import first_warning
 from bench.attacks.report import AttackRow
 from bench.attacks.run import Flown, Options, fly
-from bench.attacks.stage import FALSE, TRUE, PacketSchedule, Party, SenderFactory, Stage
+from bench.attacks.stage import FALSE, TRUE, Flood, PacketSchedule, Party, SenderFactory, Stage
 from bench.attacks.station import AttackedStation, key_of, write_keys
 from bench.attacks.wire import ComponentEncoder, ticks_now
 

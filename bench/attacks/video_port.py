@@ -28,7 +28,7 @@ __all__ = ["others_at_the_port"]
 FPS, GOP, FILM_S = 10, 10, 14.0
 WIDTH, HEIGHT, PIECE = 160, 96, 7 * 188
 DARK, LIGHT = 20, 235
-"""What the camera films, and what a stranger does."""
+"""Grey values of the camera's and of the stranger's film, which tell whose frame was recorded."""
 CAMERA, STRANGER = "127.0.0.1", "127.0.0.66"
 JUNK_HZ = 5.0
 WAIT_S = 3.0

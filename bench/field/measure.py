@@ -42,7 +42,7 @@ class BoxCounts:
     strangers: int
     """Boxes said to be none of ours at confidence ≥ 0.9."""
     false_strangers: int
-    """Of these, boxes of ours, also of vehicles that nothing can name."""
+    """Boxes of ours among the strangers, those of vehicles that nothing can name included."""
     answered: int
     """Boxes of ours in windows in which the method answered at all."""
     switches: int

@@ -61,7 +61,7 @@ class Summary:
     coverage: float
     fper: float
     false_strangers: float
-    """Of boxes surely called strangers, those that are ours."""
+    """Boxes of ours among those called strangers at 0.9 or more, percent."""
     answered: float
     switches: int
     swaps: int

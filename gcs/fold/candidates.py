@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator, Sequence
 from assoc.identification.doubts import AnswerDoubt
 from assoc.identification.identifier import Candidates, Identities
 from gcs.certainty import CONFIRMED, certainty
+from gcs.health.vehicle_alarms import CONTRADICTED
 from gcs.snapshot import Candidate
 from mavlink.state import FleetState, VehicleStatus
 
@@ -19,7 +20,6 @@ FAR_DEVIATIONS = 3.0
 """A box that belongs to the vehicle is farther in one of ninety cases (two axes)."""
 MOST_REASONS = 2
 """More do not fit on a line, and the weightiest comes first."""
-CONTRADICTED = "its position contradicts the video"
 _WORDS = {
     AnswerDoubt.NONE: "",
     AnswerDoubt.FIT: "film and telemetry are not known to belong together",

@@ -8,6 +8,7 @@ import numpy as np
 
 from assoc.identification.identifier import Identities
 from gcs.certainty import certainty
+from gcs.health.vehicle_alarms import CONTRADICTED
 from gcs.mission.mission import Mission
 from gcs.snapshot import Event, Level
 from mavlink.fleet.fleet import FleetState
@@ -106,7 +107,7 @@ class NameChanges:
             because = f": {status.refused_for}" if status.position_state == "refused" and status.refused_for else ""
             return f"its positions are {status.position_state}{because}"
         if vehicle in suspected:
-            return "its position contradicts the video"
+            return CONTRADICTED
         none = float(identities.candidates.none_of_ours[rows[0]])
         if none > NONE_LIKELIER:
             return f"none of ours is likelier ({certainty(none)})"

@@ -11,7 +11,7 @@ from mavlink.estimation.interpolation import LOST_S
 from mavlink.estimation.origin import FLEET_SPAN_M
 from mavlink.state import SILENT_S
 
-__all__ = ["APART_M", "APART_S", "APART_STDS", "FITS_S", "LEFT_S", "VEHICLE_RULES", "answers"]
+__all__ = ["APART_M", "APART_S", "APART_STDS", "CONTRADICTED", "FITS_S", "LEFT_S", "VEHICLE_RULES", "answers"]
 
 NO_HEARTBEAT_S = 10.0
 """A vehicle whose positions come is not silent for a few heartbeats that a bad link has swallowed, but after this."""
@@ -34,6 +34,8 @@ LOSS_S = 5.0
 BAD_LOSS = 0.5
 """Share of packets lost from which on it is an alarm whatever the mission's limit: a position a second becomes one in
 two, and is stale between them."""
+CONTRADICTED = "its position contradicts the video"
+"""The sentence of screens, events, candidates and exports alike."""
 APART_M, APART_STDS, APART_S = 8.0, 3.0, 1.0
 """A vehicle's box may be so far from its position, beyond so many times its receiver's 1σ, for so long: biases wander
 by some metres, and boxes are next to each other."""
@@ -208,7 +210,7 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         key="conflict",
         level="alarm",
         kind="identity",
-        text="its position contradicts the video",
+        text=CONTRADICTED,
         meaning=f"the position or the name is wrong: for {APART_S:g} s its box, or for {LEFT_S:g} s the one that "
         f"surely was it, is more than {APART_M:g} m and {APART_STDS:g} times its receiver's 1σ away from where it "
         f"reports to be. Over when it has been at its box again for {FITS_S:g} s; a name that it loses before is not "

@@ -45,8 +45,7 @@ from gcs.tui.screens.help import HelpScreen
 from gcs.tui.screens.leaving import Leave, LeaveFlight
 from gcs.tui.screens.marking import ask_for_mark
 from gcs.tui.screens.naming import ask_for_name, withdraw_name
-from gcs.tui.screens.prompts import Prompt
-from gcs.tui.screens.rival_video import ask_for_rival_video
+from gcs.tui.screens.prompts import Prompt, ask_for_rival_video
 from gcs.tui.screens.saving import ask_to_save_screen, save_still
 from gcs.tui.terminal.terminal_app import MOST_FPS
 from gcs.tui.themes import THEMES, ThemeName, textual_theme

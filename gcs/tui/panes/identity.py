@@ -10,6 +10,7 @@ from typing import ClassVar, Final
 from textual.strip import Strip
 
 from gcs.certainty import certainty, named
+from gcs.health.vehicle_alarms import CONTRADICTED
 from gcs.missing import may_be
 from gcs.report.box_shapes import drawable
 from gcs.report.overlay import named_count, standing_of
@@ -221,7 +222,7 @@ def expected_place(snapshot: Snapshot, row: VehicleRow) -> str:
     if row.position_state not in ("ok", "stale"):
         return "not known: it has no usable position"
     if row.system_id in snapshot.conflicts:
-        return "not known: its position contradicts the video"
+        return f"not known: {CONTRADICTED}"
     if snapshot.pose == "unknown":
         return "not known: the camera's pose is unknown"
     if row.expected_px is None:

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from rich.text import Text
-from textual.app import ComposeResult
+from textual.app import App, ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
+from gcs.snapshot import Snapshot
+from gcs.station import Station
 from gcs.tui.draw.format import plain
 from gcs.tui.palette import ACCENT, ALARM, FAINT, HEAD, ink
 
-__all__ = ["Confirm", "Prompt"]
+__all__ = ["Confirm", "Prompt", "ask_for_rival_video"]
 
 Answer = TypeVar("Answer")
+
+NO_RIVAL = "only one sender's video comes"
 
 
 class Prompt(ModalScreen[Answer | None]):
@@ -93,3 +97,23 @@ class Confirm(ModalScreen[bool]):
     def action_answer(self, yes: bool) -> None:
         """Close with the answer."""
         self.dismiss(yes)
+
+
+def ask_for_rival_video(app: App[Any], station: Station, snapshot: Snapshot | None) -> None:
+    """Let the operator take the other video where two senders contest its port; both addresses are asked about.
+
+    Args:
+        app: to show the question.
+        station: takes the answer.
+        snapshot: the newest.
+    """
+    health = snapshot.health if snapshot else None
+    if health is None or not health.video_rival:
+        app.notify(NO_RIVAL, severity="warning", timeout=6, markup=False)
+        return
+
+    def take(yes: bool | None) -> None:
+        if yes:
+            station.take_rival_video()
+
+    app.push_screen(Confirm(f"Take the video of {health.video_rival} instead of {health.video_sender}"), take)

@@ -39,9 +39,9 @@ IDENTITIES = Identities(
 
 def state_of(*contested, doubted=()):
     state = Fleet(1, (11, 12, 13)).at(START_US)
-    vehicles = tuple(replace(vehicle, contested=vehicle.system_id in contested) for vehicle in state.vehicles)
     vehicles = tuple(
-        replace(vehicle, doubted_for="no fix" if vehicle.system_id in doubted else "") for vehicle in vehicles
+        replace(each, contested=each.system_id in contested, doubted_for="no fix" * (each.system_id in doubted))
+        for each in state.vehicles
     )
     return replace(state, vehicles=vehicles)
 
