@@ -130,7 +130,13 @@ def _rollcall(flown: TrueFlight, folder: Path) -> Found:
     told = rollcall_json(calls)
     printed = printed_remarks(lambda: print_rollcall(calls))
     rows = [
-        {"id": row["system_id"], "boxes": row["boxes"], "in view": row["frames_in_view"], "remark": remark}
+        {
+            "id": row["system_id"],
+            "boxes": row["boxes"],
+            "in view": row["frames_in_view"],
+            "unknown": row["frames_unknown"],
+            "remark": remark,
+        }
         for row, remark in zip(told["vehicles"], printed, strict=True)
     ]
     sums = {key: told[key] for key in ("frames", "boxes", "unnamed")}

@@ -15,6 +15,7 @@ from typing import Any
 from bench.statements.boxes import Claim
 from bench.statements.flights import TrueFlight
 from bench.statements.sentences import Said, check_sentence
+from sim.world.scenario import UAV_ID
 
 __all__ = ["check_batch", "check_report", "check_rollcall", "printed_remarks"]
 
@@ -27,6 +28,7 @@ IN_VIEW_FRAMES, IN_VIEW_SHARE = 4, 0.1
 UNUSED = ("frozen", "zero", "jump", "drift", "spoof", "copy")
 POSITION_S, KNOWN_M = 1.0, 100.0
 """By which a silence may differ that is looked at frame by frame; a 1σ that is more than any report's."""
+SILENCES = re.compile(r"(?:(?:; )?(?:no position for [\d.]+ s|not known whether in view in \d+ frames))+$")
 REMARKS = {
     "": "named",
     "never where the camera looked": "outside",
@@ -57,7 +59,7 @@ def check_rollcall(
     Args:
         flown: the truth.
         told: ``frames``, ``boxes``, ``unnamed``.
-        rows: ``id``, ``boxes``, ``remark``, and ``in view`` (frames) where that is told.
+        rows: ``id``, ``boxes``, ``remark``, and ``in view`` and ``unknown`` (frames) where that is told.
         where: whose they are.
         claims: of the flight's own identity log.
     """
@@ -72,16 +74,24 @@ def check_rollcall(
         name, seen = flown.name(i), sum(frame.outside_px(i) < 0 for frame in flown.frames.values())
         if boxes != named[i]:
             yield _said(flown, where, f"{name}: {boxes} boxes", i), f"{named[i]} boxes have its name"
-        off = abs(row.get("in view", seen) - seen)
+        off = abs(row.get("in view", seen) - seen) - row.get("unknown", 0)
         if i not in faulty and off > IN_VIEW_FRAMES + IN_VIEW_SHARE * seen:
             yield _said(flown, where, f"{name}: in view in {row['in view']} frames", i), f"it was in {seen}"
+        if i not in faulty and row.get("unknown", 0) > _blind_frames(flown, i) + IN_VIEW_FRAMES:
+            yield _said(flown, where, f"{name}: not known in {row['unknown']} frames", i), "it and the UAV reported"
         for why in _remark(flown, i, row["remark"], boxes, seen):
             yield _said(flown, where, f"{name}: {row['remark']}", i), why
 
 
+def _blind_frames(flown: TrueFlight, system_id: int) -> int:
+    """Frames in which the UAV or the vehicle had not reported for long."""
+    silences = (max(flown.silent_s(i, t_us, "position") for i in (UAV_ID, system_id)) for t_us in flown.frames)
+    return sum(silent_s > POSITION_S / 2 for silent_s in silences)
+
+
 def _remark(flown: TrueFlight, system_id: int, remark: str, boxes: int, seen: int) -> Iterator[str]:
     heard = math.isfinite(flown.silent_s(system_id, flown.moments[-1].now_us))
-    outcome = re.sub(r"(; )?no position for [\d.]+ s$", "", remark).partition(":")[0]
+    outcome = re.sub(SILENCES, "", remark).partition(":")[0]
     told, refused = REMARKS.get(outcome), flown.refused.get(system_id, 0)
     if told is None:
         yield "a remark that is not known"

@@ -132,8 +132,8 @@ def _unaccounted(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str
     shown = next(each.snapshot for each in reversed(flown.moments) if each.snapshot.t_us <= said.t_us)
     rows = [row for row in shown.vehicles if row.role == "ugv"]
     lies = any(flown.fault_of(row.system_id, said.t_us, within_s=ADRIFT_S) for row in rows)
-    found = all(row.track_id or row.in_view is False for row in rows)
-    return "all are named, or out of view" if found and not lies else ""
+    found = all((row.track_id and row.standing != "coasting") or row.in_view is False for row in rows)
+    return "all are seen and named, or out of view" if found and not lies else ""
 
 
 def _one_lies(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:

@@ -55,6 +55,8 @@ _CALL = {
     "first_named_s": "double",
     "boxes": "int64",
     "frames_in_view": "int64",
+    "frames_unknown": "int64",
+    "share": "double",
     "confidence": "double",
     "outcome": "string",
     "why": "string",

@@ -98,6 +98,10 @@ class VehicleCall(msgspec.Struct, frozen=True, kw_only=True):
     first_named_s: float | None
     boxes: int
     frames_in_view: int
+    frames_unknown: int = 0
+    """In which nobody knows whether it was in view; 0 in results of earlier versions."""
+    share: float | None = None
+    """Of the frames in view those in which a box had its name."""
     confidence: float | None
     outcome: str = ""
     """What became of it, in the roll call's words; empty in results of earlier versions."""

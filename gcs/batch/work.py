@@ -195,7 +195,7 @@ def _score(session: Session, folder: Path) -> ScoreRecord | None:
 
 def _roll_call(calls: RollCall) -> tuple[VehicleCall, ...]:
     rows = (asdict(row) for row in calls.rows())
-    known = ("first_named_s", "confidence")
+    known = ("first_named_s", "share", "confidence")
     return tuple(VehicleCall(**(row | {name: _known(row[name]) for name in known})) for row in rows)
 
 

@@ -44,13 +44,12 @@ def rollcall_json(calls: RollCall) -> dict[str, Any]:
 def _cells(row: RollCallRow) -> tuple[str, ...]:
     if not row.boxes:
         return str(row.system_id), row.name, "", "", "", "", row.remark
-    share = f"{min(row.boxes / row.frames_in_view, 1):.1%}" if row.frames_in_view else "-"
     return (
         str(row.system_id),
         row.name,
         f"{row.first_named_s:.1f} s",
         str(row.boxes),
-        share,
+        f"{row.share:.1%}" if row.frames_in_view else "-",
         certainty(row.confidence),
         row.remark,
     )

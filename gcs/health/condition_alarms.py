@@ -96,11 +96,11 @@ def _known_place(row: VehicleRow) -> bool:
 
 
 def _is_over(row: VehicleRow, now: Snapshot) -> bool:
-    return _known_place(row) and row.fence_m < 0.0
+    return _known_place(row) and row.fence_m < 0.0 and row.system_id not in now.conflicts
 
 
 def _may_be_over(row: VehicleRow, now: Snapshot) -> bool:
-    return _known_place(row) and 0.0 <= row.fence_m < row.std_m
+    return _known_place(row) and row.fence_m < row.std_m and not _is_over(row, now)
 
 
 def _not_back(row: VehicleRow, now: Snapshot) -> bool:
@@ -187,7 +187,8 @@ CONDITION_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         level="warning",
         kind="vehicle",
         text="it may be beyond a fence",
-        meaning=f"the fence is nearer than 1σ of its position, which grows with age, for {OVER_S:g} s: which is given",
+        meaning="the fence is nearer than 1σ of its position, which grows with age, or it reports to be beyond it and "
+        f"the video contradicts its position, for {OVER_S:g} s: which is given",
         advice="turn it round",
         condition=_may_be_over,
         detail=lambda row, _: row.fence,

@@ -58,7 +58,8 @@ def near_pairs(now: Snapshot) -> Iterator[Pair]:
 
 
 def _is_near(pair: Pair, now: Snapshot) -> bool:
-    return pair.distance_m < now.limits.separation_m
+    known = now.conflicts.isdisjoint((pair.a.system_id, pair.b.system_id))
+    return known and pair.distance_m < now.limits.separation_m
 
 
 def _may_be_near(pair: Pair, now: Snapshot) -> bool:
@@ -72,7 +73,8 @@ PAIR_RULES: tuple[AlarmRule[Pair], ...] = (
         kind="vehicle",
         text="may be too near each other",
         meaning="two ground vehicles are within 1σ of their positions, which grows with age, of the mission's "
-        f"`[limits] separation_m`, for {NEAR_S:g} s",
+        "`[limits] separation_m`, or report to be nearer while the video contradicts the position of one, for "
+        f"{NEAR_S:g} s",
         advice="have one of them wait",
         condition=_may_be_near,
         vehicles=lambda pair, _: (pair.a.system_id, pair.b.system_id),

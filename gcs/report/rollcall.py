@@ -30,6 +30,8 @@ Outcome = Literal[
     "never heard",
 ]
 """What became of a vehicle."""
+_MANY = 0.02
+"""Share of frames for which it is worth a remark that nobody knows whether a vehicle was in view."""
 WITHOUT_POSITION: Final[frozenset[Outcome]] = frozenset({"no position", "all refused", "never heard"})
 """Outcomes of vehicles whose place was never known while a frame was looked at."""
 
@@ -46,6 +48,10 @@ class RollCallRow:
     """That got its name."""
     frames_in_view: int
     """In which it reported to be where the camera looks, of those that were looked at."""
+    frames_unknown: int
+    """In which its place or the camera's was not known, of those that were looked at."""
+    share: float
+    """Of the frames in view those in which a box had its name, 0 to 1; NaN: never in view."""
     confidence: float
     """Mean over its boxes; NaN: never named."""
     outcome: Outcome
@@ -60,6 +66,8 @@ class RollCallRow:
         parts = [] if self.outcome == "named" else [f"{self.outcome}: {self.why}" if self.why else self.outcome]
         if self.longest_silence_s > SILENT_S and self.outcome not in WITHOUT_POSITION:
             parts.append(f"no position for {self.longest_silence_s:.1f} s")
+        if self.outcome == "named" and self.frames_unknown > _MANY * (self.frames_unknown + self.frames_in_view):
+            parts.append(f"not known whether in view in {self.frames_unknown} frames")
         return "; ".join(parts)
 
 
@@ -82,6 +90,7 @@ class _Entry:
     first_us: int = 0
     boxes: int = 0
     frames_in_view: int = 0
+    named_in_view: int = 0
     frames_out_of_view: int = 0
     frames_positioned: int = 0
     confidence: float = 0.0
@@ -147,9 +156,11 @@ class RollCall:
         self._stop_us = snapshot.t_us
         self.frames += 1
         self.attitude_frames += snapshot.pose == "known"
+        named = {box.system_id for box in snapshot.new_boxes if not box.coasting}
         for row in snapshot.vehicles:
             if (entry := self._entries.get(row.system_id)) is not None:
                 entry.frames_in_view += row.in_view is True
+                entry.named_in_view += row.in_view is True and row.system_id in named
                 entry.frames_out_of_view += row.in_view is False
                 entry.frames_positioned += row.position_state in ("ok", "stale")
         for box in snapshot.new_boxes:
@@ -210,6 +221,8 @@ class RollCall:
             first_named_s=(entry.first_us - self._start_us) * 1e-6 if entry.boxes else math.nan,
             boxes=entry.boxes,
             frames_in_view=entry.frames_in_view,
+            frames_unknown=self._unknown(entry),
+            share=entry.named_in_view / entry.frames_in_view if entry.frames_in_view else math.nan,
             confidence=entry.confidence / entry.boxes if entry.boxes else math.nan,
             outcome=outcome,
             why=why,
@@ -227,6 +240,9 @@ class RollCall:
             return "all refused", entry.refused
         return ("no position", entry.waits_for) if entry.heard else ("never heard", "")
 
+    def _unknown(self, entry: _Entry) -> int:
+        return self.frames - entry.frames_in_view - entry.frames_out_of_view
+
     def _outcome_out_of_view(self, entry: _Entry) -> tuple[Outcome, str]:
         """Of one that had a position at some time."""
         if not self.frames:
@@ -235,7 +251,7 @@ class RollCall:
             return "no position", "in any frame that was looked at"
         if not entry.frames_out_of_view:
             return "where the camera looked is not known", ""
-        unknown = self.frames - entry.frames_out_of_view
+        unknown = self._unknown(entry)
         why = f"its place or the camera's is not known in {unknown} of {self.frames} frames" if unknown else ""
         return "never where the camera looked", why
 

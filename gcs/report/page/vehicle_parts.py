@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from gcs.certainty import certainty
 from gcs.report.page.flight_summary import MOST_CHANGES, FlightSummary, Spread, VehicleRecord
 from gcs.report.page.html import fixed, table, words
@@ -18,11 +16,10 @@ def rollcall_table(record: FlightSummary) -> str:
     columns = ("vehicle", "id", "first named", "boxes", "of frames in view", "mean confidence", "remark")
     rows = []
     for row in record.rollcall.rows():
-        share = min(row.boxes / row.frames_in_view, 1.0) if row.frames_in_view else np.nan
         first = _moment(record, record.vehicles[row.system_id].first_us) if row.boxes else "–"
         rows.append(
             (
-                *(row.name, str(row.system_id), first, str(row.boxes), fixed(100 * share, 1, "%")),
+                *(row.name, str(row.system_id), first, str(row.boxes), fixed(100 * row.share, 1, "%")),
                 *(certainty(row.confidence) or "–", row.remark),
             )
         )

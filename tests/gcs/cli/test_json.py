@@ -123,6 +123,8 @@ def test_a_flight(tmp_path):
         "first_named_s": None,
         "boxes": 0,
         "frames_in_view": 0,
+        "frames_unknown": 0,
+        "share": None,
         "confidence": None,
         "outcome": "never heard",
         "why": "",

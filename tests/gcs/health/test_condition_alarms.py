@@ -28,12 +28,14 @@ BASE = replace(make_snapshot(), boxes=(), image=None, health=Health(video="ok"))
 class Watch:
     def __init__(self, **limits):
         self.alarms, self.t_us, self.limits, self.events = Alarms(), START_US, Limits(**limits), []
+        self.conflicts = frozenset()
 
     def see(self, seconds, *rows):
         """Keys and levels at the end, of the first vehicles as given and the others well."""
         for _ in range(round(seconds * 5)):
             self.t_us += 200_000
             now = replace(BASE, t_us=self.t_us, vehicles=(*rows, *ROWS[len(rows) :]), limits=self.limits)
+            now = replace(now, conflicts=self.conflicts)
             active, events = self.alarms.update(now)
             self.events += events
             self.active = active
@@ -122,6 +124,17 @@ def test_two_that_are_too_near_are_one_alarm_of_their_own_row():
     assert watch.see(10, further) == {"near 11 12": "warning"}
     assert watch.see(30, row()) == {}
     assert Watch().see(3, row(p_enu=place)) == {}, "without a limit any distance is right"
+
+
+def test_where_the_video_contradicts_a_vehicle_what_it_reports_may_be_so():
+    watch = Watch(separation_m=5)
+    watch.conflicts = frozenset({11})
+    beyond = row(p_enu=ROWS[1].p_enu + np.array([-4.0, 0.0, 0.0]), fence="field", fence_m=-30.0)
+    told = watch.see(5, beyond)
+    assert (told["fence 11"], told["near 11 12"]) == ("warning", "warning")
+    watch.conflicts = frozenset()
+    told = watch.see(5, beyond)
+    assert (told["fence 11"], told["near 11 12"]) == ("alarm", "alarm")
 
 
 def test_positions_of_no_worth_are_near_nobody():
