@@ -19,19 +19,21 @@ from pathlib import Path
 from bench.command_line import RESULTS
 from bench.statements.checker import PLACES, check_flight
 from bench.statements.flights import fly_script
-from bench.statements.scripts import SCRIPTS
+from bench.statements.scripts import SCRIPTS, drawn_script
 from infra.markdown import markdown_table
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--flights", nargs="*", help="some of the flights, by name")
+    parser.add_argument("--draws", type=int, nargs=2, metavar=("FIRST", "COUNT"), help="drawn flights instead")
     parser.add_argument("--places", nargs="*", choices=tuple(PLACES), default=tuple(PLACES), help="where it is said")
     parser.add_argument("--examples", type=int, default=3, help="list so many false statements of each place")
     parser.add_argument("--out", type=Path, default=RESULTS / "statements.md", help="the table (%(default)s)")
     options = parser.parse_args()
     rows, examples, sums = [], list[str](), Counter[str]()
-    for script in SCRIPTS:
+    first, count = options.draws or (0, 0)
+    for script in [drawn_script(seed) for seed in range(first, first + count)] or SCRIPTS:
         if options.flights and script.name not in options.flights:
             continue
         cells = [script.name]

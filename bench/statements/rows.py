@@ -36,9 +36,12 @@ def check_row(flown: TrueFlight, moment: Moment, row: VehicleRow) -> Iterator[tu
     for what, told_s in (("heartbeat", row.heartbeat_age_s), ("position", row.position_age_s)):
         # what has come since the frame was taken may be in it
         true_s, least_s = (flown.silent_s(i, t_us, what) for t_us in (snapshot.t_us, moment.now_us))
+        # inf: the first one has just come
+        before_s = min(told_s, flown.silent_s(i, snapshot.t_us - round(SLACK_S * S), what))
         younger = told_s < min(true_s, least_s) - SLACK_S
         # a position that was refused is none, whenever it came
-        older = told_s > true_s + SLACK_S and not (what == "position" and flown.fault_of(i, snapshot.t_us, within_s=5))
+        faulty = what == "position" and flown.fault_of(i, snapshot.t_us, within_s=5)
+        older = told_s > true_s + SLACK_S and not (math.isinf(before_s) or faulty)
         if younger or older:
             yield f"{what} {told_s:.1f} s ago", f"it came {true_s:.1f} s before"
     frame = flown.frames.get(snapshot.seen_us)

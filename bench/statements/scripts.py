@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+
 from bench.again.scripted import InjectedFaults
 from bench.statements.flights import FlightScript, OperatorAct
 from sim.world.scenario import Occlusion, ScenarioFault
 
-__all__ = ["SCRIPTS"]
+__all__ = ["SCRIPTS", "drawn_script"]
 
 
 def _fault(system_id: int, kind: str, start_s: float, stop_s: float = 1e9, **more: float) -> ScenarioFault:
@@ -72,3 +76,51 @@ SCRIPTS: tuple[FlightScript, ...] = (
         acts=(OperatorAct(at_s=20.0, kind="mark", text="three are in doubt"),),
     ),
 )
+
+
+def drawn_script(seed: int) -> FlightScript:
+    """A flight in which several troubles come together, drawn: of the fleet, of the video, of the operator's hand."""
+    draw = np.random.default_rng(seed)
+    vehicles, seconds = int(draw.integers(3, 9)), float(draw.integers(25, 50))
+    ids = [11 + int(k) for k in draw.permutation(vehicles)]
+    troubled, faults = ids[: int(draw.integers(0, 4))], list[ScenarioFault]()
+    for i in troubled:
+        kind = str(draw.choice(["silent", "silent", "lag", "frozen", "jump", "drift", "spoof", "zero"]))
+        start_s = float(draw.choice([-9.0, *draw.uniform(3.0, seconds - 8.0, 3)])) if kind == "silent" else 8.0
+        stop_s = float(draw.choice([1e9, max(start_s, 0.0) + draw.uniform(2.0, 18.0)]))
+        fault = _fault(i, kind, round(start_s, 1), round(stop_s, 1))
+        if kind in ("jump", "drift"):
+            fault = replace(fault, size=float(draw.uniform(12.0, 40.0) if kind == "jump" else draw.uniform(0.5, 2.0)))
+        faults.append(replace(fault, other=ids[-1] - 11) if kind == "spoof" else fault)
+    gaps = sorted(float(t_s) for t_s in draw.uniform(4.0, seconds - 6.0, int(draw.choice([0, 0, 1, 2, 6]))))
+    signed = bool(draw.integers(0, 2))
+    lost_s = float(draw.uniform(6.0, seconds - 8.0))
+    injected = InjectedFaults(
+        no_video=tuple((t_s, t_s + float(draw.uniform(0.5, 6.0))) for t_s in gaps),
+        no_telemetry=(lost_s, lost_s + 5.0) if draw.random() < 0.25 else None,
+        signed=signed,
+        wrong_keys=frozenset(ids[-1:]) if signed and draw.random() < 0.5 else frozenset(),
+    )
+    acts = [
+        OperatorAct(at_s=3.0 + 4.0 * k, kind="state", of=ids[k % vehicles], says=ids[k % vehicles])
+        for k in range(int(draw.integers(0, 3)))
+    ]
+    if draw.random() < 0.5:
+        acts.append(OperatorAct(at_s=12.0, kind="mark", text="something is odd"))
+    occlusions = [
+        Occlusion(vehicle=int(draw.integers(vehicles)), t_s=float(draw.uniform(4.0, seconds - 6.0)), duration_s=3.0)
+        for _ in range(int(draw.integers(0, 3)))
+    ]
+    return FlightScript(
+        name=f"drawn {seed}",
+        seed=seed,
+        seconds=seconds,
+        fps=float(draw.choice([4.0, 5.0, 10.0])),
+        vehicles=vehicles,
+        outside=int(draw.integers(0, 2)),
+        strangers=int(draw.integers(0, 4)),
+        faults=tuple(faults),
+        occlusions=tuple(occlusions),
+        injected=injected,
+        acts=tuple(acts),
+    )

@@ -22,7 +22,7 @@ class Contradictions:
     """Measures how far vehicles are from their boxes, and remembers who was contradicted.
 
     A name that is lost by it ends nothing: of a vehicle without one it counts how far it reports to be from the box
-    that surely was it. What the identifier alone takes for a contradiction stands while it does so.
+    that surely was it, also for its end. What the identifier alone takes for a contradiction stands while it does so.
 
     Attributes:
         standing: system ids of vehicles whose reports contradict the video or one another, or did and have not fitted
@@ -83,7 +83,10 @@ class Contradictions:
                 fits.add(vehicle)
                 if confidence >= CONFIRMED:
                     sure[vehicle] = track
-        left, at_former = self._beside_former(identities, seen, limit_m)
+        left, former_m = self._beside_former(identities, seen, limit_m)
+        at_former = {vehicle for vehicle, away_m in former_m.items() if away_m <= limit_m[vehicle]}
+        nameless = std_m.keys() - set(identities.system_id.tolist())
+        fits |= {vehicle for vehicle in at_former & nameless if former_m[vehicle] <= FITS * limit_m[vehicle]}
         # where most are elsewhere it is the camera that is
         left = left if len(left) <= len(fits) else set()
         # of two that report one place the one that was there before is right
@@ -101,18 +104,17 @@ class Contradictions:
         self._proved = (self._proved - at_home) | accused
         self.standing = self._proved | conflict
         self.suspected = self.standing | apart | left
-        nameless = self._proved - set(identities.system_id.tolist())
-        self._lost = (self._lost & self._proved) | nameless
+        self._lost = self._proved & (self._lost | nameless)
         self.withheld = self._lost - fits - set(stated)
 
     def _beside_former(
         self, identities: Identities, seen: Collection[int], limit_m: dict[int, float]
-    ) -> tuple[set[int], set[int]]:
+    ) -> tuple[set[int], dict[int, float]]:
         """Vehicles beside the boxes that surely were them.
 
         Returns:
-            Those without a name that report to be far from that box, and from all others; those that report to be
-            there.
+            Those without a name that report to be far from that box, and from all others; how far from that box each
+            reports to be, m.
         """
         rows = {track: row for row, track in enumerate(identities.track_id.tolist())}
         named, found = identities.system_id.tolist(), identities.candidates
@@ -132,7 +134,7 @@ class Contradictions:
                     away_m.setdefault(vehicle, {})[track] = distance_m
         compared = {v: away_m[v] for v, track in self._was.items() if track in away_m.get(v, {})}
         left = {v for v, away in compared.items() if v not in taken and min(away.values()) > limit_m[v]}
-        return left, {v for v, away in compared.items() if away[self._was[v]] <= limit_m[v]}
+        return left, {v: away[self._was[v]] for v, away in compared.items()}
 
 
 def _at_one_place(vehicles: Collection[int], state: FleetState) -> set[int]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from assoc.identification.identifier import Identifier, Identities
-from gcs.certainty import certainty
+from gcs.certainty import CONFIRMED, certainty
 from gcs.mission.mission import Mission
 from gcs.snapshot import Event, Level, Statement
 from mavlink.fleet.fleet import FleetState
@@ -18,7 +18,9 @@ from vision.track.tracks import Tracks
 __all__ = ["Statements"]
 
 CONTRADICTED_US = 3_000_000
-"""A statement is withdrawn once the names have been others for so long: doubts about neighbours pass in a second."""
+"""A statement is withdrawn once another answer has been sure for so long: doubts about neighbours pass in a second."""
+HOLE_US = 1_000_000
+"""After so long without a frame it is counted anew."""
 
 
 LATE_FRAMES = 30
@@ -44,6 +46,7 @@ class Statements:
         self._mission = mission
         self._waiting: deque[Statement] = deque()
         self._standing: dict[int, _Standing] = {}
+        self._reviewed_us = 0
         self._recorded_as: dict[int, int] = {}
         """This fold's track by the recording's."""
 
@@ -123,6 +126,8 @@ class Statements:
         events: list[Event] = []
         rows = {track: row for row, track in enumerate(identities.track_id.tolist())}
         refused = state.contested
+        hole = t_us - self._reviewed_us > HOLE_US
+        self._reviewed_us = t_us
         for track, standing in list(self._standing.items()):
             made = standing.made
             row = rows.get(track)
@@ -132,8 +137,8 @@ class Statements:
                     text = f"{self._words(made)}; it ended with the track"
                     events.append(_event(t_us, "info", text, made.system_id))
                 continue
-            agrees = int(identities.system_id[row]) == made.system_id
-            if agrees or made.system_id in refused or self._mission.uav.system_id in refused:
+            other = int(identities.system_id[row]) != made.system_id and identities.confidence[row] >= CONFIRMED
+            if not other or hole or made.system_id in refused or self._mission.uav.system_id in refused:
                 standing.contradicted_us = 0
             elif not standing.contradicted_us:
                 standing.contradicted_us = t_us
