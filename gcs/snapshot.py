@@ -37,7 +37,16 @@ __all__ = [
 NAN, NEVER = float("nan"), float("inf")
 HELD_SHOWN_S = 0.5
 """Names older than this are shown with their age: streams of two frames a second and faster pass in this time."""
-Standing = Literal["confirmed", "tentative", "coasting", "unidentified", "out of view", "no position", "no new frame"]
+Standing = Literal[
+    "confirmed",
+    "tentative",
+    "coasting",
+    "unidentified",
+    "out of view",
+    "no position",
+    "misplaced",
+    "no new frame",
+]
 Reported = Literal["", "then", "now"]
 """In a replay: only the flight reported it (``then``), or only the replay does (``now``); empty: both, or no replay."""
 

@@ -218,6 +218,11 @@ class ReportLog:
             np.isfinite(self.rejected_since) | self.too_uncertain, np.inf, age
         )
 
+    @property
+    def believed_t(self) -> FloatArray:
+        """(n,) time of each vehicle's last report that is believed, seconds: what was compared later tells nothing."""
+        return np.asarray(np.minimum(self.last_t, self.rejected_since))
+
     def begun_anew(self) -> ReportLog:
         """A log without samples that knows where the vehicles reported to be last."""
         anew = ReportLog(self.n_vehicles, self._window_s)

@@ -41,7 +41,7 @@ from assoc.params import MANY_PAIRS, IdentifierParams
 from assoc.records import CameraState, Observation
 from assoc.tracks.co_visibility import CoVisibility
 from assoc.tracks.swap_risk import SwapRisk
-from assoc.tracks.track_handover import replaced_tracks
+from assoc.tracks.track_handover import exchangeable, replaced_tracks
 
 __all__ = ["Estimator", "UpdateResult"]
 
@@ -156,7 +156,10 @@ class Estimator:
             self._co_visibility.begin(columns, width)
             self._handover = np.pad(self._handover, ((0, width - len(self._handover)), (0, 0)))
             before = self._history.before[columns]
-            self._handover[columns] = self._co_visibility.log_handover(before, self._params.switch_rate_leap)
+            # two that are exchanged change both: each bears half
+            near = exchangeable(t, self._history, before, self.theta)
+            change = self._params.switch_rate_leap ** np.where(near, 0.5, 1.0)
+            self._handover[columns] = self._co_visibility.log_handover(before, change)
             self._state = self._stated.with_statements(self._state, columns, self._history)
             for column in columns.tolist():
                 self._swaps.reset(column)
@@ -247,7 +250,7 @@ class Estimator:
         """Marginals as they are told: no stranger is sure while one of ours is missing, and no answer at once."""
         log, live = self._log, context.columns[: context.live]
         _, age = log.extrapolated(t - self.time_offset_s)
-        fleet = Whereabouts(place=log.last_p, age_s=age, view=context.view, last_t=log.last_t)
+        fleet = Whereabouts(place=log.last_p, age_s=age, view=context.view, last_t=log.believed_t)
         ids, first_s = self._history.track_id[live], self._history.first_s[live]
         stated, former = self._stated.among(ids), self._conflicts.former(ids)
         shared = shared_with_missing(told.p, places, first_s, best.score, elsewhere, former, fleet)

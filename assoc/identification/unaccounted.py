@@ -47,7 +47,7 @@ class Whereabouts:
     view: FloatArray
     """(n,) chance to be in view by that report."""
     last_t: FloatArray
-    """(n,) time of that report, seconds."""
+    """(n,) time of the last report that was believed, seconds."""
 
 
 def shared_with_missing(

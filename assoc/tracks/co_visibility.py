@@ -77,17 +77,17 @@ class CoVisibility:
         self._elsewhere_s[seen] += min(t - self._t, _LONGEST_STEP_S) * (beside @ belief > _PROBABLE)
         self._t = t
 
-    def log_handover(self, before: IntArray, change: float) -> FloatArray:
+    def log_handover(self, before: IntArray, change: FloatArray) -> FloatArray:
         """Evidence of tracks that broke off for those that a tracker went on with: ln (p + (1 − p) c).
 
         Args:
             before: (k,) their columns, −1 none.
-            change: c, chance that a tracker went on with another one.
+            change: (k,) c, chance that a tracker went on with another one.
 
         Returns:
             (k, n), 0 where nothing broke off.
         """
-        claim = np.log(change + (1.0 - change) * self._belief[before])
+        claim = np.log(change[:, None] + (1.0 - change)[:, None] * self._belief[before])
         return np.asarray(np.where(before[:, None] >= 0, claim, 0.0))
 
     def elsewhere(self, columns: IntArray) -> BoolArray:

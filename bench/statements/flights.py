@@ -229,6 +229,8 @@ class _Surroundings:
         elif latest is not None:
             x, y = self.frames[latest.seen_us].places[act.of]
             tracked = [box for box in latest.boxes if box.track_id]
+            if not tracked:
+                return
             track = min(tracked, key=lambda box: np.hypot(box.cx - x, box.cy - y)).track_id
             undone = act.kind == "undo"
             flight.pipeline.state_name(Statement(track_id=track, system_id=0 if undone else act.says, undone=undone))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from bench.screens.flights import Moment
 from bench.statements.flights import TrueFlight
-from bench.statements.sentences import LOST_S, SILENT_S, SLACK_S, Said, check_sentence
+from bench.statements.sentences import ADRIFT_S, HOLD_S, LOST_S, SILENT_S, SLACK_S, Said, check_sentence
 from gcs.snapshot import VehicleRow
 
 __all__ = ["check_alarms", "check_missing_alarms", "check_row", "check_rows"]
@@ -16,6 +16,7 @@ S = 1_000_000
 EDGE_PX = 60.0
 """Three metres of a position's error, near the border of the frame."""
 FOUND_OUT_S = 3.0
+TURN_S = 0.3
 CONTRADICTIONS = ("conflict", "doubted", "refused")
 LATE_S = 4.0
 """An alarm is there so long after what raises it, where its rule asks for no longer."""
@@ -36,12 +37,12 @@ def check_row(flown: TrueFlight, moment: Moment, row: VehicleRow) -> Iterator[tu
     for what, told_s in (("heartbeat", row.heartbeat_age_s), ("position", row.position_age_s)):
         # what has come since the frame was taken may be in it
         true_s, least_s = (flown.silent_s(i, t_us, what) for t_us in (snapshot.t_us, moment.now_us))
-        # inf: the first one has just come
-        before_s = min(told_s, flown.silent_s(i, snapshot.t_us - round(SLACK_S * S), what))
+        # what has just come is in the next one
+        turn_s = TURN_S + flown.silent_s(i, snapshot.t_us - round(TURN_S * S), what)
         younger = told_s < min(true_s, least_s) - SLACK_S
         # a position that was refused is none, whenever it came
         faulty = what == "position" and flown.fault_of(i, snapshot.t_us, within_s=5)
-        older = told_s > true_s + SLACK_S and not (math.isinf(before_s) or faulty)
+        older = told_s > max(true_s, turn_s) + SLACK_S and not faulty
         if younger or older:
             yield f"{what} {told_s:.1f} s ago", f"it came {true_s:.1f} s before"
     frame = flown.frames.get(snapshot.seen_us)
@@ -61,9 +62,17 @@ def check_row(flown: TrueFlight, moment: Moment, row: VehicleRow) -> Iterator[tu
         yield "out of view", f"it is {-outside_px:.0f} px inside of the picture"
     if row.in_view and outside_px > EDGE_PX and not told:
         yield "in view", f"it is {outside_px:.0f} px outside of the picture"
+    yield from _without_place(flown, snapshot.t_us, row)
+
+
+def _without_place(flown: TrueFlight, t_us: int, row: VehicleRow) -> Iterator[tuple[str, str]]:
+    """Of vehicles of which it is said that nobody knows where they are."""
+    i = row.system_id
+    if row.standing == "misplaced" and not flown.fault_of(i, t_us, within_s=HOLD_S + ADRIFT_S):
+        yield "misplaced", "its positions are right"
     if row.standing == "no position":
-        age_s = flown.silent_s(i, snapshot.t_us, "position")
-        if age_s < LOST_S - SLACK_S and not flown.fault_of(i, snapshot.t_us, within_s=5):
+        age_s = flown.silent_s(i, t_us, "position")
+        if age_s < LOST_S - SLACK_S and not flown.fault_of(i, t_us, within_s=5):
             yield "no position", f"one came {age_s:.1f} s before"
 
 

@@ -19,7 +19,7 @@ __all__ = ["check_screens"]
 
 SIZE = (160, 48)
 AGE = r"(?: for [\d.]+[smh])?"
-STANDING = r"(?:confirmed|tentative|coasting|unknown|out of view|no position|no new frame)(?: \d+%)?"
+STANDING = r"(?:confirmed|tentative|coasting|unknown|out of view|no position|misplaced|no new frame)(?: \d+%)?"
 ANY = re.compile(".+")
 FACTS = dict.fromkeys(
     (
@@ -36,7 +36,17 @@ FACTS = dict.fromkeys(
             "fence",
             "confirmed",
         ),
-        *("tentative", "coasting", "unknown", "out of view", "no position", "boxes", "video clock", "camera yaw"),
+        *(
+            "tentative",
+            "coasting",
+            "unknown",
+            "out of view",
+            "no position",
+            "misplaced",
+            "boxes",
+            "video clock",
+            "camera yaw",
+        ),
     ),
     ANY,
 ) | {

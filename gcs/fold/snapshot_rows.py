@@ -242,8 +242,10 @@ def standing_of(row: VehicleRow, box: Box | None, now: Snapshot, *, lapsed: bool
             return "coasting"
         sure = box.confidence >= CONFIRMED and row.system_id not in now.doubted
         return "confirmed" if sure else "tentative"
-    if row.position_state in ("never", "lost", "refused", "contested") or row.system_id in now.conflicts:
+    if row.position_state in ("never", "lost", "refused", "contested"):
         return "no position"
+    if row.system_id in now.conflicts:
+        return "misplaced"
     if row.in_view is False:
         return "out of view"
     return "no new frame" if lapsed else "unidentified"

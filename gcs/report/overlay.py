@@ -51,10 +51,14 @@ STANDING_RGB: Final[Mapping[Standing, Rgb]] = MappingProxyType(
         "unidentified": (246, 184, 255),
         "out of view": (163, 171, 187),
         "no position": (240, 112, 96),
+        "misplaced": (240, 112, 96),
         "no new frame": (233, 236, 240),
     }
 )
-"""Far enough apart to be distinguished without red, green or blue cones, and bright enough on the dark."""
+"""Far enough apart to be distinguished without red, green or blue cones, and bright enough on the dark.
+
+The two of vehicles whose place nobody knows are one colour.
+"""
 DARK: Final[Rgb] = (14, 18, 26)
 """Behind labels and where there is no image."""
 FAR_MS: Final = 250_000_000_000_000

@@ -45,6 +45,7 @@ class Colour(StrEnum):
     UNIDENTIFIED = "unidentified"
     OUT_OF_VIEW = "out of view"
     NO_POSITION = "no position"
+    MISPLACED = "misplaced"
     NO_NEW_FRAME = "no new frame"
 
 
@@ -101,6 +102,7 @@ LIGHT: Final = _theme(
         Colour.UNIDENTIFIED: (96, 0, 125),
         Colour.OUT_OF_VIEW: (53, 60, 70),
         Colour.NO_POSITION: (127, 6, 2),
+        Colour.MISPLACED: (127, 6, 2),
         Colour.NO_NEW_FRAME: (0, 7, 21),
     },
     dark=False,
@@ -124,6 +126,7 @@ HIGH_CONTRAST: Final = _theme(
         Colour.UNIDENTIFIED: (255, 190, 255),
         Colour.OUT_OF_VIEW: (176, 182, 194),
         Colour.NO_POSITION: (255, 125, 105),
+        Colour.MISPLACED: (255, 125, 105),
         Colour.NO_NEW_FRAME: (255, 255, 255),
     },
 )

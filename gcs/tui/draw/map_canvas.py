@@ -45,6 +45,7 @@ STANDING_MARKS: Final[Mapping[Standing, str]] = MappingProxyType(
         "unidentified": "○",
         "out of view": "□",
         "no position": "×",
+        "misplaced": "≠",
         "no new frame": "◎",
     }
 )

@@ -51,7 +51,7 @@ from mavlink.state import SILENT_S
 __all__ = ["IdentityPane", "expected_place"]
 
 DOUBTS: Final[tuple[Standing, ...]] = (
-    *("tentative", "coasting", "unidentified", "out of view", "no position", "no new frame"),
+    *("tentative", "coasting", "unidentified", "out of view", "no position", "misplaced", "no new frame"),
 )
 NAME_CELLS = 13
 """Width of what is before a fact."""

@@ -158,3 +158,10 @@ def test_begun_anew_a_log_has_the_newest_places_alone():
     anew = log.begun_anew()
     assert not len(anew.samples(0.0, 30.0).t)
     np.testing.assert_array_equal(anew.extrapolated(21.0)[0], log.extrapolated(21.0)[0])
+
+
+def test_a_report_that_is_rejected_is_none_that_is_believed():
+    log = ReportLog(3, 20.0)
+    log.add(*drive(0.3))
+    log.rejected_since = np.array([np.inf, 5.0, np.inf])
+    assert log.believed_t.tolist() == [log.last_t[0], 5.0, log.last_t[2]]

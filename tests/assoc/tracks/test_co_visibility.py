@@ -80,7 +80,7 @@ def test_a_new_track_in_an_old_column_has_no_company():
 
 def test_what_broke_off_claims_those_it_went_on_as():
     company = seen_together()
-    said = company.log_handover(np.array([0, 2, -1]), 0.1)
+    said = company.log_handover(np.array([0, 2, -1]), np.full(3, 0.1))
     np.testing.assert_allclose(said, [np.log((0.91, 0.1)), np.log((0.1, 0.28)), (0.0, 0.0)])
 
 

@@ -49,7 +49,7 @@ def test_a_name_that_is_lost_by_it_is_not_given_again_and_why_is_told():
     candidates = [each for box in scene.last.boxes for each in box.candidates if each.system_id == UGV]
     assert candidates and all(each.against.startswith(WORDS) for each in candidates)
     row = scene.row(UGV)
-    assert (row.standing, row.in_view, row.position_state) == ("no position", None, "ok")
+    assert (row.standing, row.in_view, row.position_state) == ("misplaced", None, "ok")
 
 
 def test_a_name_under_that_alarm_is_never_confirmed():
