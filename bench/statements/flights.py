@@ -171,13 +171,17 @@ class TrueFlight:
         return "none of ours" if not system_id else f"UGV-{system_id}"
 
     def fault_of(self, system_id: int, t_us: int, *, within_s: float = 0.0) -> ScenarioFault | None:
-        """What is wrong with the positions that a vehicle reports then, or was so within some seconds."""
+        """What is wrong with the positions that a vehicle reports then, or was so within some seconds of film."""
         at_s = self.at_s(t_us)
         for fault in self.script.faults:
             its = self.scenario.ugv_ids[fault.vehicle] == system_id and fault.kind != "silent"
-            if its and fault.start_s <= at_s < fault.stop_s + within_s:
+            if its and fault.start_s <= at_s and self._filmed_s(fault.stop_s, at_s) <= within_s:
                 return fault
         return None
+
+    def _filmed_s(self, start_s: float, stop_s: float) -> float:
+        """How long the video came between two times, 0 where the second is the first or before."""
+        return sum(start_s <= self.at_s(t_us) <= stop_s for t_us in self.frames) / self.script.fps
 
     def silent_s(self, system_id: int, t_us: int, what: str = "") -> float:
         """How long nothing (``heartbeat``, ``position``) of a vehicle has come that can be believed; inf never."""

@@ -99,7 +99,7 @@ def _remark(flown: TrueFlight, system_id: int, remark: str, boxes: int, seen: in
         yield f"{boxes} boxes have its name"
     elif (told == "refused") != (refused > 0 and not heard):
         yield f"{refused} of its packets were refused"
-    elif (told == "unheard") != (not heard and not refused):
+    elif told != "named" and (told == "unheard") != (not heard and not refused):  # one may be named by statement
         yield "it was heard" if heard else "it was never heard"
     elif told == "outside" and seen:
         yield f"it was in view in {seen} frames"

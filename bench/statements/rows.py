@@ -94,7 +94,8 @@ def check_missing_alarms(flown: TrueFlight, moment: Moment) -> Iterator[tuple[Sa
         if SILENT_S + LATE_S < silent_s < math.inf and f"{flown.name(i)}: no heartbeat" not in texts:
             yield _nothing(t_us, i), f"{flown.name(i)} has been silent for {silent_s:.1f} s"
     frames = [frame_us for now_us, frame_us in flown.turns if frame_us and now_us <= t_us]
-    if frames and t_us - frames[-1] > LATE_S * S and not any("video has stopped" in text for text in texts):
+    told = any("the video has stopped" in text or "the video comes and goes" in text for text in texts)
+    if frames and t_us - frames[-1] > LATE_S * S and not told:
         yield _nothing(t_us, 0), f"the last frame is of {(t_us - frames[-1]) / S:.1f} s before"
 
 

@@ -78,20 +78,27 @@ SCRIPTS: tuple[FlightScript, ...] = (
 )
 
 
+LIES, LEAST_PER_LIE = ("jump", "drift", "spoof", "frozen"), 4
+"""Where many of a fleet report to be elsewhere nobody can know who lies, or whether the camera is elsewhere."""
+
+
 def drawn_script(seed: int) -> FlightScript:
     """A flight in which several troubles come together, drawn: of the fleet, of the video, of the operator's hand."""
     draw = np.random.default_rng(seed)
     vehicles, seconds = int(draw.integers(3, 9)), float(draw.integers(25, 50))
     ids = [11 + int(k) for k in draw.permutation(vehicles)]
-    troubled, faults = ids[: int(draw.integers(0, 4))], list[ScenarioFault]()
+    troubled, faults, lies = ids[: int(draw.integers(0, 4))], list[ScenarioFault](), 0
     for i in troubled:
         kind = str(draw.choice(["silent", "silent", "lag", "frozen", "jump", "drift", "spoof", "zero"]))
+        lies += kind in LIES
+        if lies > vehicles // LEAST_PER_LIE:
+            kind = "silent"
         start_s = float(draw.choice([-9.0, *draw.uniform(3.0, seconds - 8.0, 3)])) if kind == "silent" else 8.0
         stop_s = float(draw.choice([1e9, max(start_s, 0.0) + draw.uniform(2.0, 18.0)]))
         fault = _fault(i, kind, round(start_s, 1), round(stop_s, 1))
         if kind in ("jump", "drift"):
             fault = replace(fault, size=float(draw.uniform(12.0, 40.0) if kind == "jump" else draw.uniform(0.5, 2.0)))
-        faults.append(replace(fault, other=ids[-1] - 11) if kind == "spoof" else fault)
+        faults.append(replace(fault, other=ids[-2] - 11) if kind == "spoof" else fault)
     gaps = sorted(float(t_s) for t_s in draw.uniform(4.0, seconds - 6.0, int(draw.choice([0, 0, 1, 2, 6]))))
     signed = bool(draw.integers(0, 2))
     lost_s = float(draw.uniform(6.0, seconds - 8.0))

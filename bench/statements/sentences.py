@@ -84,9 +84,9 @@ def _there(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
 
 
 def _speaks(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
-    # its words come beside its heartbeats
-    silent_s = flown.silent_s(who, said.t_us)
-    return f"it has been silent for {silent_s:.1f} s" if silent_s > SILENT_S else ""
+    # its words come beside its heartbeats, the first before them
+    silent_s = flown.silent_s(who, said.t_us + S)
+    return f"it has been silent for {silent_s:.1f} s" if silent_s > SILENT_S + 1.0 else ""
 
 
 def _open(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
@@ -287,6 +287,7 @@ SENTENCES: Mapping[str, Check] = {
     _STATED + "; it ended with the track": _ends,
     _STATED + "; it ends: that is track {count} now": _stated,
     _STATED + "; withdrawn": _withdrawn,
+    _STATED + "; not used: the track has ended": _so,
     _STATED + "; contradicted: by its reports it is {other} ({percent}%)": _contradicted,
     _STATED + "; contradicted: by the reports it is none of ours ({percent}%)": _contradicted,
 }
