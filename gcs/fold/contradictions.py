@@ -16,13 +16,16 @@ FITS = 0.75
 """Of the distance from which on a vehicle is contradicted: one that is nearer to its box fits."""
 FRESH_S = 2.0
 """An older report fits nothing."""
+UNPROVED_S = 1.0
+"""What the identifier alone takes for a contradiction counts once it has for so long: a box may be missed meanwhile."""
 
 
 class Contradictions:
     """Measures how far vehicles are from their boxes, and remembers who was contradicted.
 
     A name that is lost by it ends nothing: of a vehicle without one it counts how far it reports to be from the box
-    that surely was it, also for its end. What the identifier alone takes for a contradiction stands while it does so.
+    that surely was it, also for its end. What the identifier alone takes for a contradiction for a second stands while
+    it does so.
 
     Attributes:
         standing: system ids of vehicles whose reports contradict the video or one another, or did and have not fitted
@@ -41,7 +44,9 @@ class Contradictions:
         self._apart_us: dict[int, int] = {}
         self._left_us: dict[int, int] = {}
         self._fits_us: dict[int, int] = {}
-        """Since when each vehicle is far from its box, far from the one that it was, and at its box."""
+        self._conflict_us: dict[int, int] = {}
+        """Since when each vehicle is far from its box, far from the one that it was, at its box, and in conflict by the
+        identifier."""
         self._cleared: set[int] = set()
         """Those whom the identifier suspects, and whose boxes surely were them where they report to be."""
         self._was: dict[int, int] = {}
@@ -65,7 +70,7 @@ class Contradictions:
             stated: vehicles that the operator has named a box: their names are not withheld.
         """
         if identities is None:
-            self._apart_us, self._left_us, self._fits_us = {}, {}, {}
+            self._apart_us, self._left_us, self._fits_us, self._conflict_us = {}, {}, {}, {}
             return
         std_m = dict(zip(state.system_id.tolist(), state.std_m.tolist(), strict=True))
         limit_m = {vehicle: APART_M + APART_STDS * std_m[vehicle] for vehicle in std_m}
@@ -92,9 +97,12 @@ class Contradictions:
         # of two that report one place the one that was there before is right
         self._cleared = ((self._cleared | at_former) & set(identities.conflict)) - apart - left
         conflict = set(identities.conflict) - self._cleared
-        self._apart_us, self._left_us, self._fits_us = (
+        self._apart_us, self._left_us, self._fits_us, self._conflict_us = (
             {vehicle: before.get(vehicle, t_us) for vehicle in now}
-            for before, now in ((self._apart_us, apart), (self._left_us, left), (self._fits_us, fits))
+            for before, now in (
+                *((self._apart_us, apart), (self._left_us, left)),
+                *((self._fits_us, fits), (self._conflict_us, conflict)),
+            )
         )
         at_home = _lasting(self._fits_us, t_us, FITS_S)
         self._was |= {vehicle: track for vehicle, track in sure.items() if vehicle in at_home}
@@ -102,8 +110,8 @@ class Contradictions:
         # without a box that surely was it, it may be another that was taken for it
         accused |= _at_one_place(conflict, state) | (conflict & self._was.keys())
         self._proved = (self._proved - at_home) | accused
-        self.standing = self._proved | conflict
-        self.suspected = self.standing | apart | left
+        self.standing = self._proved | _lasting(self._conflict_us, t_us, UNPROVED_S)
+        self.suspected = self.standing | conflict | apart | left
         self._lost = self._proved & (self._lost | nameless)
         self.withheld = self._lost - fits - set(stated)
 
