@@ -255,7 +255,9 @@ class Estimator:
         stated, former = self._stated.among(ids), self._conflicts.former(ids)
         shared = shared_with_missing(told.p, places, first_s, best.score, elsewhere, former, fleet)
         tracks = list(zip(ids.tolist(), first_s.tolist(), strict=True))
-        told = told.after(AnswerDoubt.MISSING, np.where(stated[:, None], told.p, shared))
+        # who is stated to be a vehicle is no sure stranger either, while that one is nowhere else
+        strangers = self._stated.strangers_among(ids)
+        told = told.after(AnswerDoubt.MISSING, np.where(strangers[:, None], told.p, shared))
         return told.after(AnswerDoubt.UNSTEADY, self._steady.limited(t, tracks, told.p, stated))
 
     def _follow_sway(self, context: UpdateContext, best: Hypothesis, camera: CameraState) -> None:

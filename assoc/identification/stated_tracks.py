@@ -44,6 +44,10 @@ class StatedTracks:
         """(m,) of which tracks anything is stated."""
         return np.isin(track_id, list(self._vehicle))
 
+    def strangers_among(self, track_id: IntArray) -> BoolArray:
+        """(m,) of which tracks it is stated that they are none of ours."""
+        return np.array([self._vehicle.get(key) == NONE_OF_OURS for key in track_id.tolist()], np.bool_)
+
     def scores(self, track_id: IntArray, n: int) -> FloatArray:
         """(m, n) nats that the statements count for, or below 0 against, each vehicle."""
         score = np.zeros((len(track_id), n))
