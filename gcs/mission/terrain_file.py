@@ -6,19 +6,20 @@ GeoTIFF 1.1, OGC 19-008r4: a north-up grid in longitude and latitude or in a pro
 from __future__ import annotations
 
 import math
-import warnings
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from PIL import Image
 from pyproj import Transformer
 from pyproj.exceptions import ProjError
 from scipy.ndimage import map_coordinates
 
 from gcs.errors import ConfigError
+from gcs.mission.tiff_grid import read_tiff
 from infra.plain_text import plain
+from infra.processes.bounded import UnreadError
 
 __all__ = ["TerrainFile"]
 
@@ -30,6 +31,7 @@ _POINT = 2
 """RasterPixelIsPoint: tie points are of the cells' centres, not of their corners."""
 _METRE = 9001
 _USER_DEFINED = 32767
+_SHORTS = 65536
 
 
 class TerrainFile:
@@ -45,25 +47,18 @@ class TerrainFile:
         if not path.is_file():
             raise ConfigError(f"{path}: no such file; [map] terrain needs a GeoTIFF of elevations")
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("error")
-                with Image.open(path, formats=("TIFF",)) as image:
-                    if image.width * image.height > MOST_CELLS:
-                        raise ConfigError(
-                            f"{path}: {image.width} × {image.height} cells are too many; cut the area out"
-                        )
-                    tags: dict[int, Any] = dict(image.tag_v2)  # type: ignore[attr-defined]
-                    z = np.array(image, dtype=np.float32)
-        except (OSError, ValueError, SyntaxError, Warning, Image.DecompressionBombError) as error:
-            raise ConfigError(f"{path}: cannot be read as TIFF: {plain(str(error))}") from None
-        if z.ndim != 2:
-            raise ConfigError(f"{path}: has {z.shape[-1]} bands; elevations are one")
-        self._z = _with_gaps(z, tags)
-        self._place_grid(tags)
+            found = read_tiff(path, MOST_CELLS, [_SCALE, _TIE_POINTS, _TRANSFORMATION, _KEYS, _NO_DATA])
+        except (UnreadError, OSError) as error:
+            raise ConfigError(f"{path}: cannot be read as TIFF: {error}") from None
+        if found.bands != 1:
+            raise ConfigError(f"{path}: has {found.bands} bands; elevations are one")
+        self._z = _with_gaps(found.grid(), found.words.get(_NO_DATA, ""))
+        self._place_grid(found.numbers)
 
-    def _place_grid(self, tags: dict[int, Any]) -> None:
-        keys = _geo_keys(tags)
-        if _TRANSFORMATION in tags or not {_SCALE, _TIE_POINTS} <= set(tags):
+    def _place_grid(self, tags: Mapping[int, Sequence[float]]) -> None:
+        keys = _geo_keys(tags.get(_KEYS, ()))
+        scale, ties = tags.get(_SCALE, ())[:2], tags.get(_TIE_POINTS, ())[:6]
+        if _TRANSFORMATION in tags or (len(scale), len(ties)) != (2, 6):
             raise ConfigError(f"{self.path}: has no place, or is a turned grid; gdalwarp makes one that is read")
         if keys.get(_VERTICAL_UNITS, _METRE) != _METRE:
             raise ConfigError(f"{self.path}: its elevations are not in metres")
@@ -74,13 +69,13 @@ class TerrainFile:
             self._to_grid = Transformer.from_crs(4326, epsg, always_xy=True)
         except ProjError as error:
             raise ConfigError(f"{self.path}: EPSG:{epsg}: {plain(str(error))}") from None
-        self._cell = np.array(tags[_SCALE][:2], dtype=np.float64)
-        column, row, _, x, y, _ = tags[_TIE_POINTS][:6]
+        self._cell = np.array(scale, dtype=np.float64)
+        column, row, _, x, y, _ = ties
         middle = 0.0 if keys.get(_RASTER_TYPE) == _POINT else 0.5
         # x = x_0 + s_x column, y = y_0 − s_y row, for the centres of cells
         self._x0, self._y0 = x + (middle - column) * self._cell[0], y - (middle - row) * self._cell[1]
-        if not (np.isfinite(self._cell).all() and (self._cell > 0.0).all()):
-            raise ConfigError(f"{self.path}: has no size of its cells")
+        if not (np.isfinite([*scale, *ties]).all() and (self._cell > 0.0).all()):
+            raise ConfigError(f"{self.path}: has no size or place of its cells")
 
     def elevations(self, lat_deg: ArrayLike, lon_deg: ArrayLike) -> NDArray[np.float64]:
         """Elevations (k,) at places (k,), metres, in the file's own datum; NaN where it has none."""
@@ -93,16 +88,18 @@ class TerrainFile:
         return z
 
 
-def _geo_keys(tags: dict[int, Any]) -> dict[int, int]:
+def _geo_keys(values: Sequence[float]) -> dict[int, int]:
     """Short values of the GeoKeyDirectory: a head of four numbers, then id, place, count and value of each key."""
-    flat = [int(v) for v in tags.get(_KEYS, ())][4:]
+    flat = [int(v) for v in values if 0 <= v < _SHORTS][4:]
     return {key: value for key, place, _, value in zip(*[iter(flat)] * 4, strict=False) if place == 0}
 
 
-def _with_gaps(z: NDArray[np.float32], tags: dict[int, Any]) -> NDArray[np.float32]:
+def _with_gaps(z: NDArray[np.float32], no_data: str) -> NDArray[np.float32]:
     """Elevations with NaN where the file has none."""
     try:
-        none = float(str(tags.get(_NO_DATA, "nan")).strip("\0 "))
+        none = float(no_data.strip("\0 "))
     except ValueError:
         none = math.nan
-    return np.where(np.isfinite(z) & (z != np.float32(none)), z, np.float32(math.nan))
+    with np.errstate(over="ignore"):
+        missing = z == np.float32(none)
+    return np.where(np.isfinite(z) & ~missing, z, np.float32(math.nan))

@@ -16,10 +16,9 @@ import msgspec
 
 from infra.program_log import log_as_parent
 
-__all__ = ["MessageChannel", "connect_to_parent"]
+__all__ = ["MOST_BYTES", "MessageChannel", "connect_to_parent"]
 
-_MOST_BYTES = 1 << 20
-"""A longer message is none."""
+MOST_BYTES = 1 << 20
 
 Received = TypeVar("Received")
 
@@ -31,6 +30,7 @@ class MessageChannel(Generic[Received]):
         reading: where messages come from.
         writing: where they go to.
         received: the type of those that come, or the union of their types.
+        most_bytes: a longer message is none.
     """
 
     def __init__(
@@ -38,8 +38,9 @@ class MessageChannel(Generic[Received]):
         reading: Connection[Any, Any],
         writing: Connection[Any, Any],
         received: type[Received] | Any,  # noqa: ANN401
+        most_bytes: int = MOST_BYTES,
     ) -> None:
-        self._reading, self._writing = reading, writing
+        self._reading, self._writing, self._most_bytes = reading, writing, most_bytes
         self._decoder: msgspec.msgpack.Decoder[Received] = msgspec.msgpack.Decoder(received)
         # two threads that close one pipe may close a descriptor that was reused meanwhile
         self._sending = threading.Lock()
@@ -69,7 +70,7 @@ class MessageChannel(Generic[Received]):
         try:
             if not self._reading.poll(timeout_s):
                 return None
-            return self._decoder.decode(self._reading.recv_bytes(_MOST_BYTES))
+            return self._decoder.decode(self._reading.recv_bytes(self._most_bytes))
         except (OSError, msgspec.DecodeError) as error:
             raise EOFError from error
 

@@ -15,7 +15,7 @@ from typing import Any, Generic, TypeVar
 
 import psutil
 
-from infra.processes.channel import MessageChannel
+from infra.processes.channel import MOST_BYTES, MessageChannel
 from infra.program_log import child_environment
 
 __all__ = ["ChildProcess"]
@@ -43,6 +43,7 @@ class ChildProcess(Generic[Report]):
         reports: the type of the messages that it sends, or the union of their types.
         fds: file descriptors that it needs; they have the same numbers there.
         environment: added to this process's.
+        most_bytes: a longer message of it is none.
 
     Raises:
         OSError: the system starts no process.
@@ -55,11 +56,12 @@ class ChildProcess(Generic[Report]):
         *,
         fds: Collection[int] = (),
         environment: Mapping[str, str] | None = None,
+        most_bytes: int = MOST_BYTES,
     ) -> None:
         their_reading, our_writing = Pipe(duplex=False)
         our_reading, their_writing = Pipe(duplex=False)
         ends = their_reading.fileno(), their_writing.fileno()
-        self.channel: MessageChannel[Report] = MessageChannel(our_reading, our_writing, reports)
+        self.channel: MessageChannel[Report] = MessageChannel(our_reading, our_writing, reports, most_bytes)
         self._output = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
         # our packages are found where this one is, whatever folder the station was started in
         paths = os.pathsep.join(filter(None, (ROOT, os.environ.get("PYTHONPATH"))))

@@ -30,6 +30,9 @@ _TYPES = {
     **{"n": "S4", "N": "S16", "Z": "S64", "a": "S64"},
 }
 _SCALES = {"c": 0.01, "C": 0.01, "e": 0.01, "E": 0.01, "L": 1e-7}
+_WHOLE = frozenset(("TimeUS", "GMS", "GWk", "Status", "I", "C", "PI"))
+"""Columns of whole numbers; all others but names are numbers of any kind. What is of another kind is not there."""
+_NAMES = frozenset(("Name",))
 _MOST_RECORDS = 2_000_000
 """Of one type: eleven hours at 50 a second."""
 _NEAR, _FAR = 256, 1 << 20
@@ -170,13 +173,14 @@ def _add_layout(layouts: dict[int, _RecordLayout], body: bytes) -> None:
 
 
 def _table(data: mmap.mmap, starts: array[int], layout: _RecordLayout) -> NDArray[np.void]:
-    size, names = layout.dtype.itemsize, layout.dtype.names or ()
+    size = layout.dtype.itemsize
     raw = np.frombuffer(b"".join(data[start : start + size] for start in starts), layout.dtype)
-    kinds = [
-        (name, layout.dtype[name] if scale == 1.0 else np.dtype("f8"))
-        for name, scale in zip(names, layout.scales, strict=True)
+    columns = [
+        (name, layout.dtype[name], scale)
+        for name, scale in zip(layout.dtype.names or (), layout.scales, strict=True)
+        if layout.dtype[name].kind in ("S" if name in _NAMES else "iu" if name in _WHOLE else "iuf")
     ]
-    table = np.empty(len(raw), kinds)
-    for name, scale in zip(names, layout.scales, strict=True):
+    table = np.empty(len(raw), [(name, kind if scale == 1.0 else np.dtype("f8")) for name, kind, scale in columns])
+    for name, _, scale in columns:
         table[name] = raw[name] if scale == 1.0 else raw[name] * scale
     return table

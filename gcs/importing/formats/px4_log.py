@@ -6,11 +6,10 @@ Topics and fields: https://docs.px4.io/main/en/msg_docs/. The log's own time is 
 
 from __future__ import annotations
 
-import contextlib
-import io
 import math
-import struct
+import os
 from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.importing.formats.text_file import open_file
+from gcs.importing.formats.ulog_topics import read_topics
 from gcs.importing.vehicle_log import (
     AngleTrack,
     ImportNotes,
@@ -28,6 +28,7 @@ from gcs.importing.vehicle_log import (
     in_order,
     whole_places,
 )
+from infra.processes.bounded import UnreadError
 from mavlink.geodesy import euler_from_quaternion
 
 __all__ = ["read_px4"]
@@ -46,6 +47,11 @@ _WANTED = (
     "home_position",
     "gimbal_device_attitude_status",
     *_RECEIVERS,
+)
+_COLUMNS = (
+    *("timestamp", "lat", "lon", "alt", "eph", "vx", "vy", "vz", "q[0]", "q[1]", "q[2]", "q[3]", "device_flags"),
+    *("latitude_deg", "longitude_deg", "altitude_msl_m", "fix_type", "time_utc_usec"),
+    *("vel_n_m_s", "vel_e_m_s", "vel_d_m_s"),
 )
 _MOST_BYTES = 1 << 30
 _GAP_US = 2_000_000
@@ -99,31 +105,17 @@ def read_px4(path: Path) -> VehicleLog:
 
 def _topics(path: Path) -> tuple[Topics, int, bool]:
     """Instances of the wanted topics by their numbers, the system id (0 unknown), and whether the file is damaged."""
-    try:
-        from pyulog import ULog
-        from pyulog.core import ULogException, ULogIncompatibleFlagException
-    except ImportError:
-        raise ImportFileError(f"{path}: PX4 logs need pyulog: pip install 'rollcall-gcs[import]'") from None
+    if find_spec("pyulog") is None:
+        raise ImportFileError(f"{path}: PX4 logs need pyulog: pip install 'rollcall-gcs[import]'")
     with open_file(path) as file:
-        if path.stat().st_size > _MOST_BYTES:
-            raise ImportFileError(f"{path}: larger than {_MOST_BYTES >> 30} GiB; cut it where the flight ends")
-        try:
-            # it prints what it thinks of a file
-            with contextlib.redirect_stdout(io.StringIO()):
-                log = ULog(file, list(_WANTED))
-        except (
-            *(ULogException, ULogIncompatibleFlagException, ArithmeticError, LookupError, TypeError, ValueError),
-            *(AssertionError, AttributeError, EOFError, MemoryError, OSError, RuntimeError, struct.error),
-        ) as error:
-            reason = " ".join(str(error).split())[:100] or type(error).__name__
-            raise ImportFileError(f"{path}: not a PX4 log that can be read: {reason}") from None
-    topics: dict[str, list[Columns]] = {}
-    for each in sorted(log.data_list, key=lambda data: data.multi_id):
-        if "timestamp" in each.data and len(each.data["timestamp"]):
-            topics.setdefault(each.name, []).append(each.data)
-    system_id = log.initial_parameters.get("MAV_SYS_ID", 0)
-    known = isinstance(system_id, int) and 1 <= system_id <= 255
-    return topics, system_id if known else 0, bool(log.file_corruption)
+        size = os.fstat(file.fileno()).st_size
+    if size > _MOST_BYTES:
+        raise ImportFileError(f"{path}: larger than {_MOST_BYTES >> 30} GiB; cut it where the flight ends")
+    try:
+        found = read_topics(str(path), size, list(_WANTED), list(_COLUMNS))
+    except (UnreadError, OSError) as error:
+        raise ImportFileError(f"{path}: not a PX4 log that can be read: {error}") from None
+    return found.tables(), found.system_id, found.damaged
 
 
 def _times(topic: Columns) -> Ints:

@@ -117,3 +117,24 @@ def test_logs_from_before_2015(flown, tmp_path):
     assert log.places.lat_deg == pytest.approx(good.places.lat_deg, abs=4e-7)
     assert log.places.height_m == pytest.approx(good.places.height_m, abs=0.02)
     assert np.degrees(log.attitudes.angles[0]) == pytest.approx((1.0, 2.0, 90.0))
+
+
+SIZES = {char: np.dtype(kind).itemsize for char, kind in reader._TYPES.items()}
+
+
+@pytest.mark.parametrize("kind", "nfd")
+@pytest.mark.parametrize("name", ["GPS", "POS", "ATT", "XKF1", "PARM", "MNT"])
+def test_columns_of_another_kind_are_not_there(kind, name, flown, tmp_path):
+    data = dataflash(flown, 11, gimbal_deg=(0.0, -45.0, 10.0))
+    at = data.index(struct.pack("4s", name.encode()), 89) + 4
+    told = {len(read(tmp_path, data).places)}
+    whole = told | {"no position in it; an ArduPilot log with POS or GPS is needed"}
+    for column, char in enumerate(data[at : at + 16].split(b"\0")[0].decode()):
+        if SIZES[char] == SIZES[kind]:
+            changed = bytearray(data)
+            changed[at + column] = ord(kind)
+            try:
+                told.add(len(read(tmp_path, changed).places))
+            except ImportFileError as error:
+                told.add(str(error).partition(": ")[2])
+    assert told <= whole

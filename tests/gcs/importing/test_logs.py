@@ -170,6 +170,19 @@ def test_gpx(flown, tmp_path):
     assert [point.latitude for point in first.segments[0].points] == pytest.approx(logs[0].places.lat_deg)
 
 
+def nested(levels):
+    """A PX4 log of formats within formats: a hundred times more fields with each level."""
+    formats = [f"t{k}:t{k + 1}[99] a;" for k in range(levels)] + [f"t{levels}:uint8_t[99] a;", TOP]
+    messages = [(b"B", bytes(40)), *((b"F", text.encode()) for text in formats), (b"A", ADDED)]
+    return (
+        b"ULog\x01\x12\x35\x01"
+        + bytes(8)
+        + b"".join(struct.pack("<Hc", len(data), kind) + data for kind, data in messages)
+    )
+
+
+TOP = "vehicle_attitude:uint64_t timestamp;t0[99] a;"
+ADDED = struct.pack("<BH", 0, 1) + b"vehicle_attitude"
 BOMB = '<!DOCTYPE g [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;">]><gpx><trk><name>&b;</name></trk></gpx>'
 
 
@@ -180,6 +193,7 @@ BOMB = '<!DOCTYPE g [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;">]><gpx><t
         ("a.bin", b"hello" * 100),
         ("a.ulg", b"ULog\x01\x12\x35\x01"),
         ("a.ulg", b"hello" * 100),
+        ("a.ulg", nested(8)),
         ("a.csv", "lat,lon\n1,2\n"),
         ("a.csv", "time_us,lat\n1,2\n"),
         ("a.csv", "time_us,lat,lon\nnan,1,2\n1,inf,2\n1,1e300,2\n-5,1,2\n"),

@@ -91,6 +91,31 @@ def test_what_cannot_be_read_is_said(tmp_path, monkeypatch):
         TerrainFile(write_geotiff(tmp_path / "large.tif", grid(), *place))
 
 
+@pytest.mark.parametrize(
+    ("tag", "value", "said"),
+    [
+        (33550, (1.0,), "has no place"),
+        (33550, "0.1", "has no place"),
+        (33550, (float("nan"), 1.0, 0.0), "no size or place"),
+        (33922, (0.0, 0.0, 0.0), "has no place"),
+        (33922, (0.0, 0.0, 0.0, float("inf"), 0.0, 0.0), "no size or place"),
+        (34735, 1, "no EPSG code"),
+        (34735, "words", "no EPSG code"),
+        (34735, (1, 1, 0, 1, 2048, 0, 1), "no EPSG code"),
+        (34735, (1, 1, 0, 1, 2048, 0, 1, 60000), "EPSG:60000: "),
+    ],
+)
+def test_tags_that_are_short_or_of_another_type(tag, value, said, tmp_path):
+    path = write_geotiff(tmp_path / "a.tif", grid(), (LON, LAT), (CELL, CELL))
+    with Image.open(path) as image:
+        tags = image.tag_v2
+        tags.tagtype.pop(tag)
+        tags[tag] = value
+        image.save(tmp_path / "b.tif", tiffinfo=tags)
+    with pytest.raises(ConfigError, match=said):
+        TerrainFile(tmp_path / "b.tif")
+
+
 def test_a_mission_names_it_beside_itself(tmp_path):
     path = tmp_path / "m.toml"
     path.write_text('[uav]\nsystem_id = 1\n[[ugv]]\nsystem_id = 11\n[map]\nterrain = "area.tif"\n')

@@ -1,0 +1,125 @@
+"""Bytes of others read by code that is not ours: in a process of its own, with bounds of memory and time.
+
+The module that reads calls :func:`answer_parent` and is run by :func:`ask_child`. Whatever becomes of it, by a file
+that asks for all memory, never ends or brings it down, is one line for who asked.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import resource
+import threading
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+import msgspec
+import psutil
+
+from infra.plain_text import plain
+from infra.processes.channel import MessageChannel, connect_to_parent
+from infra.processes.child_process import KILL_S, ChildProcess
+
+__all__ = ["UnreadError", "answer_parent", "ask_child"]
+
+_MOST_WORDS = 200
+_MOST_WRITTEN = 1 << 20
+"""Bytes of what it may print."""
+_MOST_ANSWER = (1 << 31) - 1
+_ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+"""Threads that a library starts for nothing take address space."""
+
+Question = TypeVar("Question", bound=msgspec.Struct)
+Answer = TypeVar("Answer", bound=msgspec.Struct)
+
+
+class UnreadError(Exception):
+    """It was not read; the message, one line, says why."""
+
+
+class _Asked(msgspec.Struct):
+    question: msgspec.Raw
+    most_bytes: int
+
+
+class _Failed(msgspec.Struct, tag=True):
+    why: str
+
+
+def ask_child(
+    module: str, question: msgspec.Struct, answers: type[Answer], *, most_bytes: int, most_s: float
+) -> Answer:
+    """Have a module read something in a process of its own.
+
+    Args:
+        module: calls :func:`answer_parent`.
+        question: what it is asked.
+        answers: type of its answer, a Struct with a tag.
+        most_bytes: of memory that the work may take.
+        most_s: for which it may take.
+
+    Raises:
+        UnreadError: it could not, or needs more than it may have.
+        OSError: the system starts no process.
+    """
+    child: ChildProcess[Answer | _Failed] = ChildProcess(
+        module, answers | _Failed, environment=_ONE_THREAD, most_bytes=_MOST_ANSWER
+    )
+    began_s = time.monotonic()
+    clock = threading.Timer(most_s, child.kill)
+    clock.start()
+    try:
+        child.channel.send(_Asked(msgspec.Raw(msgspec.msgpack.encode(question)), most_bytes))
+        answer = child.channel.receive()
+    except (EOFError, OSError):
+        answer = None
+    finally:
+        clock.cancel()
+        child.end(KILL_S)
+        ended = child.exit_reason
+        child.close()
+    if isinstance(answer, answers):
+        return answer
+    late = time.monotonic() - began_s >= most_s
+    why = f"it takes longer than {most_s:.0f} s" if late else f"what read it ended: {ended}"
+    raise UnreadError(plain(answer.why if isinstance(answer, _Failed) else why)[:_MOST_WORDS])
+
+
+def answer_parent(asks: type[Question], read: Callable[[Question], msgspec.Struct]) -> None:
+    """Answer the one question of a parent; what ``read`` raises is the answer that it could not be read.
+
+    Args:
+        asks: type of the question.
+        read: what answers it.
+    """
+    parent: MessageChannel[_Asked] = connect_to_parent(_Asked)
+    asked = parent.receive()
+    if asked is None:
+        return
+    question = msgspec.msgpack.decode(asked.question, type=asks)
+    with open(os.devnull, "w", encoding="utf-8") as nowhere, contextlib.redirect_stdout(nowhere):  # noqa: PTH123
+        answer = _answer(question, read, asked.most_bytes)
+    with contextlib.suppress(OSError):  # nobody waits for it any more
+        parent.send(answer)
+
+
+def _answer(question: Question, read: Callable[[Question], msgspec.Struct], most_bytes: int) -> msgspec.Struct:
+    taken = psutil.Process().memory_info().vms
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    for kind, most in (
+        (resource.RLIMIT_AS, taken + most_bytes),
+        (resource.RLIMIT_FSIZE, _MOST_WRITTEN),
+        (resource.RLIMIT_CORE, 0),
+    ):
+        _, hard = resource.getrlimit(kind)
+        resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+    try:
+        return read(question)
+    except MemoryError:
+        return _Failed(f"it takes more than {most_bytes / 1e6:.0f} MB of memory")
+    except Exception as error:  # noqa: BLE001 - what others' code raises on others' bytes is not known
+        return _Failed(" ".join(str(error).split()) or type(error).__name__)
+    finally:
+        # the answer is written without the bound
+        resource.setrlimit(resource.RLIMIT_AS, before)

@@ -1,0 +1,33 @@
+"""Whatever reading does to the process that reads is one line for who asked."""
+
+import pytest
+
+from infra.processes.bounded import UnreadError, ask_child
+from tests.support.bounded_child import Found, Read
+
+MODULE = "tests.support.bounded_child"
+
+
+@pytest.mark.parametrize("what", ["whole", "print"])
+def test_what_was_read_comes_whole(what):
+    answer = ask_child(MODULE, Read(what), Found, most_bytes=100_000_000, most_s=120.0)
+    assert len(answer.data) == 3_000_000
+
+
+@pytest.mark.parametrize(
+    ("what", "why"),
+    [
+        ("all memory", "it takes more than 100 MB of memory"),
+        ("crash", "what read it ended: signal 11"),
+        ("refuse", "no such thing"),
+    ],
+)
+def test_what_brings_it_down_is_one_line(what, why):
+    with pytest.raises(UnreadError, match=why) as caught:
+        ask_child(MODULE, Read(what), Found, most_bytes=100_000_000, most_s=120.0)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_never_ends_is_ended():
+    with pytest.raises(UnreadError, match="it takes longer than 2 s"):
+        ask_child(MODULE, Read("hang"), Found, most_bytes=100_000_000, most_s=2.0)
