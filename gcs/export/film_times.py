@@ -14,6 +14,7 @@ from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
 from gcs.errors import GcsError
+from infra.files.disk import OF_THE_DISK
 from vision.video.coded_frames import CodedFilm
 from vision.video.frame_index import reason
 
@@ -61,10 +62,13 @@ def copying(film: Path | None, kind: str) -> Iterator[None]:
 
     Raises:
         GcsError: in place of FFmpeg's errors.
+        OSError: the disk takes no more.
     """
     try:
         yield
     except (av.FFmpegError, ValueError) as error:
+        if isinstance(error, OSError) and error.errno in OF_THE_DISK:
+            raise
         raise GcsError(f"{film or 'export'}: cannot be written as {kind} ({reason(error)})") from error
 
 

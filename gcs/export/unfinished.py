@@ -2,13 +2,37 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import sqlite3
 import weakref
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from gcs.errors import SessionError
 from infra.files.aside import make_aside, put_in_place, remove_aside
+from infra.files.disk import OF_THE_DISK
+from infra.plain_text import plain
 
-__all__ = ["Unfinished"]
+__all__ = ["Unfinished", "writing_to"]
+
+
+@contextmanager
+def writing_to(place: Path) -> Iterator[None]:
+    """Errors of the disk, as each library tells them, name the place that is written to.
+
+    Raises:
+        OSError: in their place.
+    """
+    try:
+        yield
+    except sqlite3.Error as error:
+        raise OSError(errno.EIO, plain(str(error)), str(place)) from error
+    except OSError as error:
+        if error.errno not in OF_THE_DISK:
+            raise
+        raise OSError(error.errno, os.strerror(error.errno), str(place)) from error
 
 
 class Unfinished:

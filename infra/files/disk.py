@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from pathlib import Path
 
 from infra.files.safe_open import open_folder
 
-__all__ = ["OS_DISK", "Disk"]
+__all__ = ["OF_THE_DISK", "OS_DISK", "Disk"]
+
+OF_THE_DISK = frozenset((errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EFBIG))
+"""Errors that tell of a disk and of no fault in the program."""
 
 _sync = getattr(os, "fdatasync", os.fsync)
 _NEW = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)

@@ -8,7 +8,6 @@ damaged (``gcs tlog check``); 6 a batch of which some flights failed.
 from __future__ import annotations
 
 import contextlib
-import errno
 import io
 import json
 import math
@@ -24,6 +23,7 @@ import typer
 
 from assoc.errors import AssocError
 from gcs.errors import ClusterError, GcsError, StoreError
+from infra.files.disk import OF_THE_DISK
 from infra.files.safe_open import open_to_append
 from infra.plain_text import plain
 from infra.secrets import conceal, hide
@@ -61,7 +61,6 @@ __all__ = [
 
 BAD_INPUT, NOT_AVAILABLE, NO_NAMES, SOME_FAILED = 2, 3, 4, 6
 
-_OF_THE_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EFBIG)
 FRAME_SIZE = "Size of the frames that detections.csv is about, as 1280x720, where the recording does not know."
 AsJson = Annotated[bool, typer.Option("--json", help="For programs: one JSON object a line.")]
 MOST_PX = 16384
@@ -219,7 +218,7 @@ def errors_as_exit_codes() -> Iterator[None]:
     except KeyboardInterrupt:
         raise SystemExit(130) from None
     except OSError as error:
-        if error.errno not in _OF_THE_DISK:
+        if error.errno not in OF_THE_DISK:
             raise
         place = error.filename2 or error.filename or "the disk"
         print_note(_one_line(f"{place}: {error.strerror}; free space or choose another place"))

@@ -14,6 +14,7 @@ from gcs.cli.output.tables import print_table
 from gcs.errors import GcsError
 from gcs.export.formats import FORMATS, format_for
 from gcs.export.job import ExportJob
+from gcs.export.unfinished import writing_to
 from gcs.playback.analysis import Analysis
 from gcs.session.identity_replay import read_snapshots
 from gcs.session.session import open_session
@@ -52,23 +53,25 @@ def export(
     analysis = Analysis(opened)
     written = 0
     try:
-        sink = file_format.open(
-            ExportJob(
-                path=out,
-                name=opened.name,
-                video=opened.video,
-                truth=opened.truth,
-                times_us=analysis.times_us,
-                min_confidence=min_confidence,
-                note=print_note,
-            )
+        job = ExportJob(
+            path=out,
+            name=opened.name,
+            video=opened.video,
+            truth=opened.truth,
+            times_us=analysis.times_us,
+            min_confidence=min_confidence,
+            note=print_note,
         )
+        with writing_to(out):
+            sink = file_format.open(job)
         with progress("export") as report:
             for count, snapshot in enumerate(_snapshots(analysis, identity, file_format.needs_images)):
                 if count % every == 0:
-                    written += sink.write(snapshot) is not False
+                    with writing_to(out):
+                        written += sink.write(snapshot) is not False
                 report(count + 1, len(analysis.times_us))
-        sink.close()
+        with writing_to(out):
+            sink.close()
     finally:
         analysis.close()
     print_note(f"{written} frames written to {out}")

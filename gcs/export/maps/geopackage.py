@@ -9,16 +9,12 @@ import math
 import sqlite3
 import struct
 import weakref
-from collections.abc import Iterator
-from contextlib import contextmanager
 from itertools import chain
-from pathlib import Path
 from typing import Final
 
-from gcs.errors import SessionError
 from gcs.export.job import ExportJob
 from gcs.export.maps.ways import Way, Ways, placed, time_utc
-from gcs.export.unfinished import Unfinished
+from gcs.export.unfinished import Unfinished, writing_to
 from gcs.missing import may_be
 from gcs.snapshot import Box, Snapshot
 from infra.plain_text import plain
@@ -76,7 +72,7 @@ class GeoPackageExport:
         self._last_us = 0
         self._table = sqlite3.connect(self._unfinished.path, isolation_level=None)
         self._close = weakref.finalize(self, self._table.close)
-        with _told(job.path):
+        with writing_to(job.path):
             self._table.executescript(_TABLES)
             self._table.executemany("INSERT INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, ?)", _SYSTEMS)
 
@@ -87,14 +83,14 @@ class GeoPackageExport:
         boxes = [box for box in snapshot.new_boxes if not box.coasting]
         for box in filter(placed, boxes):
             self._bounds = _around(self._bounds, (box.lon_deg, box.lat_deg, box.lon_deg, box.lat_deg))
-        with _told(self._path):
+        with writing_to(self._path):
             rows = (_box_row(snapshot, box) for box in boxes)
             self._table.executemany(f"INSERT INTO boxes VALUES (NULL{', ?' * 11})", rows)
 
     def close(self) -> None:
         """Append the lines and what describes the layers."""
         lines = [way for way in self._ways if len(way.t_us) > 1]
-        with _told(self._path):
+        with writing_to(self._path):
             self._table.executemany(f"INSERT INTO tracks VALUES (NULL{', ?' * 10})", map(_track_row, lines))
             self._describe("boxes", "POINT", "each box of each frame, by its place on the ground", self._bounds)
             bounds = _NOWHERE
@@ -111,15 +107,6 @@ class GeoPackageExport:
         self._table.execute(f"INSERT INTO gpkg_contents VALUES (?{', ?' * 9})", about)
         columns = (name, "geom", kind, WGS_84, 0, 0)
         self._table.execute("INSERT INTO gpkg_geometry_columns VALUES (?, ?, ?, ?, ?, ?)", columns)
-
-
-@contextmanager
-def _told(path: Path) -> Iterator[None]:
-    """SQLite's errors are full and failing disks."""
-    try:
-        yield
-    except sqlite3.Error as error:
-        raise SessionError(f"{path}: cannot be written: {error}") from error
 
 
 def _box_row(snapshot: Snapshot, box: Box) -> tuple[object, ...]:

@@ -13,6 +13,7 @@ the vehicles' ids and not their names, which may hold anything.
 
 from __future__ import annotations
 
+import errno
 from collections import deque
 from collections.abc import Iterator
 
@@ -57,7 +58,10 @@ class McapExport:
     def close(self) -> None:
         """Append what is left of the film, and put the file into its place."""
         self._show(len(self._times_us))
-        self._file.close()
+        try:
+            self._file.close()
+        except RuntimeError as error:  # foxglove has no other, and tells here what it could not write before
+            raise OSError(errno.EIO, plain(str(error))) from error
         self._unfinished.finish()
 
     def _show(self, frame: int) -> None:

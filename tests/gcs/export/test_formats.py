@@ -2,6 +2,7 @@
 
 import gc
 import re
+import resource
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +12,8 @@ import pytest
 from gcs.errors import SessionError
 from gcs.export.formats import FORMATS
 from gcs.export.job import ExportJob
+from gcs.export.unfinished import writing_to
+from infra.files.disk import OF_THE_DISK
 from tests.support.command_line import run_gcs
 
 
@@ -50,3 +53,28 @@ def test_an_export_that_breaks_off_leaves_nothing(form, shots, flight, tmp_path)
     with pytest.raises(SessionError, match="exists already"):
         form.open(job)
     assert job.path.read_text() == "there before"
+
+
+@pytest.fixture
+def small_disk():
+    """No file gets longer than some hundred bytes."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (300, hard))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.mark.filterwarnings("ignore")  # what breaks off closes nothing
+@pytest.mark.parametrize("form", FORMATS.values(), ids=FORMATS)
+def test_a_full_disk_is_told_with_the_place_that_is_written_to(form, shots, flight, tmp_path, small_disk):
+    times_us = np.array([one.t_us for one in shots])
+    job = ExportJob(path=tmp_path / f"out{form.suffix}", name="a", video=flight / "video.mp4", times_us=times_us)
+    with pytest.raises(OSError, match="out") as caught, writing_to(job.path):
+        sink = form.open(job)
+        for one in shots:
+            sink.write(replace(one, image=np.zeros((1080, 1920, 3), np.uint8)))
+        sink.close()
+    assert caught.value.filename == str(job.path) and caught.value.errno in OF_THE_DISK
+    del caught
+    gc.collect()
+    assert not job.path.exists()
