@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, Protocol
 
-import cv2
 import numpy as np
 import tomli_w
 from numpy.typing import NDArray
@@ -31,6 +30,7 @@ from sim.render.film import encode
 from sim.world.error_draws import hard_errors, standard_errors
 from vision.detect.detections import Detections
 from vision.motion.estimator import MotionEstimator
+from vision.video.image_file import read_image
 from vision.video.video import VideoFile
 
 __all__ = ["FilmOptions", "FilmReport", "NumberedImages", "session_from_film"]
@@ -110,7 +110,7 @@ class NumberedImages:
         self._paths = sorted(paths, key=lambda path: ([int(n) for n in re.findall(r"\d+", path.stem)], path.name))
         if not self._paths:
             raise GcsError(f"{folder}: no image in it; give a video file or a folder of numbered images")
-        first = _decoded(self._paths[0])
+        first = read_image(self._paths[0])
         if first is None:
             raise GcsError(f"{self._paths[0]}: cannot be decoded as an image")
         # video has whole blocks of two by two pixels
@@ -128,7 +128,7 @@ class NumberedImages:
             GcsError: an image that cannot be decoded or has another size than the first.
         """
         for index, path in enumerate(self._paths):
-            image = _decoded(path)
+            image = read_image(path)
             if image is None or image.shape[0] < self.height or image.shape[1] < self.width:
                 raise GcsError(f"{path}: not an image of {self.width}×{self.height} px as the first one")
             yield index, np.ascontiguousarray(image[: self.height, : self.width])
@@ -292,8 +292,3 @@ def _motions(film: FilmImages, tracks: AnnotatedTracks, n: int, report: Report) 
         motions[index] = None if motion is None else motion.H
         report(index + 1, n)
     return motions
-
-
-def _decoded(path: Path) -> Image | None:
-    image = cv2.imdecode(np.fromfile(path, dtype=np.uint8), cv2.IMREAD_COLOR)
-    return None if image is None else np.asarray(image, np.uint8)

@@ -5,14 +5,16 @@ from __future__ import annotations
 import argparse
 import sys
 import tomllib
+from itertools import chain
 from pathlib import Path
 
 from bench.fuzz.datagrams import BLOCK, DatagramScore, fuzz_datagrams
 from bench.fuzz.logs import LogScore, fuzz_logs
 from bench.fuzz.missions import GOOD, fuzz_missions
-from bench.fuzz.report import datagrams_text, logs_text, missions_text, streams_text, write_section
+from bench.fuzz.readers import ReaderScore, fuzz_places, fuzz_readers
+from bench.fuzz.report import datagrams_text, logs_text, missions_text, readers_text, streams_text, write_section
 
-_COUNTS = {"logs": 10_000, "datagrams": 1_000_000, "streams": 2000, "missions": 10_000}
+_COUNTS = {"logs": 10_000, "datagrams": 1_000_000, "streams": 2000, "missions": 10_000, "readers": 500}
 _STEP = 200
 
 
@@ -33,6 +35,16 @@ def _datagrams(first: int, count: int) -> str:
     return datagrams_text(score)
 
 
+def _readers(good: Path, first: int, count: int, only: str) -> str:
+    score = ReaderScore()
+    for one in chain(fuzz_places(good, only=only), fuzz_readers(good, range(first, first + count), only=only)):
+        score.add(one)
+        if one.failures or not (score.read + score.refused) % _STEP:
+            said = one.failures[0] if one.failures else f"{score.read} read, {score.refused} refused"
+            _print_progress(said)
+    return readers_text(score)
+
+
 def _print_progress(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
@@ -42,13 +54,17 @@ def main() -> None:
     parser.add_argument("what", choices=list(_COUNTS))
     parser.add_argument("--count", type=int, help="cases; " + ", ".join(f"{k} {v}" for k, v in _COUNTS.items()))
     parser.add_argument("--seed", type=int, default=0, help="the first seed")
+    parser.add_argument("--good", type=Path, default=Path("tests/corpus/readers"), help="good files of all readers")
+    parser.add_argument("--only", default="", help="one reader")
     parser.add_argument("--out", type=Path, default=Path("bench-results/fuzz.md"))
     options = parser.parse_args()
-    count = options.count or _COUNTS[options.what]
+    count = _COUNTS[options.what] if options.count is None else options.count
     if options.what == "logs":
         text = _logs(options.seed, count)
     elif options.what == "datagrams":
         text = _datagrams(options.seed, count)
+    elif options.what == "readers":
+        text = _readers(options.good, options.seed, count, options.only)
     elif options.what == "streams":
         text = streams_text(count)
     else:

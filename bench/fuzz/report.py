@@ -11,9 +11,10 @@ from bench.fuzz.datagrams import DatagramScore
 from bench.fuzz.frames import frame_pool
 from bench.fuzz.logs import LogScore
 from bench.fuzz.missions import MissionScore
+from bench.fuzz.readers import ReaderScore
 from bench.fuzz.streams import INPUTS, lost, read_with_ours, read_with_pymavlink
 
-__all__ = ["datagrams_text", "logs_text", "missions_text", "streams_text", "write_section"]
+__all__ = ["datagrams_text", "logs_text", "missions_text", "readers_text", "streams_text", "write_section"]
 
 _HEAD = """# What damage and hostility cost
 
@@ -93,5 +94,16 @@ def missions_text(score: MissionScore) -> str:
     lines = [
         f"{score.files:,} mission files: {score.accepted:,} accepted, {score.refused:,} refused in one line each. "
         f"Other exceptions {len(score.failures)}.",
+    ]
+    return "\n".join([*lines, *(f"- {line[:400]}" for line in score.failures[:_MOST_FAILURES])])
+
+
+def readers_text(score: ReaderScore) -> str:
+    """One paragraph, and what failed."""
+    files = score.read + score.refused + len(score.failures)
+    lines = [
+        f"{files:,} files of all readers, damaged or replaced by pipes, folders, devices and links: {score.read:,} "
+        f"read, {score.refused:,} refused in one line each. Exceptions, crashes, files that took longer than a minute "
+        f"or more memory than three times their size and 200 MB: {len(score.failures)}.",
     ]
     return "\n".join([*lines, *(f"- {line[:400]}" for line in score.failures[:_MOST_FAILURES])])

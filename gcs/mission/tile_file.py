@@ -6,7 +6,6 @@ Mercator; zoom z has 2^z × 2^z tiles.
 
 from __future__ import annotations
 
-import io
 import re
 import sqlite3
 import time
@@ -17,10 +16,10 @@ from typing import Final
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image as Picture
 
 from gcs.errors import ConfigError
 from infra.plain_text import plain
+from vision.video.image_file import decoded
 
 __all__ = ["TILE_PX", "TileFile"]
 
@@ -135,27 +134,11 @@ class TileFile:
             return None
         if found is None or not isinstance(found[0], bytes) or not 0 < len(found[0]) <= MOST_TILE_BYTES:
             return None
-        if not _is_small(found[0]):
-            return None
-        try:
-            image = cv2.imdecode(np.frombuffer(found[0], dtype=np.uint8), cv2.IMREAD_COLOR)
-        except cv2.error:
-            return None
-        if image is None:
-            return None
-        if image.shape[:2] != (TILE_PX, TILE_PX):
-            image = cv2.resize(image, (TILE_PX, TILE_PX), interpolation=cv2.INTER_AREA)
-        return np.asarray(image, dtype=np.uint8)
+        image = decoded(found[0], MOST_SIDE_PX)
+        if image is None or image.shape[:2] == (TILE_PX, TILE_PX):
+            return image
+        return np.asarray(cv2.resize(image, (TILE_PX, TILE_PX), interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
     def close(self) -> None:
         """Close the file."""
         self._base.close()
-
-
-def _is_small(data: bytes) -> bool:
-    """Whether a picture's own heading gives it a size that may be decoded."""
-    try:
-        with Picture.open(io.BytesIO(data), formats=("PNG", "JPEG", "WEBP")) as picture:
-            return max(picture.size) <= MOST_SIDE_PX
-    except (OSError, ValueError, SyntaxError, Picture.DecompressionBombError):
-        return False

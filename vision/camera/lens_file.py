@@ -8,6 +8,7 @@ corner: half a pixel is added to their principal points.
 from __future__ import annotations
 
 import re
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ import numpy as np
 import tomli_w
 
 from infra.files.safe_open import read_small
+from infra.yaml_text import parse_yaml
 from vision.camera.intrinsics import Intrinsics
 from vision.errors import CameraError
 
@@ -30,6 +32,7 @@ MOST_BYTES = 256 << 10
 """A lens takes less than 1 KiB; calibration programs add tables to it."""
 MOST_PX = 16384
 """No camera has a longer side."""
+_LARGEST = sys.float_info.max
 PINHOLE = ("", "plumb_bob", "rational_polynomial")
 
 
@@ -76,15 +79,13 @@ def _from_toml(text: str) -> Intrinsics:
 
 def _from_yaml(text: str) -> Intrinsics:
     """``camera_matrix``, ``distortion_coefficients`` and ``image_width``, ``image_height``, as both write them."""
-    import yaml
-
     # OpenCV's first line is "%YAML:1.0", which is no directive of YAML's, and its matrices have types of its own
     body = text.partition("\n")[2] if text.startswith("%YAML:") else text
     body = re.sub(r"!!opencv-[\w-]+", "", body)
     try:
-        table = yaml.safe_load(body)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise CameraError(f"not YAML that can be read: {' '.join(str(error).split())[:100]}") from None
+        table = parse_yaml(body)
+    except ValueError as error:
+        raise CameraError(str(error)) from None
     if not isinstance(table, dict):
         raise CameraError("not YAML of a camera: no names with values in it")
     model = table.get("distortion_model")
@@ -107,7 +108,7 @@ def _matrix(node: object) -> np.ndarray[Any, np.dtype[np.float64]]:
     data = node.get("data") if isinstance(node, dict) else None
     try:
         return np.array([float(value) for value in data] if isinstance(data, list) else [], dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return np.empty(0)
 
 
@@ -126,4 +127,5 @@ def _camera(numbers: dict[str, Any], lens: list[float]) -> Intrinsics:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    """Whether it is one that a float can be: TOML and YAML know whole numbers without end."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= _LARGEST

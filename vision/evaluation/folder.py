@@ -14,15 +14,16 @@ from functools import partial
 from pathlib import Path
 from typing import Literal, get_args
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from infra.yaml_text import parse_yaml
 from vision.errors import LabelError
 from vision.evaluation.coco import find_coco, read_coco
 from vision.evaluation.labels import LabelFile, read_dota, read_text, read_visdrone, read_yolo
 from vision.evaluation.shards import read_shard
 from vision.evaluation.truth import LabelledImage, Truth
+from vision.video.image_file import read_image
 
 __all__ = ["FORMATS", "Folder", "Format", "open_folder"]
 
@@ -154,7 +155,7 @@ def _label_of(image: Path) -> Path | None:
 def _told_format(labels: Sequence[Path]) -> Format:
     """From the first line with content."""
     for path in labels:
-        for i, line in enumerate(path.read_text(encoding="utf-8-sig", errors="replace").splitlines(), 1):
+        for i, line in enumerate(read_text(path).splitlines(), 1):
             if not line.strip():
                 continue
             fields = line.split()
@@ -194,12 +195,10 @@ def _class_names(folder: Path) -> dict[int, str]:
 
 def _yaml_names(text: str, path: Path) -> dict[int, str]:
     """The list or the numbered names under ``names``."""
-    import yaml
-
     try:
-        table = yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise LabelError(f"{path}: not YAML that can be read: {' '.join(str(error).split())[:100]}") from None
+        table = parse_yaml(text)
+    except ValueError as error:
+        raise LabelError(f"{path}: {error}") from None
     names = table.get("names") if isinstance(table, dict) else None
     if isinstance(names, list):
         names = dict(enumerate(names))
@@ -209,7 +208,7 @@ def _yaml_names(text: str, path: Path) -> dict[int, str]:
 
 
 def _pixels(path: Path) -> Image:
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    image = read_image(path)
     if image is None:
         raise LabelError(f"{path}: cannot be read as an image; remove it or mend it")
-    return np.asarray(image, np.uint8)
+    return image

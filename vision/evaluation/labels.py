@@ -21,12 +21,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from infra.files.safe_open import read_small
 from vision.errors import LabelError
 from vision.evaluation.truth import REGION, Truth
 
 __all__ = ["VISDRONE", "LabelFile", "read_dota", "read_text", "read_visdrone", "read_yolo"]
 
 Floats = NDArray[np.float64]
+MOST_BYTES = 64 << 20
+"""Of the labels of one image."""
 Row = tuple[Floats, float, str, bool, int]
 """Box (5,), heading, class, whether it counts, how hidden it is."""
 
@@ -156,7 +159,7 @@ def read_text(path: Path) -> str:
         LabelError: it cannot be read, or is not UTF-8.
     """
     try:
-        return path.read_text(encoding="utf-8-sig")
+        return read_small(path, MOST_BYTES).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise LabelError(f"{path}: cannot be read as text: {error}; save it as UTF-8") from error
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import zipfile
 from collections.abc import Callable
 from functools import partial
@@ -10,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from infra.files.safe_open import open_to_read
 from vision.errors import LabelError
 from vision.evaluation.truth import LabelledImage, Truth
 
@@ -46,7 +48,7 @@ def read_shard(path: Path) -> list[LabelledImage]:
         LabelError: it is no such file.
     """
     try:
-        with np.load(path) as shard:
+        with os.fdopen(open_to_read(path), "rb") as file, np.load(file) as shard:
             images, boxes, n = shard["images"], shard["boxes"], shard["n"]
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise LabelError(f"{path}: no shard of crops with images, boxes and n: {error}") from error

@@ -33,6 +33,8 @@ from mavlink.geodesy import rotation_from_euler
 __all__ = ["log_of_klv"]
 
 _MOST_SET = 1 << 20
+_LATEST_US = 4_102_444_800_000_000
+"""Year 2100: what is later is a date that is not known."""
 _ABOVE_ELLIPSOID = {75, 104}
 _STEP_US, _AROUND, _MOST_TOLD = 500_000, 8, 3
 """Of the date against the video's clock: larger than what a set waits for its picture; how many sets agree."""
@@ -174,8 +176,11 @@ def _value(tag: int, raw: bytes) -> float | None:
     """In degrees, metres or µs; None for tags that are not used, of another length, or unknown."""
     if tag in _ABOVE_ELLIPSOID:
         return 0.0  # that it is there is all that is used
-    if (tag == CHECKSUM and len(raw) == 2) or (tag == TIME and len(raw) == 8):
+    if tag == CHECKSUM and len(raw) == 2:
         return int.from_bytes(raw, "big")
+    if tag == TIME and len(raw) == 8:
+        unix_us = int.from_bytes(raw, "big")
+        return unix_us if unix_us < _LATEST_US else None
     if tag in UNSIGNED and len(raw) == UNSIGNED[tag][0]:
         size, least, largest = UNSIGNED[tag]
         return least + int.from_bytes(raw, "big") * (largest - least) / ((1 << 8 * size) - 1)

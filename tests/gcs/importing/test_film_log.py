@@ -94,6 +94,13 @@ def test_klv_that_is_damaged():
         log_of_klv("cam.ts", packets[1:2])
 
 
+@pytest.mark.parametrize("unix_us", [(1 << 64) - 1, (1 << 63) - 1, 5 * 10**15])
+def test_a_date_that_cannot_be_is_not_known(unix_us):
+    data = klv_set(Spot(50.0, 10.0, 300.0, 0.0, unix_us=unix_us), (0.0, 0.0, 0.0))
+    log = log_of_klv("cam.ts", [TimedBytes(0, data), TimedBytes(100_000, data)])
+    assert log.zero_us == 0 and log.places.t_us.tolist() == [0, 100_000]
+
+
 def test_messages_among_the_pictures(flown, tmp_path):
     video = with_sei(flown, tmp_path / "cam.mp4")
     log, troubles = read_film_log(video, coarse=True)

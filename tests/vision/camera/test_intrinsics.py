@@ -169,3 +169,20 @@ def test_missing_and_binary_files(tmp_path):
     (tmp_path / "b.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(CameraError, match="cannot be read as text"):
         read_lens(tmp_path / "b.toml")
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("lens.yaml", "a: &a [1, 2]\nb: &b [*a, *a]\nimage_width: *b\nimage_height: 3\n"),
+        ("lens.yaml", "image_width: &a [*a]\n"),
+        ("lens.toml", "width = 1" + "0" * 400 + "\nheight = 1\nfx = 1.0\nfy = 1.0\ncx = 1.0\ncy = 1.0\n"),
+        ("lens.toml", "width = 9e18\nheight = 1\nfx = 1.0\nfy = 1.0\ncx = 1.0\ncy = 1.0\n"),
+        ("lens.toml", "width = 9\nheight = 1\nfx = 1" + "0" * 400 + "\nfy = 1.0\ncx = 1.0\ncy = 1.0\n"),
+    ],
+)
+def test_values_that_grow_and_numbers_without_end_are_one_line(name, text, tmp_path):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(CameraError, match=name) as caught:
+        read_lens(tmp_path / name)
+    assert len(str(caught.value)) < 1000

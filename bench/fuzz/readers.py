@@ -1,0 +1,230 @@
+"""Every reader of files that a stranger can hand us, on damaged files and in hostile places, each in its own process.
+
+A file is read, or refused by an error of ours in one line that names it; nothing crashes, none takes longer than a
+minute, and memory stays within three times the file and 200 MB.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import resource
+import select
+import shutil
+import signal
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+from assoc.errors import AssocError
+from bench.fuzz.spoilt import spoilt
+from gcs.batch.flights import find_flights
+from gcs.errors import GcsError
+from gcs.importing.film_log import read_film_log
+from gcs.importing.sources import read_vehicle_logs
+from gcs.mission.mission import load_mission
+from gcs.mission.terrain_file import TerrainFile
+from gcs.mission.tile_file import TileFile
+from gcs.playback.opened_session import OpenedSession
+from gcs.session.event_log import read_marks, read_statements
+from gcs.session.frame_tables import read_truth
+from gcs.session.identity_log import read_identity
+from gcs.session.session import open_session
+from mavlink.errors import MavlinkError
+from mavlink.signing.keys import read_ring
+from sim.errors import SimError
+from sim.world.scenario_file import load_scenario
+from vision.camera.lens_file import read_lens
+from vision.detect.detector import open_detector
+from vision.errors import VisionError
+from vision.evaluation.folder import open_folder
+from vision.video.video import VideoFile
+
+__all__ = ["PLACES", "READERS", "ReaderScore", "fuzz_places", "fuzz_readers"]
+
+MOST_S, MOST_WAIT_S = 60, 300.0
+"""Of processor, and by the clock: what waits for ever takes no processor."""
+MORE_BYTES, TIMES_LARGER = 200_000_000, 3
+OURS = (GcsError, MavlinkError, VisionError, AssocError, SimError)
+Reader = Callable[[Path], object]
+
+
+def _film(path: Path) -> None:
+    read_film_log(path, coarse=True)
+    with closing(VideoFile.open(path)) as film:
+        next(film.frames(), None)
+
+
+def _tiles(path: Path) -> None:
+    with closing(TileFile(path)) as tiles:
+        for zoom in tiles.zooms:
+            tiles.tile(zoom, 0, 0)
+
+
+def _session(path: Path) -> None:
+    session = open_session(path.parent)
+    OpenedSession.open(session)
+    read_marks(path.parent, 0)
+    read_statements(path.parent, {11, 12})
+    read_identity(path.parent / "identity.csv")
+    read_truth(path.parent / "truth.csv")
+
+
+def _labels(path: Path) -> None:
+    folder = next(parent for parent in path.parents if parent.parent.name == "labels")
+    for image in open_folder(folder).images:
+        image.read()
+
+
+READERS: dict[str, Reader] = {
+    "logs": read_vehicle_logs,
+    "films": _film,
+    "lenses": read_lens,
+    "missions": load_mission,
+    "tiles": _tiles,
+    "terrain": lambda path: TerrainFile(path).elevations([47.0], [8.0]),
+    "keys": lambda path: read_ring(path.parent),
+    "lists": lambda path: find_flights([], lists=[path]),
+    "models": lambda path: open_detector(path, score=0.3),
+    "scenarios": load_scenario,
+    "session": _session,
+    "labels": _labels,
+}
+"""By the folder of good files that each one's are in."""
+
+
+@dataclass(slots=True)
+class ReaderScore:
+    """Sums over files."""
+
+    read: int = 0
+    refused: int = 0
+    failures: list[str] = field(default_factory=list)
+
+    def add(self, other: ReaderScore) -> None:
+        """Take in the sums of others."""
+        self.read += other.read
+        self.refused += other.refused
+        self.failures += other.failures
+
+
+def _spoil(rng: random.Random, path: Path) -> None:
+    path.write_bytes(spoilt(path.read_bytes(), rng))
+
+
+def _a_pipe(path: Path) -> None:
+    path.unlink()
+    os.mkfifo(path)
+
+
+def _a_folder(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+
+
+def _an_endless_device(path: Path) -> None:
+    path.unlink()
+    path.symlink_to("/dev/zero")
+
+
+def _itself(path: Path) -> None:
+    path.unlink()
+    path.symlink_to(path.name)
+
+
+def _ten_megabytes_more(path: Path) -> None:
+    os.truncate(path, 10_000_000)
+
+
+PLACES = (_a_pipe, _a_folder, _an_endless_device, _itself, _ten_megabytes_more)
+"""What may stand in the place of a file."""
+
+
+def fuzz_readers(good: Path, seeds: range, *, only: str = "") -> Iterator[ReaderScore]:
+    """Damaged files, one for each seed and good file.
+
+    Args:
+        good: folder with a folder of good files for each reader.
+        seeds: of the damage.
+        only: one reader's folder; empty: all.
+    """
+    for seed in seeds:
+        for path in _files(good, only):
+            rng = random.Random(f"{seed} {path.relative_to(good)}")
+            yield _try(good, path, f"seed {seed}", partial(_spoil, rng))
+
+
+def fuzz_places(good: Path, *, only: str = "") -> Iterator[ReaderScore]:
+    """Each good file replaced by what no file should be."""
+    for path in _files(good, only):
+        for place in PLACES:
+            yield _try(good, path, place.__name__.strip("_").replace("_", " "), place)
+
+
+def _files(good: Path, only: str) -> list[Path]:
+    return sorted(
+        path for kind in READERS if kind.startswith(only) for path in (good / kind).rglob("*") if path.is_file()
+    )
+
+
+def _try(good: Path, path: Path, what: str, change: Callable[[Path], object]) -> ReaderScore:
+    """Read one good file's changed copy, among copies of those beside it."""
+    kind = path.relative_to(good).parts[0]
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / kind
+        shutil.copytree(good / kind, copy)
+        copy.chmod(0o700)
+        for key in copy.glob("*.key"):
+            key.chmod(0o600)
+        file = Path(folder) / path.relative_to(good)
+        change(file)
+        size = file.stat().st_size if file.is_file() and not file.is_symlink() else 0
+        told = _in_a_process(READERS[kind], file, TIMES_LARGER * size + MORE_BYTES)
+    if told == "read":
+        return ReaderScore(read=1)
+    if told == "refused":
+        return ReaderScore(refused=1)
+    return ReaderScore(failures=[f"{path.relative_to(good)}, {what}: {told}"])
+
+
+def _in_a_process(read: Reader, path: Path, most_bytes: int) -> str:
+    """``read``, ``refused``, or in words what should not have happened."""
+    reading, writing = os.pipe()
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    pid = os.fork()
+    if not pid:
+        os.close(reading)
+        resource.setrlimit(resource.RLIMIT_CPU, (MOST_S, MOST_S))
+        os.write(writing, _told(read, path).encode(errors="replace")[:4000])
+        os._exit(0)
+    os.close(writing)
+    in_time = bool(select.select([reading], [], [], MOST_WAIT_S)[0])
+    if not in_time:
+        os.kill(pid, signal.SIGKILL)
+    told = os.read(reading, 4096).decode(errors="replace")
+    os.close(reading)
+    _, status, used = os.wait4(pid, 0)
+    if not in_time:
+        return f"not read within {MOST_WAIT_S:.0f} s"
+    if os.WIFSIGNALED(status):  # of processor time: SIGKILL
+        return f"signal {os.WTERMSIG(status)}"
+    taken = 1024 * (used.ru_maxrss - before)
+    return f"took {taken / 1e6:.0f} MB of memory" if taken > most_bytes else told
+
+
+def _told(read: Reader, path: Path) -> str:
+    try:
+        read(path)
+    except OURS as error:
+        text = str(error)
+        return "refused" if "\n" not in text and len(text) < 2000 else f"refused in other than a line: {text[:300]!r}"
+    except BaseException as error:  # noqa: BLE001 - that there is no other is what is being measured
+        trace = error.__traceback__
+        while trace is not None and trace.tb_next is not None:
+            trace = trace.tb_next
+        where = f"{trace.tb_frame.f_code.co_filename}:{trace.tb_lineno}" if trace is not None else ""
+        return f"{error!r} at {where}"
+    return "read"

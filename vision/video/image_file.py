@@ -1,0 +1,45 @@
+"""Single images of others, decoded within bounds: a file of some kilobytes may ask for gigabytes of pixels."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image as Picture
+
+from infra.files.safe_open import read_small
+
+__all__ = ["MOST_SIDE_PX", "decoded", "read_image"]
+
+MOST_SIDE_PX = 16384
+"""No camera has a longer side."""
+MOST_BYTES = 256 << 20
+FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TIFF")
+
+Image = NDArray[np.uint8]
+
+
+def decoded(data: bytes, most_side_px: int = MOST_SIDE_PX) -> Image | None:
+    """(H, W, 3) BGR of an image's file; None where it is none, or a side is longer than that by its own heading."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of many pixels, which are counted here, and of odd tags
+            with Picture.open(io.BytesIO(data), formats=FORMATS) as picture:
+                if max(picture.size) > most_side_px:
+                    return None
+        image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_COLOR)
+    except (OSError, ValueError, SyntaxError, TypeError, LookupError, Picture.DecompressionBombError, cv2.error):
+        return None
+    return None if image is None else np.asarray(image, dtype=np.uint8)
+
+
+def read_image(path: Path) -> Image | None:
+    """The image in a file; None where there is none that can be decoded."""
+    try:
+        return decoded(read_small(path, MOST_BYTES))
+    except OSError:
+        return None
