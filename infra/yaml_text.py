@@ -16,7 +16,7 @@ def parse_yaml(text: str) -> object:
     """
     import yaml  # loaded by those who read some
 
-    class Loader(yaml.SafeLoader):  # type: ignore[misc] - it has no types
+    class Loader(yaml.SafeLoader):  # type: ignore[misc]
         def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
             if self.check_event(yaml.AliasEvent):
                 raise ValueError("*name refers to another value; write it out")

@@ -84,6 +84,8 @@ def _lines(path: Path) -> Iterator[str]:
         raise BatchError(f"{path}: cannot be read as a list of flights: {error.strerror}") from error
     except ValueError as error:
         raise BatchError(f"{path}: cannot be read as a list of flights: {error}") from error
+    if "\0" in text:
+        raise BatchError(f"{path}: cannot be read as a list of flights: a zero byte in it, which no name has")
     lines = (line.strip() for line in text.splitlines())
     return (line for line in lines if line and not line.startswith("#"))
 

@@ -6,6 +6,7 @@ import contextlib
 import logging
 import math
 import os
+import resource
 import signal
 import sys
 import threading
@@ -32,6 +33,7 @@ from gcs.cli.output.console import (
     Graphics,
     Theme,
     check_range,
+    check_terminal,
     print_json,
     print_lines,
     print_note,
@@ -60,6 +62,8 @@ __all__ = ["fly"]
 _log = logging.getLogger(__name__)
 
 LOOK_S = 0.2
+LEAST_FILES = 128
+"""Open files and sockets: a flight with video has some fifty, and as many for clients, terminals and replacements."""
 """A flight without a screen looks this often whether it is to end or to be shown."""
 CONSOLE = "console.log"
 """In the session folder: output of libraries while the screens are up."""
@@ -223,6 +227,13 @@ def _tell_start(flight: Flight, plan: FlightPlan, mission: Path, *, screen: bool
         ids = "".join(f" and {plan.mission.name_of(i)}" for i in sorted(named or ()))
         may = "programs there only listen" if named is None else f"programs there may send to the UAV{ids}"
         report(f"packets go on to {url}; {may}", "info" if named is None else "warning")
+    if keyless := flight.without_key:
+        names = ", ".join(f"{plan.mission.name_of(i)} ({i})" for i in keyless)
+        report(
+            f"{plan.mission.signing.folder} has no key for {names}: what they send is refused; "
+            'make keys with gcs keys, or set [signing] keys = "none"',
+            "warning",
+        )
     if unheeded := unheeded_links(mission):
         addresses = ", ".join(map(concealed, unheeded))
         report(
@@ -254,6 +265,14 @@ def _check(links: tuple[str, ...], duration: float | None, mission: Mission, *, 
         raise GcsError("no telemetry link; give --link (for example --link 14550) or [links] telemetry in the mission")
     if screen and duration is not None:
         raise GcsError("--duration is for flights without a screen; add --headless")
+    if screen:
+        check_terminal("gcs fly --headless flies without them")
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if 0 <= soft < LEAST_FILES:
+        wanted = LEAST_FILES if hard == resource.RLIM_INFINITY else min(LEAST_FILES, hard)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+        if wanted < LEAST_FILES:
+            raise GcsError(f"only {hard} files may be open, and a flight needs {LEAST_FILES}: see ulimit -n")
     if screen and mission.tiles is not None:
         TileFile(mission.tiles).close()
     if mission.terrain is not None:

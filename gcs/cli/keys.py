@@ -22,7 +22,16 @@ from infra.files.segments import segments
 from infra.session_format import LOG, REFUSED
 from mavlink.errors import SigningError
 from mavlink.protocol.packet import Auth
-from mavlink.signing.keys import FLEET, KEY_LENGTH, KeyRing, key_path, passphrase_secret, read_ring, write_key
+from mavlink.signing.keys import (
+    FLEET,
+    KEY_LENGTH,
+    KeyRing,
+    key_path,
+    passphrase_secret,
+    read_ring,
+    remove_key,
+    write_key,
+)
 from mavlink.signing.verifier import RADIO_STATUS, Verifier
 from mavlink.tlog.log import Tlog
 
@@ -83,6 +92,14 @@ def add(
     secret = _from_hex(text) if is_hex else passphrase_secret(text)
     del text
     print_lines(_write_key(folder, system_id, secret))
+
+
+@app.command("remove")
+def remove(who: _Who, keys: _Folder = None) -> None:
+    """Remove a key for good: what its vehicle signs is not accepted any more."""
+    system_id = _system_id(who)
+    path, fingerprint = remove_key(keys or user_keys(), system_id)
+    print_lines(f"Key of {_name(system_id)}, fingerprint {fingerprint}, removed from {path}")
 
 
 @app.command("list")

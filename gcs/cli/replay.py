@@ -20,6 +20,7 @@ from gcs.cli.output.console import (
     Theme,
     VideoStart,
     check_range,
+    check_terminal,
     parse_frame_size,
     print_lines,
     print_note,
@@ -123,6 +124,8 @@ def show_replay(
             "gcs replay needs a terminal for its screens; "
             f"gcs identify {session.path} -o FOLDER names the vehicles without one"
         )
+    if not _in_browser():
+        check_terminal(f"gcs identify {session.path} -o FOLDER names the vehicles without")
     # The screens are slow to import, and headless commands do without.
     from gcs.tui import run
 

@@ -142,6 +142,13 @@ class Flight:
             thread.start()
 
     @property
+    def without_key(self) -> tuple[int, ...]:
+        """Vehicles of the mission that are refused because others have keys and they have none."""
+        ids = (self._mission.uav.system_id, *self._mission.ugv_ids)
+        refused = len(self._ring) > 0 and self._mission.signing.keyless == "refused"
+        return tuple(i for i in ids if refused and self._ring.key_of(i) is None)
+
+    @property
     def title(self) -> str:
         """Where it is recorded."""
         return self._recorder.folder.name

@@ -282,7 +282,8 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         text="unsigned packets are rejected",
         meaning="signing is off in that vehicle, or another sends in its name: the right vehicle is accepted all the "
         "same",
-        advice="turn signing on in its autopilot; if it is on, another sends in its name",
+        advice="turn signing on in its autopilot; gcs keys list shows who has a key, gcs keys remove takes one away; "
+        "if it is on, another sends in its name",
         counter=_unsigned,
         logged_by="mavlink.reception.reception",
     ),

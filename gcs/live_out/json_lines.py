@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import socket
+import time
+from collections.abc import Callable
 from contextlib import suppress
 
 import msgspec
@@ -20,6 +22,9 @@ FORMAT, VERSION = "rollcall live", 1
 DATAGRAM_BYTES = 65_507
 """The largest UDP datagram over IPv4."""
 MOST_CLIENTS = 16
+MUTE_S = 5.0
+"""A client that has taken nothing for so long is dropped: it would keep another out."""
+KERNEL_BYTES = 1 << 16
 BEHIND_BYTES = 1 << 20
 """A client that has not taken so much is dropped: some hundred lines of a large fleet."""
 
@@ -96,14 +101,22 @@ class JsonUdp(Sink):
 
 
 class JsonTcp(Sink):
-    """Serves lines to all who connect; one that reads too slowly is dropped and may come again."""
+    """Serves lines to all who connect; one that reads too slowly, or not at all, is dropped and may come again.
 
-    def __init__(self, url: SinkUrl, source: SinkSource) -> None:
-        self._source = source
+    Args:
+        url: where to listen.
+        source: of what is told.
+        now_s: a clock that is never set.
+    """
+
+    def __init__(self, url: SinkUrl, source: SinkSource, now_s: Callable[[], float] = time.monotonic) -> None:
+        self._source, self._now_s = source, now_s
         self._server = socket.create_server((url.host, url.port), backlog=MOST_CLIENTS)
         self._server.setblocking(False)
         self._waiting: dict[socket.socket, bytearray] = {}
         """What each client has not taken yet."""
+        self._took_s: dict[socket.socket, float] = {}
+        """When each took something, or there was nothing for it to take."""
 
     def write(self, snapshot: Snapshot) -> None:
         """Queues it for all clients."""
@@ -124,7 +137,9 @@ class JsonTcp(Sink):
             except OSError:  # nobody is there, or is there any more
                 break
             client.setblocking(False)
-            self._waiting[client] = bytearray()
+            with suppress(OSError):  # what the kernel keeps for it is waiting too
+                client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, KERNEL_BYTES)
+            self._waiting[client], self._took_s[client] = bytearray(), self._now_s()
         for client in list(self._waiting):
             self._send(client)
         self.clients = len(self._waiting)
@@ -141,16 +156,19 @@ class JsonTcp(Sink):
             with suppress(BlockingIOError):
                 if not client.recv(1024):
                     raise ConnectionResetError
+            taken = 0
             with suppress(BlockingIOError):
-                if waiting:
-                    del waiting[: client.send(waiting)]
+                taken = client.send(waiting) if waiting else 0
+            del waiting[:taken]
+            if taken or not waiting:
+                self._took_s[client] = self._now_s()
         except OSError:
             self._drop(client)
             return
-        if len(waiting) > BEHIND_BYTES:
+        if len(waiting) > BEHIND_BYTES or self._now_s() - self._took_s[client] > MUTE_S:
             self.dropped += 1
             self._drop(client)
 
     def _drop(self, client: socket.socket) -> None:
         client.close()
-        del self._waiting[client]
+        del self._waiting[client], self._took_s[client]

@@ -18,7 +18,7 @@ from typing import BinaryIO
 from infra.files.safe_open import open_to_read
 from mavlink.errors import SigningError
 
-__all__ = ["FLEET", "Key", "KeyRing", "key_path", "passphrase_secret", "read_ring", "write_key"]
+__all__ = ["FLEET", "Key", "KeyRing", "key_path", "passphrase_secret", "read_ring", "remove_key", "write_key"]
 
 FLEET = 0
 """In place of a system id: the key of all systems that have none of their own."""
@@ -137,6 +137,24 @@ def write_key(folder: Path, system_id: int, secret: bytes) -> tuple[Path, Key]:
         path.unlink()
         raise SigningError(f"{path}: cannot be written: {failure}")
     return path, key
+
+
+def remove_key(folder: Path, system_id: int) -> tuple[Path, str]:
+    """Takes a key out of a folder for good.
+
+    Returns:
+        Where it was, and its fingerprint.
+
+    Raises:
+        SigningError: there is none, or it cannot be removed.
+    """
+    path = key_path(folder, system_id)
+    fingerprint = _read_key(path).fingerprint
+    try:
+        path.unlink()
+    except OSError as error:
+        raise SigningError(f"{path}: cannot be removed: {error.strerror}") from None
+    return path, fingerprint
 
 
 def _system_id_of(path: Path) -> int:

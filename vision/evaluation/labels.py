@@ -83,7 +83,7 @@ def read_yolo(path: Path, size: tuple[int, int], names: Mapping[int, str], corne
             raise LabelError(f"{where}: {len(fields)} values, wanted 9 (class and four corners) or 5 (class cx cy w h)")
         number, *shares = _numbers(fields, where)
         if number != int(number) or number < 0:
-            raise LabelError(f"{where}: class {fields[0]!r} is no class number; wanted 0, 1, …")
+            raise LabelError(f"{where}: class {fields[0][:60]!r} is no class number; wanted 0, 1, …")
         if min(shares) < -BEYOND or max(shares) > 1.0 + BEYOND:
             raise LabelError(f"{where}: coordinates reach {max(shares, key=abs):g}, wanted shares of the sides, 0 to 1")
         upright.add(len(fields) == 5)
@@ -120,7 +120,7 @@ def read_dota(path: Path, corners_tell_front: bool) -> LabelFile:
         if len(fields) not in (9, 10):
             raise LabelError(f"{where}: {len(fields)} values, wanted x1 y1 x2 y2 x3 y3 x4 y4 category difficult")
         if len(fields) == 10 and fields[9] not in ("0", "1", "2"):
-            raise LabelError(f"{where}: difficult is {fields[9]!r}, wanted 0 or 1")
+            raise LabelError(f"{where}: difficult is {fields[9][:60]!r}, wanted 0 or 1")
         points = np.array(_numbers(fields[:8], where)).reshape(4, 2)
         box, heading = _rectangle(points, corners_tell_front)
         return box, heading, fields[8], len(fields) == 9 or fields[9] == "0", -1
@@ -143,9 +143,9 @@ def read_visdrone(path: Path) -> LabelFile:
             )
         left, top, width, height, score, category, _, occlusion = _numbers(fields[:8], where)
         if category not in range(len(VISDRONE)):
-            raise LabelError(f"{where}: category {fields[5]} is none; there are 0 to {len(VISDRONE) - 1}")
+            raise LabelError(f"{where}: category {fields[5][:60]} is none; there are 0 to {len(VISDRONE) - 1}")
         if occlusion not in (0, 1, 2):
-            raise LabelError(f"{where}: occlusion {fields[7]} is none; there are 0, 1 and 2")
+            raise LabelError(f"{where}: occlusion {fields[7][:60]} is none; there are 0, 1 and 2")
         box = _upright(np.array([left + width / 2.0, top + height / 2.0, width, height]))
         return box, math.nan, VISDRONE[int(category)], score > 0 and category > 0, int(occlusion)
 
@@ -177,9 +177,9 @@ def _numbers(fields: Sequence[str], where: str) -> list[float]:
         try:
             values.append(float(field))
         except ValueError:
-            raise LabelError(f"{where}: {field!r} is no number") from None
+            raise LabelError(f"{where}: {field[:60]!r} is no number") from None
         if not math.isfinite(values[-1]):
-            raise LabelError(f"{where}: {field!r} is no finite number")
+            raise LabelError(f"{where}: {field[:60]!r} is no finite number")
     return values
 
 

@@ -19,6 +19,7 @@ from pathlib import Path
 import msgspec
 
 from gcs.cli.attach.place import MOST_BYTES, VARIABLES, Answer, Flying, ScreenOptions, Wish, connect
+from gcs.cli.output.console import check_terminal
 from gcs.errors import GcsError
 
 __all__ = ["flies_on", "show_flight"]
@@ -57,6 +58,7 @@ def show_flight(which: Path | None, options: ScreenOptions, *, take_over: bool) 
     """
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise GcsError("--attach needs a terminal to show the screens on")
+    check_terminal("attach from another one")
     connection = _choose(which)
     controller, shown = pty.openpty()
     variables = {name: os.environ[name] for name in VARIABLES if name in os.environ and name not in SIZE_VARIABLES}

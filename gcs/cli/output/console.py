@@ -48,6 +48,7 @@ __all__ = [
     "Theme",
     "VideoStart",
     "check_range",
+    "check_terminal",
     "errors_as_exit_codes",
     "hide_secrets",
     "parse_frame_size",
@@ -175,6 +176,19 @@ def start_log(level: LogLevel | None, path: Path | None) -> None:
         raise GcsError(f"--log-file {path}: cannot be written: {error.strerror}; choose another place") from error
     LogFile(path.parent.resolve() / path.name, least)
     log_uncaught()
+
+
+def check_terminal(instead: str) -> None:
+    """See that the terminal can show screens.
+
+    Args:
+        instead: what does without.
+
+    Raises:
+        GcsError: it says itself that it cannot.
+    """
+    if os.environ.get("TERM") == "dumb":
+        raise GcsError(f"TERM=dumb: a terminal of this kind cannot show screens; {instead}")
 
 
 class PlainStream:

@@ -69,6 +69,15 @@ def test_a_new_key_is_where_it_says_and_not_on_the_screen(keys, tmp_path):
     assert not shown_anywhere(out, secret)
 
 
+def test_a_removed_key_is_gone_and_its_fingerprint_told(keys, tmp_path):
+    keys("new", "7", "--keys", tmp_path)
+    fingerprint = read_ring(tmp_path).key_of(7).fingerprint
+    code, out, _ = keys("remove", "7", "--keys", tmp_path)
+    assert code == 0 and fingerprint in out and not list(tmp_path.iterdir())
+    code, _, err = keys("remove", "7", "--keys", tmp_path)
+    assert code == 2 and "7.key" in err
+
+
 def test_what_is_shown_is_the_passphrase_of_the_key(keys, tmp_path):
     code, out, _ = keys("new", "fleet", "--keys", tmp_path / "k", "--show")
     assert code == 0

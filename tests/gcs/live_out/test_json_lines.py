@@ -3,12 +3,13 @@
 import json
 import re
 import socket
+from contextlib import ExitStack
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from gcs.live_out.json_lines import BEHIND_BYTES, JsonTcp, JsonUdp, json_line
+from gcs.live_out.json_lines import BEHIND_BYTES, MOST_CLIENTS, MUTE_S, JsonTcp, JsonUdp, json_line
 from gcs.live_out.sink import SinkSource
 from gcs.live_out.sink_url import parse_tell
 from gcs.session.identity_log import json_row
@@ -104,7 +105,7 @@ def test_clients_come_and_go_and_one_that_does_not_read_is_dropped():
     ):
         sleeps.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         assert until(lambda: sink.serve() or sink.clients == 2)
-        large = replace(full(), vehicles=full().vehicles * 500)
+        large = replace(full(), vehicles=full().vehicles * 100)
         size = len(json_line(large, SOURCE))
         frames = 0
         while sink.clients == 2 and frames * size < 100 * BEHIND_BYTES:
@@ -115,6 +116,34 @@ def test_clients_come_and_go_and_one_that_does_not_read_is_dropped():
         sink.write(full(7))
         assert json.loads(lines.readline())["frame"] == 7
     assert until(lambda: sink.serve() or sink.clients == 0)
+    sink.close()
+
+
+def test_clients_that_take_nothing_make_room_after_five_seconds():
+    url = parse_tell(f"json+tcp://127.0.0.1:{free_port(socket.SOCK_STREAM)}")
+    clock = [0.0]
+    sink = JsonTcp(url, SOURCE, lambda: clock[0])
+    large = replace(full(), vehicles=full().vehicles * 200)
+    with ExitStack() as open_clients:
+        for _ in range(MOST_CLIENTS):
+            mute = open_clients.enter_context(socket.socket())
+            mute.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            mute.connect((url.host, url.port))
+        assert until(lambda: sink.serve() or sink.clients == MOST_CLIENTS)
+        later = open_clients.enter_context(socket.create_connection((url.host, url.port), timeout=30))
+        size = len(json_line(large, SOURCE))
+        for frame in range(BEHIND_BYTES // 2 // size):
+            sink.write(replace(large, frame=frame))
+        clock[0] = MUTE_S - 0.1
+        sink.serve()
+        assert sink.clients == MOST_CLIENTS
+        clock[0] = MUTE_S + 0.1
+        sink.serve()
+        assert until(lambda: sink.serve() or sink.clients == 1)
+        sink.write(replace(large, frame=99))
+        with later.makefile() as lines:
+            assert until(lambda: sink.serve() or not sink._waiting[next(iter(sink._waiting))])
+            assert json.loads(lines.readline())["frame"] == 99
     sink.close()
 
 
