@@ -61,8 +61,11 @@ def remote_files(address: str) -> tuple[Any, str]:
     """fsspec's file system of an address, and the path in it.
 
     Raises:
-        StoreError: fsspec, or what it needs for this protocol, is not installed, or knows no such protocol.
+        StoreError: fsspec, or what it needs for this protocol, is not installed, or knows no such protocol; or it is a
+            file of references, whose author chooses what is read in its place.
     """
+    if any(part.partition("://")[0] == "reference" for part in address.split("::")):
+        raise StoreError(f"{concealed(address)}: leads to addresses that another chose; give those of the flights")
     try:
         from fsspec.core import url_to_fs
     except ImportError:

@@ -20,6 +20,7 @@ __all__ = ["BatchFlight", "find_flights"]
 MOST_LIST_BYTES = 64 << 20
 """Of a list: a hundred thousand signed addresses."""
 LOG_SUFFIX = ".tlog"
+_MOST_SHOWN = 200
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,16 +66,23 @@ def find_flights(
 def _flights(words: Iterable[str], folder: Path, note: Callable[[str], None]) -> Iterator[BatchFlight]:
     for word in words:
         hide(word)
-        name, named, rest = word.partition("=")
-        if named and name and "/" not in name and not (folder / word).exists():
-            hide(rest)
-            found = list(_addresses(rest, folder, note))
-            if len(found) != 1:
-                raise BatchError(f"{word}: {len(found)} flights there; a name is for one")
-            yield BatchFlight(_checked(name), found[0])
-        else:
-            for address in _addresses(word, folder, note):
-                yield BatchFlight(_checked(_name_of(address)), address)
+        try:
+            yield from _flights_of(word, folder, note)
+        except OSError as error:
+            raise BatchError(f"{concealed(word)[:_MOST_SHOWN]}: {error.strerror}") from error
+
+
+def _flights_of(word: str, folder: Path, note: Callable[[str], None]) -> Iterator[BatchFlight]:
+    name, named, rest = word.partition("=")
+    if named and name and "/" not in name and not (folder / word).exists():
+        hide(rest)
+        found = list(_addresses(rest, folder, note))
+        if len(found) != 1:
+            raise BatchError(f"{word}: {len(found)} flights there; a name is for one")
+        yield BatchFlight(_checked(name), found[0])
+    else:
+        for address in _addresses(word, folder, note):
+            yield BatchFlight(_checked(_name_of(address)), address)
 
 
 def _lines(path: Path) -> Iterator[str]:

@@ -8,6 +8,7 @@ damaged (``gcs tlog check``); 6 a batch of which some flights failed.
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import json
 import math
@@ -62,6 +63,8 @@ __all__ = [
 
 BAD_INPUT, NOT_AVAILABLE, NO_NAMES, SOME_FAILED = 2, 3, 4, 6
 
+_OF_THE_NAME = (errno.ENAMETOOLONG, errno.ELOOP)
+_MOST_SHOWN = 200
 FRAME_SIZE = "Size of the frames that detections.csv is about, as 1280x720, where the recording does not know."
 AsJson = Annotated[bool, typer.Option("--json", help="For programs: one JSON object a line.")]
 MOST_PX = 16384
@@ -232,6 +235,9 @@ def errors_as_exit_codes() -> Iterator[None]:
     except KeyboardInterrupt:
         raise SystemExit(130) from None
     except OSError as error:
+        if error.errno in _OF_THE_NAME:
+            print_note(_one_line(f"{str(error.filename)[:_MOST_SHOWN]}: {error.strerror}"))
+            raise SystemExit(BAD_INPUT) from error
         if error.errno not in OF_THE_DISK:
             raise
         place = error.filename2 or error.filename or "the disk"

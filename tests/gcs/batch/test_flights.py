@@ -66,7 +66,7 @@ def test_nothing_else_is_obeyed_as_a_list(recordings):
     assert all("--list" in note for note in notes) and len(notes) == 3
 
 
-@pytest.mark.parametrize("kind", ["pipe", "device", "absent", "binary"])
+@pytest.mark.parametrize("kind", ["pipe", "device", "absent", "binary", "zero"])
 def test_what_is_no_list(kind, recordings):
     path = recordings / "list.txt"
     if kind == "pipe":
@@ -75,6 +75,8 @@ def test_what_is_no_list(kind, recordings):
         path.symlink_to("/dev/zero")
     elif kind == "binary":
         path.write_bytes(b"\xff\xfe")
+    elif kind == "zero":
+        path.write_bytes(b"a\0b")
     with pytest.raises(BatchError, match="cannot be read as a list"):
         find_flights([], lists=[path])
 
@@ -91,6 +93,8 @@ def test_a_file_address_is_a_path(recordings):
         (["none/*"], "not one flight found"),
         (["name=day 1"], "2 flights there"),
         (["a\nb"], "is no name"),
+        (["a" * 300], "File name too long"),
+        (["a" * 300 + "=b"], "File name too long"),
     ],
 )
 def test_words_that_cannot_be_used(words, told, recordings):

@@ -101,7 +101,9 @@ def test_a_folder_of_something_else_in_a_store_is_left_alone(tmp_path, memory):
     assert in_memory("memory://mine") == {"thesis.tex": b"words"}
 
 
-@pytest.mark.parametrize("address", ["nonsense://bucket/a", "memory://nothing/here"])
+@pytest.mark.parametrize(
+    "address", ["nonsense://bucket/a", "memory://nothing/here", "reference::memory://a", "reference://a"]
+)
 def test_addresses_that_cannot_be_read(address, tmp_path):
     code, stdout, stderr = run_gcs("batch", address, "-o", tmp_path / "out")
     assert code == 6

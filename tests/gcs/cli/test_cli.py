@@ -246,6 +246,13 @@ def test_a_disk_that_does_not_take_it_is_one_line(number, code, capsys):
     assert said == f"gcs: /out/identity.csv: {os.strerror(number)}; free space or choose another place\n"
 
 
+def test_a_name_that_no_disk_can_have_is_one_line(capsys):
+    with pytest.raises(SystemExit) as left, errors_as_exit_codes():
+        os.stat("a" * 300)
+    assert left.value.code == 2
+    assert capsys.readouterr().err == f"gcs: {'a' * 200}: File name too long\n"
+
+
 def test_other_errors_of_the_system_are_faults_of_the_program():
     with pytest.raises(OSError, match="no such device"), errors_as_exit_codes():
         raise OSError(errno.ENODEV, "no such device")
