@@ -21,7 +21,7 @@ _MORE_BYTES, _BYTES_A_CELL = 200_000_000, 12
 _MOST_S = 120.0
 
 
-class _Question(msgspec.Struct):
+class _TiffQuestion(msgspec.Struct):
     path: str
     most_cells: int
     tags: list[int]
@@ -57,12 +57,12 @@ def read_tiff(path: Path, most_cells: int, tags: list[int]) -> TiffGrid:
         UnreadError: no TIFF that can be read.
         OSError: no process can be started for it.
     """
-    question = _Question(str(path), most_cells, tags)
+    question = _TiffQuestion(str(path), most_cells, tags)
     most_bytes = _MORE_BYTES + _BYTES_A_CELL * most_cells
     return ask_child(__name__, question, TiffGrid, most_bytes=most_bytes, most_s=_MOST_S)
 
 
-def _read(question: _Question) -> TiffGrid:
+def _read(question: _TiffQuestion) -> TiffGrid:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         with (
@@ -89,4 +89,4 @@ def _numbers(value: Any) -> list[float]:  # noqa: ANN401 - whatever Pillow makes
 
 
 if __name__ == "__main__":
-    answer_parent(_Question, _read)
+    answer_parent(_TiffQuestion, _read)

@@ -38,7 +38,7 @@ class UnreadError(Exception):
     """It was not read; the message, one line, says why."""
 
 
-class _Asked(msgspec.Struct):
+class _Work(msgspec.Struct):
     question: msgspec.Raw
     most_bytes: int
 
@@ -70,7 +70,7 @@ def ask_child(
     clock = threading.Timer(most_s, child.kill)
     clock.start()
     try:
-        child.channel.send(_Asked(msgspec.Raw(msgspec.msgpack.encode(question)), most_bytes))
+        child.channel.send(_Work(msgspec.Raw(msgspec.msgpack.encode(question)), most_bytes))
         answer = child.channel.receive()
     except (EOFError, OSError):
         answer = None
@@ -93,7 +93,7 @@ def answer_parent(asks: type[Question], read: Callable[[Question], msgspec.Struc
         asks: type of the question.
         read: what answers it.
     """
-    parent: MessageChannel[_Asked] = connect_to_parent(_Asked)
+    parent: MessageChannel[_Work] = connect_to_parent(_Work)
     asked = parent.receive()
     if asked is None:
         return

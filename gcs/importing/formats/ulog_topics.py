@@ -17,18 +17,18 @@ _LEAST_S, _BYTES_A_SECOND = 60.0, 1_000_000
 """For which it may take to be read."""
 
 
-class _Column(msgspec.Struct):
+class _UlogColumn(msgspec.Struct):
     name: str
     type: str
     data: bytes
 
 
-class _Topic(msgspec.Struct):
+class _UlogTopic(msgspec.Struct):
     name: str
-    columns: list[_Column]
+    columns: list[_UlogColumn]
 
 
-class _Question(msgspec.Struct):
+class _UlogQuestion(msgspec.Struct):
     path: str
     topics: list[str]
     columns: list[str]
@@ -37,7 +37,7 @@ class _Question(msgspec.Struct):
 class UlogTopics(msgspec.Struct, tag=True):
     """What was found."""
 
-    topics: list[_Topic]
+    topics: list[_UlogTopic]
     """Those with rows, instances of one name by their numbers."""
     system_id: int
     """0 unknown."""
@@ -66,20 +66,20 @@ def read_topics(path: str, size: int, topics: list[str], columns: list[str]) -> 
     """
     return ask_child(
         __name__,
-        _Question(path, topics, columns),
+        _UlogQuestion(path, topics, columns),
         UlogTopics,
         most_bytes=_MORE_BYTES + _TIMES_LARGER * size,
         most_s=_LEAST_S + size / _BYTES_A_SECOND,
     )
 
 
-def _read(question: _Question) -> UlogTopics:
+def _read(question: _UlogQuestion) -> UlogTopics:
     from pyulog import ULog
 
     with open(open_to_read(question.path), "rb") as file:  # noqa: PTH123 - of a descriptor
         log = ULog(file, question.topics)
     topics = [
-        _Topic(each.name, _columns(each.data, question.columns))
+        _UlogTopic(each.name, _columns(each.data, question.columns))
         for each in sorted(log.data_list, key=lambda data: int(data.multi_id))
         if len(each.data.get("timestamp", ()))
     ]
@@ -88,9 +88,9 @@ def _read(question: _Question) -> UlogTopics:
     return UlogTopics(topics, system_id if known else 0, bool(log.file_corruption))
 
 
-def _columns(data: dict[str, NDArray[np.generic]], wanted: list[str]) -> list[_Column]:
-    return [_Column(name, data[name].dtype.str, data[name].tobytes()) for name in wanted if name in data]
+def _columns(data: dict[str, NDArray[np.generic]], wanted: list[str]) -> list[_UlogColumn]:
+    return [_UlogColumn(name, data[name].dtype.str, data[name].tobytes()) for name in wanted if name in data]
 
 
 if __name__ == "__main__":
-    answer_parent(_Question, _read)
+    answer_parent(_UlogQuestion, _read)

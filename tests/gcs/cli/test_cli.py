@@ -5,6 +5,7 @@ import json
 import os
 import re
 import socket
+from pathlib import Path
 
 import pytest
 
@@ -248,7 +249,7 @@ def test_a_disk_that_does_not_take_it_is_one_line(number, code, capsys):
 
 def test_a_name_that_no_disk_can_have_is_one_line(capsys):
     with pytest.raises(SystemExit) as left, errors_as_exit_codes():
-        os.stat("a" * 300)
+        Path("a" * 300).stat()
     assert left.value.code == 2
     assert capsys.readouterr().err == f"gcs: {'a' * 200}: File name too long\n"
 

@@ -3,9 +3,9 @@
 import pytest
 
 from infra.processes.bounded import UnreadError, ask_child
-from tests.support.bounded_child import Found, Read
+from tests.support.children.bounded_child import Found, Read
 
-MODULE = "tests.support.bounded_child"
+MODULE = "tests.support.children.bounded_child"
 
 
 @pytest.mark.parametrize("what", ["whole", "print"])

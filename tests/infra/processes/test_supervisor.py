@@ -9,7 +9,7 @@ import pytest
 from infra.processes.child_process import ChildProcess
 from infra.processes.supervisor import Supervisor
 from infra.program_log import LogFile
-from tests.support.supervised_child import Begin, Do, Done
+from tests.support.children.supervised_child import Begin, Do, Done
 
 PATIENCE_S = 0.3
 WITHIN_S = 120.0
@@ -41,7 +41,7 @@ class Owner:
             self.refuses -= 1
             raise BlockingIOError("no more processes")
         self.starts += 1
-        return ChildProcess("tests.support.supervised_child", Done)
+        return ChildProcess("tests.support.children.supervised_child", Done)
 
     def begin(self, process):
         self.begun += 1
@@ -203,6 +203,6 @@ def test_begins_ends_and_replacements_are_logged(own, tmp_path):
     owner.supervisor.stop()
     log.close()
     text = log.path.read_text()
-    assert text.count("begins: tests.support.supervised_child") == 2
-    assert text.count("ended: tests.support.supervised_child") == 2
+    assert text.count("begins: tests.support.children.supervised_child") == 2
+    assert text.count("ended: tests.support.children.supervised_child") == 2
     assert "these are its last words); another has begun" in text
