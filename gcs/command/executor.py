@@ -335,7 +335,7 @@ def _seen(verdict: Verdict, monitor: PointingMonitor) -> tuple[Level, str]:
     if verdict == "done":
         return "info", "done: the camera looks there"
     if verdict == "unknown":
-        return "info", f"accepted, but {_words(monitor)}"
+        return "warning", f"accepted, but {_words(monitor)}"
     return "warning", f"the camera does not follow: {_off(monitor)}"
 
 

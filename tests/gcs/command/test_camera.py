@@ -131,6 +131,7 @@ def test_without_gimbal_reports_it_is_said_that_nobody_knows(air):
     air.order("point", UGV, "goes on until another order")
     assert "accepted, but nothing reports where the camera looks; by the positions received here instead" in texts(air)
     assert air.until(lambda: texts(air)[-1] == "accepted, but nothing reports where the camera looks")
+    assert air.events[-1].level == "warning"
     count = len(air.uav.commands(195))
     assert air.until(lambda: len(air.uav.commands(195)) > count + 2), "it goes on all the same"
 
