@@ -6,7 +6,7 @@ from bench.fuzz.readers import PLACES, READERS, ReaderScore, fuzz_places, fuzz_r
 from tests.support.bundled import ROOT
 
 GOOD = ROOT / "tests" / "corpus" / "readers"
-SEEDS = range(3)
+SEEDS = range(2)
 
 
 def total(scores):

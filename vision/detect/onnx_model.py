@@ -65,8 +65,11 @@ def open_session(path: Path, providers: Sequence[str], threads: int) -> ort.Infe
 
 
 def metadata(session: ort.InferenceSession) -> dict[str, str]:
-    """The file's own notes."""
-    return dict(session.get_modelmeta().custom_metadata_map)
+    """The file's own notes; none where they are no text."""
+    try:
+        return dict(session.get_modelmeta().custom_metadata_map)
+    except UnicodeDecodeError:
+        return {}
 
 
 def table(text: str) -> dict[object, object]:

@@ -10,6 +10,7 @@ import pytest
 
 from vision.errors import LabelError
 from vision.evaluation import open_folder
+from vision.evaluation.coco import read_coco
 from vision.evaluation.truth import REGION
 
 CAR, BUS = {"id": 3, "name": "car"}, {"id": 7, "name": "bus"}
@@ -120,3 +121,10 @@ def test_paths_as_windows_writes_them(tmp_path):
     opened = open_folder(write(tmp_path, images=images, present=("images/a.png", "images/b.png")))
     assert [image.name for image in opened.images] == ["images/a.png", "images/b.png"]
     assert opened.missing == 0
+
+
+def test_bytes_that_are_no_text_are_refused_in_a_line(tmp_path):
+    path = tmp_path / "a.json"
+    path.write_bytes(b'{"images": [], "annotations": [], "categories": [{"id": 1, "name": "ca\xff\xff"}]}')
+    with pytest.raises(LabelError, match=r"a\.json: is no COCO file"):
+        read_coco(path)
