@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 import socket
 import struct
 import threading
@@ -199,6 +200,7 @@ class RtspServer:
     Args:
         frames: datagrams by frame.
         port: any free one unless given.
+        datagrams: refuse RTP over TCP, and send it over UDP.
 
     Attributes:
         hold: while set, connections stay open and nothing is sent.
@@ -207,8 +209,11 @@ class RtspServer:
         first: of the first frame that was sent to who played last.
     """
 
-    def __init__(self, frames, port=None):
+    def __init__(self, frames, port=None, *, datagrams=False):
         self.frames = frames
+        self._datagrams = datagrams
+        self._outlet = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._outlet.bind(("127.0.0.1", 0))
         self.hold = threading.Event()
         self.plays = self.sent = self.first = 0
         # one that nobody is handed while the server is down
@@ -229,7 +234,7 @@ class RtspServer:
     def close(self):
         """Drop every connection and the port, as a camera that loses its power."""
         self._closed = True
-        for connection in (self._listener, *self._clients):
+        for connection in (self._listener, self._outlet, *self._clients):
             with contextlib.suppress(OSError):
                 connection.shutdown(socket.SHUT_RDWR)
             connection.close()
@@ -252,15 +257,22 @@ class RtspServer:
                 self._answer(client, request.split()[0].decode(), fields)
 
     def _answer(self, client, method, fields):
-        body, extra = "", "Session: 1\r\n"
+        body, extra, status = "", "Session: 1\r\n", "200 OK"
         if method == "OPTIONS":
             extra = "Public: OPTIONS, DESCRIBE, SETUP, PLAY, TEARDOWN\r\n"
         elif method == "DESCRIBE":
             body = _SDP
             extra = f"Content-Type: application/sdp\r\nContent-Base: {self.url}/\r\nContent-Length: {len(body)}\r\n"
-        elif method == "SETUP":
+        elif method == "SETUP" and not self._datagrams:
             extra += "Transport: RTP/AVP/TCP;unicast;interleaved=0-1\r\n"
-        head = f"RTSP/1.0 200 OK\r\nCSeq: {fields[b'CSeq'].strip().decode()}\r\n{extra}\r\n"
+        elif method == "SETUP" and b"client_port=" in fields[b"Transport"]:
+            port = int(re.search(rb"client_port=(\d+)", fields[b"Transport"])[1])
+            ours = self._outlet.getsockname()[1]
+            self._outlet.connect(("127.0.0.1", port))
+            extra += f"Transport: RTP/AVP;unicast;client_port={port}-{port + 1};server_port={ours}-{ours + 1}\r\n"
+        elif method == "SETUP":
+            status = "461 Unsupported Transport"
+        head = f"RTSP/1.0 {status}\r\nCSeq: {fields[b'CSeq'].strip().decode()}\r\n{extra}\r\n"
         client.sendall((head + body).encode())
         if method == "PLAY":
             self.plays += 1
@@ -274,5 +286,8 @@ class RtspServer:
                 if self.hold.is_set() or self._closed:
                     continue
                 for data in self.frames[number]:
-                    client.sendall(struct.pack("!cBH", b"$", 0, len(data)) + data)
+                    if self._datagrams:
+                        self._outlet.send(data)
+                    else:
+                        client.sendall(struct.pack("!cBH", b"$", 0, len(data)) + data)
                 self.sent = number + 1

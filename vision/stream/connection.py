@@ -1,6 +1,7 @@
 """One open connection to a source: coded packets, whatever the transport.
 
 Datagrams come from a port of ours (``vision.stream.port``), all else is opened by FFmpeg, with limits to its patience.
+Where a stream has no time stamps its packets are dated by arrival (``vision.stream.byte_stream``).
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from av.packet import Packet
 from av.video.stream import VideoStream as CodedStream
 
 from vision.errors import VideoError
+from vision.stream.byte_stream import TICK_HZ as ARRIVAL_HZ
+from vision.stream.byte_stream import ByteStream, has_no_stamps
 from vision.stream.exposure_times import Exposures, klv_time_s, sei_time_s, sender_report
 from vision.stream.messages import Sender
 from vision.stream.port import Port
@@ -28,12 +31,15 @@ from vision.stream.source import Codec, Source
 from vision.stream.trial import SEARCH, mpegts_payload
 from vision.video.frame_index import ONE_FILE, reason
 
-__all__ = ["OPEN_TIMEOUT_S", "READ_TIMEOUT_S", "Input", "datagrams", "listen", "open_input"]
+__all__ = ["OPEN_TIMEOUT_S", "READ_TIMEOUT_S", "WAIT_S", "Input", "datagrams", "listen", "open_input"]
 
 OPEN_TIMEOUT_S = 3.0
 """Longest wait for a connection, seconds."""
+WAIT_S = 30.0
+"""Longest wait for others to connect, before it is begun anew, seconds."""
 READ_TIMEOUT_S = 2.0
 """Longest wait for the next packet, seconds."""
+BYTE_STREAMS = ("tcp:", "http:", "https:")
 READ_BYTES = 32768
 """Most bytes that FFmpeg asks for at once."""
 _PRODUCER_TIME = struct.Struct("=qi")
@@ -63,10 +69,18 @@ class Input:
     """Whether it ends by itself when it is time to stop, and hands out its last packet then."""
     exposures: Exposures = field(default_factory=Exposures)
     """Exposure times that the stream itself carries."""
+    line: ByteStream | None = None
+    """What the container reads from, where that is not FFmpeg's own."""
+
+    def close(self) -> None:
+        """Hang up."""
+        self.container.close()
+        if self.line is not None:
+            self.line.close()
 
 
-def open_input(source: Source) -> Input:
-    """Connect by FFmpeg.
+def open_input(source: Source) -> Input | None:
+    """Connect by FFmpeg; None where others are to connect and nobody has yet.
 
     Raises:
         VideoError: nothing there, no answer within the time, no video in it.
@@ -74,12 +88,32 @@ def open_input(source: Source) -> Input:
     av.logging.set_level(av.logging.PANIC)
     begin_s = time.monotonic()
     try:
-        container = _open(source)
+        return _open_line(source) or _input(source, _open(source))
     except (av.FFmpegError, OSError, ValueError) as error:
-        late = time.monotonic() - begin_s >= OPEN_TIMEOUT_S
+        late = time.monotonic() - begin_s >= _patience_s(source)
+        if late and source.waits:
+            return None
         why = f"no answer within {OPEN_TIMEOUT_S:g} s" if late else reason(error)
         raise VideoError(f"video {source.text}: cannot be opened ({why}); is it being sent?") from error
-    return _input(source, container)
+
+
+def _open_line(source: Source) -> Input | None:
+    """Read a TCP or HTTP connection here, so that its pictures can be dated; None of what FFmpeg has to read itself."""
+    if not source.address.startswith(BYTE_STREAMS):
+        return None
+    line = ByteStream(source, (OPEN_TIMEOUT_S, READ_TIMEOUT_S))
+    try:
+        # playlists and files over HTTP are read in pieces
+        if not source.address.startswith("tcp") and not line.begins_without_stamps():
+            line.close()
+            return None
+        opened = replace(_input(source, av.open(line, "r", options=dict(SEARCH), buffer_size=READ_BYTES)), line=line)
+    except BaseException:
+        line.close()
+        raise
+    if not has_no_stamps(opened.container):
+        return opened
+    return replace(opened, tick_s=1 / ARRIVAL_HZ, packets=line.dated(opened.packets), arrival_s=lambda: line.arrival_s)
 
 
 def datagrams(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | None:
@@ -116,8 +150,12 @@ def _of_port(port: Port, opened: Input) -> Input:
     return replace(opened, arrival_s=lambda: port.arrival_s, live=lambda: port.live, shown=port.senders.shown)
 
 
+def _patience_s(source: Source) -> float:
+    return WAIT_S if source.waits else OPEN_TIMEOUT_S
+
+
 def _open(source: Source) -> InputContainer:
-    timeout = (OPEN_TIMEOUT_S, READ_TIMEOUT_S)
+    timeout = (_patience_s(source), READ_TIMEOUT_S)
     container: InputContainer
     if source.kind == "camera":
         # what the camera compresses itself is recorded as it is; raw frames only where it offers nothing else
@@ -154,13 +192,15 @@ def _input(source: Source, container: InputContainer) -> Input:
     tick_s = float(stream.time_base or 1e-6)
     drains = source.kind == "datagrams"
     opened = Input(stream=stream, tick_s=tick_s, packets=iter(()), container=container, drains=drains)
-    return replace(opened, packets=_video_packets(opened, container))
+    return replace(opened, packets=_video_packets(opened, bare=has_no_stamps(container) and not source.paced))
 
 
-def _video_packets(opened: Input, container: InputContainer) -> Packets:
-    """Packets of the video; metadata beside it is evaluated."""
-    for packet in container.demux([opened.stream, *container.streams.data]):
+def _video_packets(opened: Input, *, bare: bool) -> Packets:
+    """Packets of the video, ``bare`` without time stamps; metadata beside it is evaluated."""
+    for packet in opened.container.demux([opened.stream, *opened.container.streams.data]):
         if packet.stream is opened.stream:
+            if bare:
+                packet.pts = packet.dts = None
             yield cast("Packet[CodedStream]", packet)
         elif packet.pts is not None and packet.time_base is not None:
             taken_s = klv_time_s(bytes(packet))
@@ -225,7 +265,7 @@ def _rtp(source: Source, port: Port, codec: Codec) -> Input | None:
         if opened.stream.codec_context.width:
             packets = _packets(unit, units, bool(opened.stream.codec_context.has_b_frames))
             return _of_port(port, replace(opened, tick_s=1 / TICK_HZ, packets=packets, exposures=exposures))
-        opened.container.close()
+        opened.close()
     return None
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -153,34 +153,44 @@ class _OpenStream:
 
     def run(self) -> None:
         """Until the source ends, breaks or is closed."""
-        reader = self._reader
         held: list[tuple[Coded, float]] | None = None if self._paced else []
+        try:
+            for packet, waited in self._received():
+                if packet.size:
+                    arrival_s = self._arrive(packet)
+                    self._note_arrival()
+                    if held is not None:
+                        # what was buffered while opening came earlier than now: it waits for one that is on time
+                        held.append((packet, arrival_s))
+                    if held is None:
+                        self._settle([(packet, arrival_s)])
+                    elif waited or len(held) >= PROBED:
+                        whole, held = held, None
+                        self._settle(whole)
+                self._reader.report_alive()
+        finally:
+            # also where the connection breaks
+            self._settle(held or [])
+            self._show(None)
+
+    def _received(self) -> Iterator[tuple[Coded, bool]]:
+        """Packets while there are to be any, and whether each had to be waited for."""
         asked_s = time.monotonic()
         for packet in self._source.packets:
-            if not (reader.go_on() or self._source.drains):
-                break
+            if not (self._reader.go_on() or self._source.drains):
+                return
             now_s = time.monotonic()
             waited = now_s - asked_s > WAITED_S
             if waited or self._paced:
                 self._busy_since_s = now_s
-            if packet.size:
-                arrival_s = self._arrive(packet)
-                reader.progress.connected = self._source.live()
-                exposures = self._source.exposures
-                reader.progress.exposure_source, reader.progress.exposure_delay_s = exposures.source, exposures.delay_s
-                reader.progress.told_error_s = exposures.error_s
-                if held is not None:
-                    # packets buffered while opening came earlier than now: hold them until one comes that is on time
-                    held.append((packet, arrival_s))
-                if held is None:
-                    self._settle([(packet, arrival_s)])
-                elif waited or len(held) >= PROBED:
-                    self._settle(held)
-                    held = None
-            reader.report_alive()
+            yield packet, waited
             asked_s = time.monotonic()
-        self._settle(held or [])
-        self._show(None)
+
+    def _note_arrival(self) -> None:
+        progress, exposures = self._reader.progress, self._source.exposures
+        progress.connected = self._source.live()
+        progress.exposure_source, progress.exposure_delay_s = exposures.source, exposures.delay_s
+        progress.told_error_s = exposures.error_s
 
     def _arrive(self, packet: Coded) -> float:
         """Unix time of arrival; a file's packets arrive at the pace of their time stamps."""

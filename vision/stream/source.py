@@ -5,7 +5,10 @@
     mpegts://:5600
     udp://239.1.1.1:5600                 a multicast group, joined
     udp://192.168.1.10:5600              an address that is not ours: only what that host sends
-    rtsp://…  tcp://…  http://…          RTSP over TCP, MPEG-TS over TCP, whatever FFmpeg reads over HTTP
+    rtsp://…                             RTSP over TCP, or UDP where the server offers nothing else
+    tcp://…  http://…                    MPEG-TS or raw H.264, H.265; MJPEG or whatever FFmpeg reads over HTTP
+    rtmp://0.0.0.0:1935/live             RTMP that a camera, an app or OBS pushes to this machine
+    rtmp://192.168.1.10/live/main        RTMP fetched from a server
     /dev/video0   /dev/video0?size=1280x720&rate=30&format=mjpeg
     video.sdp                            a session that FFmpeg receives by itself
     flight.mp4                           a file, at its own pace
@@ -40,7 +43,10 @@ CODECS: Mapping[str, Codec] = {
     "mpegts": "mpegts",
 }
 DATAGRAMS: Mapping[str, Codec] = {"udp": "", "rtp": "", "mpegts": "mpegts", "udp264": "h264", "udp265": "hevc"}
-NETWORK = ("rtsp", "rtsps", "tcp", "http", "https")
+NETWORK = ("rtsp", "rtsps", "rtmp", "rtmps", "tcp", "http", "https")
+NOT_BUILT = ("srt", "rist")
+"""What FFmpeg can receive, and the one that comes with PyAV cannot."""
+ANY_HOST = ("", "0.0.0.0", "::")
 CAMERA_KEYS = {"size": "video_size", "rate": "framerate", "format": "input_format"}
 
 RTSP, RTP_UDP, TCP_MPEG, MPEG_TS = range(4)
@@ -65,6 +71,11 @@ class Source:
     options: Mapping[str, str] = field(default_factory=dict)
 
     @property
+    def waits(self) -> bool:
+        """Whether others connect to it."""
+        return self.options.get("listen") == "1"
+
+    @property
     def paced(self) -> bool:
         """Whether it has no pace of its own."""
         return self.kind == "file"
@@ -87,7 +98,12 @@ def parse_source(text: str) -> Source:
     if scheme == "file":
         return Source(text=text, kind="file", address=urlsplit(text).path)
     if scheme in NETWORK:
-        return Source(text=shown, kind="network", address=text, options=_network_options(scheme))
+        return _network(text, scheme)
+    if scheme in NOT_BUILT:
+        raise VideoError(
+            f"video {shown}: {scheme}:// is not received: FFmpeg as it comes with PyAV is built without it; have the "
+            "sender push RTMP to rtmp://0.0.0.0:1935/live, or send MPEG-TS over UDP"
+        )
     raise VideoError(f"video {shown}: no source begins with {scheme}://; known are {', '.join((*DATAGRAMS, *NETWORK))}")
 
 
@@ -166,9 +182,24 @@ def _camera(text: str) -> Source:
     return Source(text=text, kind="camera", address=device, options=options)
 
 
-def _network_options(scheme: str) -> dict[str, str]:
-    """What keeps delay low, and the stream from sending FFmpeg to files of ours."""
+def _network(text: str, scheme: str) -> Source:
+    """With options that keep delay low, and the stream from sending FFmpeg to files of ours."""
+    user, at, rest = text.partition("://")[2].rpartition("@")
+    # FFmpeg ends the address at the first of them, also in a password
+    address = f"{text.partition('://')[0]}://{user.replace('#', '%23')}{at}{rest}"
     options = {"protocol_whitelist": "tcp,udp,rtp,tls,http,https,httpproxy,crypto", "fpsprobesize": "0"}
     if scheme.startswith("rtsp"):
-        options |= {"rtsp_transport": "tcp"}
-    return options
+        options |= {"rtsp_transport": "udp+tcp", "rtsp_flags": "prefer_tcp"}
+    if scheme.startswith("rtmp"):
+        options |= {"protocol_whitelist": "rtmp,rtmps,tcp,tls", "rtmp_live": "live", "analyzeduration": "1000000"}
+        if _host(rest) in ANY_HOST:
+            options |= {"listen": "1"}
+    return Source(text=concealed(text), kind="network", address=address, options=options)
+
+
+def _host(rest: str) -> str:
+    """Of an address without scheme and user."""
+    try:
+        return urlsplit(f"//{rest}").hostname or ""
+    except ValueError:
+        return rest

@@ -22,7 +22,7 @@ from infra.reporting import Backoff
 from infra.secrets import concealed, hide
 from infra.shared_memory import map_memory
 from vision.errors import VideoError
-from vision.stream.connection import OPEN_TIMEOUT_S, READ_TIMEOUT_S, Input, datagrams, open_input
+from vision.stream.connection import OPEN_TIMEOUT_S, READ_TIMEOUT_S, WAIT_S, Input, datagrams, open_input
 from vision.stream.messages import IMAGE_BYTES, FrameReply, FrameRequest, Preference, Progress, Settings, VideoRequest
 from vision.stream.port import Port, bind
 from vision.stream.reader import StreamReader
@@ -109,10 +109,13 @@ class _StreamWorker:
         """Connect, read until it breaks, and again with growing pauses."""
         backoff = Backoff(PAUSES_S)
         while self._go_on():
-            self._reader.report_alive(OPENING_PATIENCE_S)
+            self._reader.report_alive(OPENING_PATIENCE_S + (WAIT_S if self._source.waits else 0.0))
             before = self._reader.order.count
             try:
-                self._read(open_input(self._source))
+                opened = open_input(self._source)
+                if opened is None:
+                    continue
+                self._read(opened)
                 self._reader.progress.ended = self._source.paced and not self._stop.is_set()
             except VideoError as error:
                 self._report_error(str(error))
@@ -123,7 +126,7 @@ class _StreamWorker:
             self._pause(backoff)
 
     def _read(self, opened: Input) -> None:
-        with closing(opened.container):
+        with closing(opened):
             try:
                 self._reader.read(opened, paced=self._source.paced)
             except av.ExitError:

@@ -51,6 +51,14 @@ def test_a_camera_is_played_and_recorded(tmp_path):
     assert (np.diff([t_us for _, t_us in watched.rows]) > 0).all()
 
 
+def test_a_camera_that_offers_nothing_but_datagrams_is_played(tmp_path):
+    with RtspServer(packed(CLIP), datagrams=True) as server, Watched(server.url, tmp_path / "video.mkv") as watched:
+        assert watched.shows_more()
+        assert watched.stream.error == ""
+    numbers = film(tmp_path / "video.mkv", watched.rows)
+    assert len(numbers) >= 30 and (np.diff(numbers) > 0).all()
+
+
 def test_a_camera_that_falls_silent_with_its_connection_open_is_stalled_once(tmp_path):
     with RtspServer(packed(CLIP)) as server, Watched(server.url, tmp_path / "video.mkv") as watched:
         assert watched.shows_more()

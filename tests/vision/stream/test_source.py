@@ -22,6 +22,7 @@ from vision.stream.source import offered, parse_source
         ("mpegts://:5600", "datagrams", "", 5600, "mpegts"),
         ("rtsp://10.0.0.2:8554/main", "network", "", 0, ""),
         ("http://10.0.0.2/stream.ts", "network", "", 0, ""),
+        ("rtmp://10.0.0.2/live/main", "network", "", 0, ""),
         ("/dev/video2?size=1280x720&rate=30", "camera", "", 0, ""),
         ("camera.sdp", "session", "", 0, ""),
         ("flight.mp4", "file", "", 0, ""),
@@ -40,8 +41,28 @@ def test_a_camera_takes_size_rate_and_format():
 
 
 @pytest.mark.parametrize(
+    ("text", "waits"),
+    [
+        ("rtmp://0.0.0.0:1935/live", True),
+        ("rtmp://:1935/live", True),
+        ("rtmp://10.0.0.2/live", False),
+        ("rtsp://0.0.0.0/", False),
+    ],
+)
+def test_rtmp_to_any_address_of_ours_is_waited_for(text, waits):
+    assert parse_source(text).waits == waits
+
+
+def test_a_password_may_hold_what_ends_an_address():
+    source = parse_source("rtsp://eve:pa#ss#1@10.0.0.2:8554/main?x=1#2")
+    assert source.address == "rtsp://eve:pa%23ss%231@10.0.0.2:8554/main?x=1#2"
+    assert "ss" not in source.text
+
+
+@pytest.mark.parametrize(
     ("text", "words"),
     [
+        ("srt://0.0.0.0:9000", "srt:// is not received: .* push RTMP to"),
         ("gopher://10.0.0.2", "no source begins with gopher"),
         ("udp://:99999", "not an address"),
         ("udp://:port", "not an address"),

@@ -1,0 +1,147 @@
+"""Pictures without time stamps: MJPEG over HTTP, raw H.264 over TCP; and RTMP that is pushed here."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import socket
+import threading
+from fractions import Fraction
+from types import SimpleNamespace
+
+import av
+import numpy as np
+import pytest
+
+from tests.support.ports import free_port
+from tests.support.video_senders import HEIGHT, WIDTH, image, number_of
+from tests.support.waiting import until
+from vision.stream import byte_stream
+from vision.stream.connection import open_input
+from vision.stream.source import parse_source
+from vision.stream.stream import VideoStream
+from vision.video.video import VideoFile
+
+N, STEP_S, T0_S = 40, 0.1, 1_790_000_000.0
+
+
+def pictures(codec, pixels, **options):
+    encoder = av.CodecContext.create(codec, "w")
+    encoder.width, encoder.height, encoder.pix_fmt = WIDTH, HEIGHT, pixels
+    encoder.time_base, encoder.framerate, encoder.gop_size = Fraction(1, 25), Fraction(25), 10
+    encoder.options = options
+    for number in range(N):
+        frame = av.VideoFrame.from_ndarray(image(number), format="bgr24").reformat(format=pixels)
+        frame.pts = number
+        yield b"".join(bytes(packet) for packet in encoder.encode(frame))
+
+
+def mjpeg(length):
+    """Parts of a multipart stream, with the boundary behind each picture, as cameras and small scripts write it."""
+    for number, data in enumerate(pictures("mjpeg", "yuvj420p")):
+        head = f"Content-Length: {len(data)}\r\n" if length else ""
+        begin = b"" if number else b"--frame\r\n"
+        yield begin + f"Content-Type: image/jpeg\r\n{head}\r\n".encode() + data + b"\r\n--frame\r\n"
+
+
+def h264():
+    yield from pictures(
+        "libx264", "yuv420p", preset="ultrafast", tune="zerolatency", **{"x264-params": "bframes=0:repeat-headers=1"}
+    )
+
+
+SENDERS = {
+    "mjpeg": ("http://10.0.0.2/", lambda: mjpeg(True)),
+    "mjpeg without lengths": ("http://10.0.0.2/", lambda: mjpeg(False)),
+    "h264": ("tcp://10.0.0.2:5000", h264),
+}
+
+
+@pytest.mark.parametrize("kind", SENDERS)
+@pytest.mark.parametrize("pieces", [1, 3])
+def test_pictures_without_time_stamps_are_dated_by_when_they_came(kind, pieces, monkeypatch):
+    address, frames = SENDERS[kind]
+    now_s = [0.0]
+
+    class Line:
+        def demux(self):
+            for number, data in enumerate(frames()):
+                size = -(-len(data) // pieces)
+                for at in range(0, len(data), size):
+                    now_s[0] = T0_S + number * STEP_S + at * 1e-6
+                    yield data[at : at + size]
+
+        def close(self):
+            now_s[0] = -1.0
+
+    monkeypatch.setattr(byte_stream, "av", SimpleNamespace(open=lambda *_, **__: Line()))
+    monkeypatch.setattr(byte_stream, "time", SimpleNamespace(time=lambda: now_s[0]))
+    opened = open_input(parse_source(address))
+    came_s = []
+    with contextlib.suppress(av.FFmpegError):  # it ends in the middle of a part
+        came_s += ((packet.pts * opened.tick_s, opened.arrival_s()) for packet in opened.packets if packet.size)
+    opened.close()
+    assert len(came_s) >= N - 2, "a part whose end does not come is none"
+    for k, times in enumerate(came_s[:N]):
+        assert times == pytest.approx((T0_S + k * STEP_S,) * 2, abs=2e-3)
+    assert now_s[0] == -1.0
+
+
+def serve_pictures(listener, password):
+    """MJPEG for who knows the password, until he goes."""
+    wanted = b"Basic " + base64.b64encode(f"eve:{password}".encode())
+    with contextlib.suppress(OSError):
+        while True:
+            client, _ = listener.accept()
+            with client, contextlib.suppress(ConnectionError):
+                if wanted not in client.recv(4096):
+                    client.sendall(b'HTTP/1.1 401 Unauthorized\r\nWWW-Authenticate: Basic realm="x"\r\n\r\n')
+                    continue
+                client.sendall(b"HTTP/1.1 200 OK\r\nContent-Type: multipart/x-mixed-replace;boundary=frame\r\n\r\n")
+                for part in mjpeg(True):
+                    client.sendall(part)
+
+
+def test_a_camera_with_a_password_is_recorded_over_http(tmp_path):
+    rows = []
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        threading.Thread(target=serve_pictures, args=(listener, "pa#ss"), daemon=True).start()
+        address = f"http://eve:pa#ss@127.0.0.1:{listener.getsockname()[1]}/video"
+        with VideoStream(address, tmp_path / "video.mkv", on_frame=lambda *row: rows.append(row)) as stream:
+            assert until(lambda: len(rows) >= N)
+            assert "pa#ss" not in stream.url + stream.error
+    with VideoFile.open(tmp_path / "video.mkv", np.array([t_us for _, t_us in rows])) as film:
+        assert [number_of(frame.image) for frame in film.frames()][:N] == list(range(N))
+
+
+def push(port, until_s=6.0):
+    """A clip as a telephone's app pushes it."""
+    address = f"rtmp://127.0.0.1:{port}/live/key"
+    with av.open(address, "w", format="flv", timeout=until_s) as container:
+        stream = container.add_stream("libx264", rate=25, options={"preset": "ultrafast", "tune": "zerolatency"})
+        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        stream.codec_context.gop_size = 10
+        for number in range(N):
+            frame = av.VideoFrame.from_ndarray(image(number), format="bgr24")
+            frame.pts = number
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+
+
+def test_what_is_pushed_by_rtmp_is_recorded_one_after_the_other(tmp_path):
+    rows, port = [], free_port(socket.SOCK_STREAM)
+    with VideoStream(
+        f"rtmp://0.0.0.0:{port}/live", tmp_path / "video.mkv", on_frame=lambda *row: rows.append(row)
+    ) as stream:
+        for times in (1, 2):
+
+            def pushed():
+                with contextlib.suppress(av.FFmpegError, OSError):  # not listened yet
+                    push(port)
+                    return True
+
+            assert until(pushed)
+            assert until(lambda times=times: len(rows) >= times * N)
+        assert "cannot be opened" not in stream.error
+    with VideoFile.open(tmp_path / "video.mkv", np.array([t_us for _, t_us in rows])) as film:
+        assert [number_of(frame.image) for frame in film.frames()] == 2 * list(range(N))

@@ -1,0 +1,90 @@
+"""Bytes of a TCP or HTTP connection, each with the time at which it came.
+
+Raw H.264, raw H.265 and MJPEG have no time stamps; those that FFmpeg makes up suppose 25 pictures a second. Their
+pictures are dated by when their first byte came, which also undoes what a demuxer holds back.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Iterator
+from fractions import Fraction
+from typing import TypeAlias
+
+import av
+from av.format import Flags
+from av.packet import Packet
+from av.video.stream import VideoStream as CodedStream
+
+from vision.stream.source import Source
+
+__all__ = ["ByteStream", "has_no_stamps"]
+
+Packets: TypeAlias = "Iterator[Packet[CodedStream]]"
+
+TICK_HZ = 1_000_000
+_AT_ONCE = {"probesize": "32", "analyzeduration": "0"}
+_PARTS, _JPEG, _START_CODES = b"--", b"\xff\xd8\xff", (b"\0\0\1", b"\0\0\0\1")
+"""What multipart MJPEG, a bare JPEG and raw video begin with."""
+
+
+def has_no_stamps(container: av.container.InputContainer) -> bool:
+    """Whether the time stamps of a container's packets are FFmpeg's own."""
+    return Flags.no_timestamps in Flags(container.format.flags)
+
+
+class ByteStream:
+    """What FFmpeg reads from instead of the address.
+
+    Attributes:
+        arrival_s: Unix time at which the packet that was dated last came.
+
+    Raises:
+        av.FFmpegError: it cannot be connected to, or breaks off.
+    """
+
+    def __init__(self, source: Source, timeout: tuple[float, float]) -> None:
+        self.arrival_s = 0.0
+        options = dict(source.options) | _AT_ONCE
+        self._container = av.open(source.address, format="data", options=options, timeout=timeout)
+        self._chunks = self._container.demux()
+        self._rest, self._end = b"", 0
+        self._came: deque[tuple[int, float]] = deque()
+
+    def begins_without_stamps(self) -> bool:
+        """Whether the first bytes look like pictures one after the other."""
+        head = (self._rest or self._receive()).lstrip(b"\r\n")
+        return head.startswith((_PARTS, _JPEG, *_START_CODES))
+
+    def read(self, size: int) -> bytes:
+        """At most ``size`` bytes, none at the end."""
+        data = self._rest or self._receive()
+        self._rest = data[size:]
+        return data[:size]
+
+    def dated(self, packets: Packets) -> Packets:
+        """Packets with the time at which their first byte came, Unix µs, instead of their time stamps."""
+        last = 0
+        for packet in packets:
+            self.arrival_s = self._came_s(packet.pos)
+            last = max(round(self.arrival_s * TICK_HZ), last + 1)
+            packet.pts = packet.dts = last
+            packet.time_base = Fraction(1, TICK_HZ)
+            yield packet
+
+    def close(self) -> None:
+        """Hang up."""
+        self._container.close()
+
+    def _receive(self) -> bytes:
+        self._rest = bytes(next(self._chunks, b""))
+        self._end += len(self._rest)
+        self._came.append((self._end, time.time()))
+        return self._rest
+
+    def _came_s(self, offset: int | None) -> float:
+        """When the byte at an offset came; of an unknown one the last."""
+        while offset is not None and len(self._came) > 1 and self._came[0][0] <= offset:
+            self._came.popleft()
+        return self._came[0 if offset is not None else -1][1]
