@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.importing.messages import TlogRecord
+from gcs.importing.row_times import row_times
 from gcs.importing.vehicle_log import PlaceTrack, whole_places
 from mavlink.protocol.modes import is_aircraft, is_ground_vehicle, is_vehicle
 from mavlink.tlog.clocks import sender_clocks
@@ -40,8 +43,12 @@ class FleetTlog:
     aircraft: tuple[int, ...]
     """System ids by their heartbeats, ascending."""
     ground: tuple[int, ...]
+    tracks: Mapping[int, PlaceTrack]
+    """Where these were, by system id, by arrival, Unix µs."""
     assumed: tuple[str, ...] = ()
-    """In words, about the recorder's clock."""
+    """In words, about the recorder's clock and the vehicles' times."""
+    skipped: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
+    """Positions that tell no path, by reason; they are in the log all the same."""
 
     @property
     def system_ids(self) -> frozenset[int]:
@@ -50,22 +57,7 @@ class FleetTlog:
 
     def places(self, system_id: int) -> PlaceTrack:
         """Positions of a vehicle by arrival, Unix µs."""
-        t_us, wire = self.columns(_GLOBAL_POSITION, system_id)
-        order = np.argsort(t_us, kind="stable")
-        wire, t_us = wire[order], t_us[order]
-        v = np.column_stack([wire[name].astype(np.float64) for name in ("vx", "vy", "vz")])
-        heading = np.radians(wire["hdg"] * 0.01)
-        places = PlaceTrack(
-            t_us=t_us,
-            lat_deg=wire["lat"] * 1e-7,
-            lon_deg=wire["lon"] * 1e-7,
-            alt_m=wire["alt"] * 1e-3,
-            height_m=wire["relative_alt"] * 1e-3,
-            v_ned=np.where(np.abs(v) < _UNKNOWN_SPEED, v * 0.01, np.nan),
-            heading=np.where(wire["hdg"] <= _UNKNOWN_HEADING, heading, np.nan),
-            std_m=float("nan"),
-        )
-        return places.select(whole_places(places.lat_deg, places.lon_deg))
+        return self.tracks[system_id]
 
     def columns(self, message_id: int, system_id: int) -> tuple[Ints, NDArray[np.void]]:
         """Times and columns of what a vehicle's autopilot sends of one kind, in the order of the file."""
@@ -104,14 +96,54 @@ def open_fleet(path: Path) -> FleetTlog:
         if is_vehicle(kind, autopilot):
             kinds.setdefault(system_id, kind)
             autopilots.setdefault(system_id, component_id)
-    return FleetTlog(
+    fleet = FleetTlog(
         tlog=tlog,
         t_us=t_us,
         autopilots=autopilots,
         assumed=assumed,
         aircraft=tuple(sorted(i for i, kind in kinds.items() if is_aircraft(kind))),
         ground=tuple(sorted(i for i, kind in kinds.items() if is_ground_vehicle(kind))),
+        tracks={},
     )
+    return _with_tracks(fleet)
+
+
+def _with_tracks(fleet: FleetTlog) -> FleetTlog:
+    """With the places of all vehicles.
+
+    Raises:
+        ImportFileError: a vehicle's times are of no clock.
+    """
+    tracks, words, skipped = dict[int, PlaceTrack](), list(fleet.assumed), Counter[str]()
+    for system_id in (*fleet.aircraft, *fleet.ground):
+        places = _track(fleet, system_id)
+        at = np.column_stack([places.lat_deg, places.lon_deg])
+        whose = f"{fleet.tlog.path.name}, system {system_id}"
+        if len(places) and fleet.tlog.index.time_source != "none":
+            ordered = row_times(places.t_us, at, whose)
+            places = replace(places.select(ordered.rows), t_us=ordered.t_us)
+            words += [f"{whose}: {said}" for said in ordered.assumed]
+            skipped.update(ordered.skipped)
+        tracks[system_id] = places.select(np.argsort(places.t_us, kind="stable"))
+    return replace(fleet, tracks=tracks, assumed=tuple(words), skipped=dict(skipped))
+
+
+def _track(fleet: FleetTlog, system_id: int) -> PlaceTrack:
+    """What a vehicle reports, in the order of the file."""
+    t_us, wire = fleet.columns(_GLOBAL_POSITION, system_id)
+    v = np.column_stack([wire[name].astype(np.float64) for name in ("vx", "vy", "vz")])
+    heading = np.radians(wire["hdg"] * 0.01)
+    places = PlaceTrack(
+        t_us=t_us,
+        lat_deg=wire["lat"] * 1e-7,
+        lon_deg=wire["lon"] * 1e-7,
+        alt_m=wire["alt"] * 1e-3,
+        height_m=wire["relative_alt"] * 1e-3,
+        v_ned=np.where(np.abs(v) < _UNKNOWN_SPEED, v * 0.01, np.nan),
+        heading=np.where(wire["hdg"] <= _UNKNOWN_HEADING, heading, np.nan),
+        std_m=float("nan"),
+    )
+    return places.select(whole_places(places.lat_deg, places.lon_deg))
 
 
 def _on_one_clock(tlog: Tlog) -> tuple[Ints, tuple[str, ...]]:

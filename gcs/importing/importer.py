@@ -226,6 +226,8 @@ def _report(
     for system_id, log in fleet.logs.items():
         found.append((f"ugv {system_id}", f"{log.source}: {', '.join(log.notes.found)}"))
         left_out |= {f"{log.source}: {reason}": count for reason, count in log.notes.skipped.items()}
+    if fleet.tlog is not None:
+        left_out |= {f"{fleet.tlog.tlog.path.name}: {reason}": n for reason, n in fleet.tlog.skipped.items()}
     assumed += fleet.assumed
     count = sum(map(len, fleet.places.values()))
     found.append(("ugv", f"{len(fleet.places)} vehicles, {count} positions"))

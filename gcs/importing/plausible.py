@@ -1,4 +1,4 @@
-"""What of a vehicle's log can be, whatever its format: no damaged times, no places out of reach, no unset heights."""
+"""What of a vehicle's log can be, whatever its format: no damaged times, places or angles, no unset heights."""
 
 from __future__ import annotations
 
@@ -8,17 +8,22 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.importing.vehicle_log import PlaceTrack, VehicleLog
+from gcs.importing.outliers import alone
+from gcs.importing.vehicle_log import AngleTrack, PlaceTrack, VehicleLog
 
 __all__ = ["plausible"]
 
 Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 _DAY_US = 86_400_000_000
 _FASTEST_MPS, _SLACK_M = 300.0, 200.0
 """No vehicle of ours is faster; a receiver that corrects itself steps by less than the slack."""
 _DEG_M = 111_320.0
+_FAR_M, _CLIMB_MPS = 30.0, 40.0
+_FAR_RAD, _TURN_RAD_S = 0.5, 2.0
+"""Heights and headings that are farther off than the first and back faster than the second are damaged."""
 _LEAST = 3
 _HOME_M = 1.0
 """Heights whose home is off by more than this from that of the others are none."""
@@ -31,8 +36,46 @@ def plausible(log: VehicleLog) -> VehicleLog:
     reached = _reached(log.places) if log.clock != "frame" else np.ones(len(log.places), np.bool_)
     lost = int(np.count_nonzero(~reached))
     places = _with_heights(log.places.select(reached) if lost else log.places)
-    skipped = {**log.notes.skipped, "positions too far from those around them": lost} if lost else log.notes.skipped
-    return replace(log, places=places, notes=replace(log.notes, skipped=skipped))
+    places, heights = _without_spikes(places)
+    attitudes, body = _still(log.attitudes)
+    gimbal, camera = _still(log.gimbal)
+    left_out = {
+        "positions too far from those around them": lost,
+        "altitudes out of the path and back at once": heights,
+        "attitudes that turn away and back at once": body + camera,
+    }
+    skipped = {**log.notes.skipped, **{reason: count for reason, count in left_out.items() if count}}
+    return replace(log, places=places, attitudes=attitudes, gimbal=gimbal, notes=replace(log.notes, skipped=skipped))
+
+
+def _without_spikes(places: PlaceTrack) -> tuple[PlaceTrack, int]:
+    """Altitudes, heights and headings that nothing moves to and back are unknown; and how many positions have such."""
+
+    def known(column: Floats, off: Bools) -> Floats:
+        return np.where(off, np.nan, column)
+
+    alt, height = (
+        alone(places.t_us, column[:, None], _FAR_M, _CLIMB_MPS) for column in (places.alt_m, places.height_m)
+    )
+    heading = alone(places.t_us, _on_circle(places.heading), _FAR_RAD, _TURN_RAD_S)
+    found = replace(
+        places,
+        alt_m=known(places.alt_m, alt),
+        height_m=known(places.height_m, height),
+        heading=known(places.heading, heading),
+    )
+    return found, int(np.count_nonzero(alt | height))
+
+
+def _still(track: AngleTrack) -> tuple[AngleTrack, int]:
+    """Without attitudes that nothing turns to and back, and how many these are."""
+    off = alone(track.t_us, _on_circle(track.angles[:, 2]), _FAR_RAD, _TURN_RAD_S)
+    kept = ~off
+    return replace(track, t_us=track.t_us[kept], angles=track.angles[kept]), int(np.count_nonzero(off))
+
+
+def _on_circle(angle: Floats) -> Floats:
+    return np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def _within_a_day(log: VehicleLog) -> VehicleLog:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -11,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
+from gcs.importing.outliers import alone, metres, usual_step
+from gcs.importing.vehicle_log import in_order
 from infra.clock_steps import restarts
 
-__all__ = ["NO_ZONE", "RowTimes", "check_one_clock", "row_times", "unix_seconds"]
+__all__ = ["NO_ZONE", "RowTimes", "ascending", "check_one_clock", "row_times", "unix_seconds"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -24,8 +27,13 @@ _AGREE = 2
 """Rows of one logger come late alone, if at all."""
 _SECOND_US = 1_000_000
 _LEAST_ROWS = 3
-_GAP_US, _GAP_STEPS = 5_000_000, 10
+_GAP_US, _GAP_STEPS = 1_000_000, 5
 """A gap is longer than this, and than so many of the usual steps."""
+_MOST_OF_ALL = 0.9
+_NEAR_M, _STEPS = 2.0, 3.0
+"""A row that comes late is nearer to the path at its time than this and so many usual steps."""
+_FAR_M, _FASTEST_MPS = 30.0, 40.0
+"""Nothing goes farther than this out of its path and back as fast as that."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +85,7 @@ def row_times(t_us: Ints, places: Floats, source: str) -> RowTimes:
     """Times of rows in the order of the file as those of one clock.
 
     Whole seconds that several rows share are spread over the second, where the places differ within it; of other rows
-    with one time the first counts.
+    with one time the first counts. Damaged times and places are left out.
 
     Args:
         t_us: (n,) as they stand there.
@@ -88,18 +96,73 @@ def row_times(t_us: Ints, places: Floats, source: str) -> RowTimes:
         ImportFileError: the times begin again, or all of them are the same.
     """
     check_one_clock(t_us, source)
-    order = np.argsort(t_us, kind="stable")
-    times, counts = np.unique(t_us, return_counts=True)
+    kept, strays = _without_strays(t_us, places)
+    times, counts = np.unique(t_us[kept], return_counts=True)
+    order = kept[np.argsort(t_us[kept], kind="stable")]
     rows = order[np.cumsum(counts) - counts]
-    if len(rows) * 2 <= len(t_us) and not (times % _SECOND_US).any() and _differ(places[order], t_us[order]):
-        many, spread = int(np.median(counts)), _spread(times, counts)
+    if len(rows) * 2 <= len(order) and not (times % _SECOND_US).any() and _differ(places[order], t_us[order]):
+        many, times, rows = int(np.median(counts)), _spread(times, counts), order
         said = f"times are whole seconds that {many} rows share: spread evenly, ±{0.5 / many:.2f} s"
-        return RowTimes(rows=order, t_us=spread, assumed=(said,))
-    lost = len(t_us) - len(rows)
-    skipped = {"positions with the time of another": lost} if lost else {}
-    late = int(np.count_nonzero(t_us < np.maximum.accumulate(t_us)))
-    moved = (f"{late} positions stand behind later ones: put in order",) if 0 < late * 2 < len(t_us) else ()
-    return RowTimes(rows=rows, t_us=times, assumed=(*moved, *_gap_words(times)), skipped=skipped)
+    else:
+        late = int(np.count_nonzero(t_us[kept] < np.maximum.accumulate(t_us[kept])))
+        said = f"{late} positions stand behind later ones: put in order" if 0 < late * 2 < len(kept) else ""
+    left_out = {
+        "positions with the time of another": len(order) - len(rows),
+        "positions whose time is not that of those around them": strays,
+    }
+    there = ~alone(times, metres(places[rows]), _FAR_M, _FASTEST_MPS)
+    left_out["positions out of the path and back at once"] = int(np.count_nonzero(~there))
+    return RowTimes(
+        rows=rows[there],
+        t_us=times[there],
+        assumed=(*((said,) if said else ()), *_gap_words(times)),
+        skipped={reason: count for reason, count in left_out.items() if count},
+    )
+
+
+def _without_strays(t_us: Ints, places: Floats) -> tuple[Ints, int]:
+    """Rows but those whose time is damaged: out of order, and of another place than the others have then.
+
+    A row that only comes late has the place of its time.
+    """
+    back_to_front = np.count_nonzero(np.diff(t_us) < 0) * 2 > len(t_us)
+    line = _longest_ascent(t_us[::-1] if back_to_front else t_us)
+    line = len(t_us) - 1 - line[::-1] if back_to_front else line
+    odd = np.setdiff1d(np.arange(len(t_us)), line)
+    if not len(odd) or len(odd) * 2 > len(t_us):
+        return np.arange(len(t_us)), 0
+    line = line[np.argsort(t_us[line], kind="stable")]
+    since_s, at_s = (t_us[line] - t_us[line[0]]) * 1e-6, (t_us[odd] - t_us[line[0]]) * 1e-6
+    path_m = metres(places)
+    then_m = np.column_stack([np.interp(at_s, since_s, path_m[line, axis]) for axis in (0, 1)])
+    away_m = np.hypot(*(path_m[odd] - then_m).T)
+    strays = odd[away_m > _NEAR_M + _STEPS * usual_step(path_m[line])]
+    return np.setdiff1d(np.arange(len(t_us)), strays), len(strays)
+
+
+def ascending(t_us: Ints) -> Ints:
+    """Rows of times (n,) in ascending order, one for each: damaged times are left out, where few are out of order."""
+    line = _longest_ascent(t_us)
+    line = line if len(line) > _MOST_OF_ALL * len(t_us) else np.arange(len(t_us))
+    return line[in_order(t_us[line])]
+
+
+def _longest_ascent(t_us: Ints) -> Ints:
+    """Rows of the longest part of times (n,) that never goes back."""
+    if not (np.diff(t_us) < 0).any():
+        return np.arange(len(t_us))
+    ends: list[int] = []
+    last: list[int] = []
+    before = np.full(len(t_us), -1, np.int64)
+    for row, t in enumerate(t_us.tolist()):
+        place = bisect_right(ends, t)
+        before[row] = last[place - 1] if place else -1
+        ends[place : place + 1], last[place : place + 1] = [t], [row]
+    found, row = [], last[-1]
+    while row >= 0:
+        found.append(row)
+        row = int(before[row])
+    return np.array(found[::-1], np.int64)
 
 
 def _gap_words(times: Ints) -> tuple[str, ...]:

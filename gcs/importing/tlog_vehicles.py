@@ -9,6 +9,7 @@ import numpy as np
 
 from gcs.errors import ImportFileError
 from gcs.importing.fleet_log import FleetTlog, open_fleet
+from gcs.importing.row_times import ascending
 from gcs.importing.vehicle_log import AngleTrack, ImportNotes, PlaceTrack, VehicleLog, in_order, whole_places
 from mavlink.estimation.gimbal import yaw_frame
 from mavlink.geodesy import euler_from_quaternion
@@ -52,7 +53,7 @@ def _log(path: Path, fleet: FleetTlog, system_id: int) -> VehicleLog:
         places=replace(places.select(in_order(places.t_us)), std_m=_std_m(fleet, system_id)),
         attitudes=attitudes,
         gimbal=gimbal,
-        notes=ImportNotes(found=found[: 3 if len(gimbal) else 2], assumed=fleet.assumed),
+        notes=ImportNotes(found=found[: 3 if len(gimbal) else 2], assumed=fleet.assumed, skipped=fleet.skipped),
     )
 
 
@@ -61,6 +62,7 @@ def _fixes(fleet: FleetTlog, system_id: int) -> PlaceTrack:
     t_us, wire = fleet.columns(_GPS_RAW, system_id)
     lat, lon = wire["lat"] * 1e-7, wire["lon"] * 1e-7
     rows = np.flatnonzero((wire["fix_type"] >= _FIX_3D) & whole_places(lat, lon))
+    rows = rows[np.argsort(t_us[rows], kind="stable")]
     return PlaceTrack.of(t_us[rows], lat[rows], lon[rows], alt_m=wire["alt"][rows] * 1e-3)
 
 
@@ -73,7 +75,7 @@ def _std_m(fleet: FleetTlog, system_id: int) -> float:
 
 def _attitudes(fleet: FleetTlog, system_id: int) -> AngleTrack:
     t_us, wire = fleet.columns(_ATTITUDE, system_id)
-    order = in_order(t_us)
+    order = ascending(t_us)
     angles = np.column_stack([wire[name].astype(float) for name in ("roll", "pitch", "yaw")])
     return AngleTrack(t_us=t_us[order], angles=angles[order])
 
@@ -84,7 +86,7 @@ def _gimbal(fleet: FleetTlog, system_id: int) -> AngleTrack:
     if not len(rows):
         return AngleTrack.empty()
     t_us = fleet.t_us[rows]
-    order = in_order(t_us)
+    order = ascending(t_us)
     angles = np.array([euler_from_quaternion(*q) for q in wire["q"][order].astype(float).tolist()]).reshape(-1, 3)
     earth = yaw_frame(int(wire["flags"][0])) == "earth"
     return AngleTrack(t_us=t_us[order], angles=angles, yaw_from="north" if earth else "nose")

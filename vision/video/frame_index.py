@@ -44,6 +44,8 @@ ONE_FILE = (
 """Containers that are one file: a playlist would have FFmpeg open whatever its author names, pipes included."""
 _LEAST_ASPECT = 0.1
 """A pixel that is narrower than this is a damaged number."""
+_AGREE = 3
+"""Frames on either side of where time stamps begin again: those that are shown later than coded do not agree."""
 _MOST_TRIED = 64
 """Packets until the first picture."""
 
@@ -139,7 +141,7 @@ def _check_one_film(path: Path, stamps: list[int], tick: Fraction | None) -> Non
         VideoError: they do.
     """
     second = round(1 / (tick or Fraction(1, 1_000_000)))
-    for at in restarts(np.array(stamps, dtype=np.int64), second)[:1]:
+    for at in restarts(np.array(stamps, dtype=np.int64), second, _AGREE)[:1]:
         raise VideoError(
             f"video {path}: time stamps begin again after {at} of {len(stamps)} frames: two films in one file; cut it "
             "there, or remux it so that they go on"

@@ -12,17 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
+from gcs.importing.date_steps import longest_level
 from gcs.importing.formats.dataflash import DataflashTables, read_tables
+from gcs.importing.row_times import RowTimes, ascending, row_times
 from gcs.importing.vehicle_log import (
     AngleTrack,
     ImportNotes,
     PlaceTrack,
     VehicleLog,
     at_times,
-    in_order,
     whole_places,
 )
-from infra.clock_steps import level_steps
 
 __all__ = ["read_ardupilot"]
 
@@ -41,8 +41,8 @@ _M_PER_HDOP = 1.5
 """1σ of a single-frequency receiver at a dilution of 1."""
 _LATEST = 0.95
 """Quantile of the differences of GPS time and the log's: a record is written some time after the fix that it has."""
-_STEP_US, _AROUND, _MOST_TOLD = 2_000_000, 8, 3
-"""Of GPS time against the log's: a step larger than this, that so many fixes agree about; and how many are told."""
+_STEP_US = 2_000_000
+"""Smaller steps of GPS time against the log's are lateness."""
 _ID_NAMES = (b"SYSID_THISMAV", b"MAV_SYSID")
 _LATEST_US = 1 << 53
 
@@ -54,7 +54,7 @@ def read_ardupilot(path: Path) -> VehicleLog:
         ImportFileError: it cannot be read, or has no position.
     """
     tables = read_tables(path, _WANTED)
-    places, what = _places(tables, path)
+    places, what, notes = _places(tables, path)
     zero_us, contradictions = _zero_us(tables)
     attitudes = _angles(tables.rows("ATT", "TimeUS", "Roll", "Pitch", "Yaw"), ("Roll", "Pitch", "Yaw"))
     heading = at_times(places.t_us, attitudes.t_us, attitudes.angles[:, 2], _GAP_US, turns=True)
@@ -73,8 +73,8 @@ def read_ardupilot(path: Path) -> VehicleLog:
         gimbal=replace(gimbal, t_us=gimbal.t_us + shift_us),
         notes=ImportNotes(
             found=tuple(found),
-            assumed=contradictions,
-            skipped={name: count for name, count in left_out.items() if count},
+            assumed=(*contradictions, *notes.assumed),
+            skipped={**{name: count for name, count in left_out.items() if count}, **notes.skipped},
         ),
     )
 
@@ -91,7 +91,7 @@ def _first(table: Rows, name: str) -> Rows:
 
 
 def _ordered(table: Rows) -> Rows:
-    return np.asarray(table[in_order(_times(table))])
+    return np.asarray(table[ascending(_times(table))])
 
 
 def _fixes(tables: DataflashTables, *columns: str) -> Rows | None:
@@ -123,17 +123,18 @@ def _of_flying_core(tables: DataflashTables, name: str, table: Rows) -> Rows:
     return np.asarray(table[table["C"] == chosen["PI"][before]])
 
 
-def _places(tables: DataflashTables, path: Path) -> tuple[PlaceTrack, str]:
-    """Positions of the filter, else of the receiver."""
+def _places(tables: DataflashTables, path: Path) -> tuple[PlaceTrack, str, RowTimes]:
+    """Positions of the filter, else of the receiver, and what was made of their times."""
     table, what = tables.rows("POS", "TimeUS", "Lat", "Lng", "Alt"), "the filter"
     if table is None:
         table, what = _fixes(tables, "Lat", "Lng", "Alt"), "the receiver"
     if table is not None:
-        table = _ordered(table[whole_places(table["Lat"], table["Lng"])])
+        table = np.asarray(table[whole_places(table["Lat"], table["Lng"])])
     if table is None or not len(table):
         raise ImportFileError(f"{path}: no position in it; an ArduPilot log with POS or GPS is needed")
-    known = "RelHomeAlt" in (table.dtype.names or ())
-    t_us = _times(table)
+    at = np.column_stack([table["Lat"].astype(float), table["Lng"].astype(float)])
+    ordered = row_times(_times(table), at, f"{path}")
+    known, t_us, table = "RelHomeAlt" in (table.dtype.names or ()), ordered.t_us, table[ordered.rows]
     places = PlaceTrack.of(
         t_us,
         table["Lat"].astype(float),
@@ -143,7 +144,7 @@ def _places(tables: DataflashTables, path: Path) -> tuple[PlaceTrack, str]:
         v_ned=_velocity(tables, t_us),
         std_m=_std_m(tables),
     )
-    return places, what
+    return places, what, ordered
 
 
 def _velocity(tables: DataflashTables, t_us: Ints) -> Floats:
@@ -191,12 +192,7 @@ def _zero_us(tables: DataflashTables) -> tuple[int | None, tuple[str, ...]]:
     unix_us = (_GPS_EPOCH_S - _LEAP_S + fixes["GWk"].astype(np.int64) * _WEEK_S) * 1_000_000
     unix_us = unix_us + fixes["GMS"].astype(np.int64) * 1000
     zero_us = unix_us - _times(fixes)
-    longest = zero_us[np.abs(zero_us - np.quantile(zero_us, 0.5, method="nearest")) < _STEP_US]
-    steps = level_steps(zero_us, _STEP_US, _AROUND)
-    told = tuple(
-        f"GPS time steps by {by_us * 1e-6:+.1f} s at {_times(fixes)[row] * 1e-6:.0f} s: what holds longest counts"
-        for row, by_us in steps[:_MOST_TOLD]
-    )
+    longest, told = longest_level("GPS time", zero_us, _times(fixes), _STEP_US)
     return int(np.quantile(longest, _LATEST, method="nearest")), told
 
 

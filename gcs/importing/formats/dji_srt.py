@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.importing.cameras import from_focal_length
+from gcs.importing.date_steps import first_frame_us
 from gcs.importing.formats.dji_cue import DjiCue, read_cue
 from gcs.importing.formats.subtitles import SubtitleCue
-from gcs.importing.row_times import check_one_clock
+from gcs.importing.row_times import check_one_clock, row_times
 from gcs.importing.smoothing import smoothed_places
 from gcs.importing.vehicle_log import AngleTrack, ImportNotes, PlaceTrack, VehicleLog, ViewTrack, whole_places
 
@@ -65,12 +66,14 @@ def log_of_cues(source: str, cues: Iterable[SubtitleCue]) -> VehicleLog:
     rows, late = _in_order(rows)
     if late:
         skipped["repeated or out of order"] += late
-    t_us = np.array([t for t, _ in rows], np.int64)
-    read = [cue for _, cue in rows]
+    at = np.array([(cue.lat_deg, cue.lon_deg) for _, cue in rows])
+    ordered = row_times(np.array([t for t, _ in rows], np.int64), at, source)
+    t_us, read = ordered.t_us, [rows[k][1] for k in ordered.rows.tolist()]
+    skipped.update(ordered.skipped)
     family = Counter(cue.family for cue in read).most_common(1)[0][0]
     decimals = _decimals(read)
-    zero_us = _zero_us(t_us, read)
-    found = [f"DJI subtitles, {family}", f"{len(rows)} positions of {decimals} decimals"]
+    zero_us, told = first_frame_us(np.array([cue.unix_us for cue in read], np.int64), t_us)
+    found = [f"DJI subtitles, {family}", f"{len(read)} positions of {decimals} decimals"]
     return VehicleLog(
         source=source,
         clock="video",
@@ -81,7 +84,7 @@ def log_of_cues(source: str, cues: Iterable[SubtitleCue]) -> VehicleLog:
         view=_view(t_us, read),
         notes=ImportNotes(
             found=tuple(found),
-            assumed=("the date in its subtitles is UTC",) if zero_us else (),
+            assumed=(*told, *ordered.assumed),
             skipped=dict(skipped),
         ),
     )
@@ -98,16 +101,6 @@ def _in_order(rows: list[tuple[int, DjiCue]]) -> tuple[list[tuple[int, DjiCue]],
     for t_us, cue in rows:
         kept.setdefault(t_us, cue)
     return sorted(kept.items()), len(rows) - len(kept)
-
-
-def _zero_us(t_us: NDArray[np.int64], read: Sequence[DjiCue]) -> int:
-    """Unix µs of the video's first frame by most dates; 0 without any."""
-    zeros = [cue.unix_us - int(t) for t, cue in zip(t_us, read, strict=True) if cue.unix_us]
-    if not zeros:
-        return 0
-    # dates that are cut to whole seconds are on average half a second early
-    cut = all(cue.unix_us % 1_000_000 == 0 for cue in read)
-    return max(0, int(np.quantile(zeros, 0.5, method="lower")) + (500_000 if cut else 0))
 
 
 def _places(t_us: NDArray[np.int64], read: Sequence[DjiCue], decimals: int) -> PlaceTrack:

@@ -10,24 +10,23 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.export.motion_imagery.misb import CHECKSUM, SETS_KEY, SIGNED, TIME, UNSIGNED, checksum
+from gcs.importing.date_steps import longest_level
 from gcs.importing.formats.timed_bytes import TimedBytes
+from gcs.importing.row_times import row_times
 from gcs.importing.vehicle_log import (
     AngleTrack,
     ImportNotes,
     PlaceTrack,
     VehicleLog,
     ViewTrack,
-    in_order,
     whole_places,
 )
-from infra.clock_steps import level_steps
 from mavlink.geodesy import rotation_from_euler
 
 __all__ = ["log_of_klv"]
@@ -36,8 +35,8 @@ _MOST_SET = 1 << 20
 _LATEST_US = 4_102_444_800_000_000
 """Year 2100: what is later is a date that is not known."""
 _ABOVE_ELLIPSOID = {75, 104}
-_STEP_US, _AROUND, _MOST_TOLD = 500_000, 8, 3
-"""Of the date against the video's clock: larger than what a set waits for its picture; how many sets agree."""
+_STEP_US = 500_000
+"""Of the date against the video's clock: larger than what a set waits for its picture."""
 
 
 def log_of_klv(source: str, packets: Sequence[TimedBytes]) -> VehicleLog:
@@ -68,8 +67,8 @@ def log_of_klv(source: str, packets: Sequence[TimedBytes]) -> VehicleLog:
             "level (tag 15), which are up to 100 m apart"
         )
     t_us, zero_us, assumed = _times(rows)
-    order = in_order(t_us)
-    t_us, places, items = t_us[order], places[order], [rows[k][1] for k in order.tolist()]
+    ordered = row_times(t_us, places[:, :2], source)
+    t_us, places, items = ordered.t_us, places[ordered.rows], [rows[k][1] for k in ordered.rows.tolist()]
     body = np.array([_platform(each) for each in items]).reshape(-1, 3)
     gimbal = np.array([_sensor(each, pose) for each, pose in zip(items, body.tolist(), strict=True)]).reshape(-1, 3)
     hfov = np.radians(np.array([each.get(16, math.nan) for each in items]))
@@ -88,8 +87,8 @@ def log_of_klv(source: str, packets: Sequence[TimedBytes]) -> VehicleLog:
                 f"KLV (MISB ST 0601) in the video, {len(t_us)} positions",
                 f"{int(whole.sum())} attitudes, {int(pointed.sum())} of the sensor",
             ),
-            assumed=assumed,
-            skipped=dict(skipped),
+            assumed=(*assumed, *ordered.assumed),
+            skipped={**skipped, **ordered.skipped},
         ),
     )
 
@@ -105,18 +104,9 @@ def _times(rows: Sequence[tuple[int, dict[int, float]]]) -> tuple[NDArray[np.int
     if not all(stamped):
         return t_us, 0, ()
     unix_us = np.array(stamped, np.int64)
-    zeros_us = unix_us - t_us
-    steps = level_steps(zeros_us, _STEP_US, _AROUND)
-    if steps:
-        starts = [0, *(row for row, _ in steps), len(rows)]
-        first, last = max(pairwise(starts), key=lambda part: part[1] - part[0])
-        said = ", ".join(f"{by_us * 1e-6:+.1f} s at {t_us[row] * 1e-6:.1f} s" for row, by_us in steps[:_MOST_TOLD])
-        words = (
-            f"the date in its KLV steps by {said}: the video's time stamps count, and the date that holds longest",
-        )
-        return t_us, int(np.median(zeros_us[first:last])), words
+    zeros_us, told = longest_level("the date in its KLV", unix_us - t_us, t_us, _STEP_US)
     zero_us = int(np.median(zeros_us))
-    return unix_us - zero_us, zero_us, ()
+    return (t_us if told else unix_us - zero_us), zero_us, told
 
 
 def _sets(data: bytes, skipped: Counter[str]) -> Iterator[dict[int, float]]:

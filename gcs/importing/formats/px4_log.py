@@ -17,8 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
+from gcs.importing.date_steps import longest_level
 from gcs.importing.formats.text_file import open_file
 from gcs.importing.formats.ulog_topics import read_topics
+from gcs.importing.row_times import RowTimes, ascending, row_times
 from gcs.importing.vehicle_log import (
     AngleTrack,
     ImportNotes,
@@ -58,6 +60,8 @@ _GAP_US = 2_000_000
 _LATEST_US = 1 << 53
 _LEAST_UTC_US = 1_000_000_000_000_000
 """Year 2001: what a receiver says before is no time."""
+_STEP_US = 2_000_000
+"""Smaller steps of GPS time against the log's are lateness."""
 _YAW_IN_EARTH_FRAME = 64
 _FIX_3D = 3
 
@@ -69,13 +73,14 @@ def read_px4(path: Path) -> VehicleLog:
         ImportFileError: it cannot be read, has no position, or pyulog is not installed.
     """
     topics, system_id, damaged = _topics(path)
-    places, what = _places(topics), "the estimator"
-    if places is None:
-        places, what = _fixes(topics), "the receiver"
-    if places is None:
+    found_places, what = _places(topics, path), "the estimator"
+    if found_places is None:
+        found_places, what = _fixes(topics, path), "the receiver"
+    if found_places is None:
         wanted = ", ".join(("vehicle_global_position", *_RECEIVERS))
         raise ImportFileError(f"{path}: no position in it; one of {wanted} has to be logged")
-    zero_us = _zero_us(topics)
+    places, ordered = found_places
+    zero_us, contradictions = _zero_us(topics)
     attitudes = _attitudes(_first(topics, "vehicle_attitude"))
     gimbal = _gimbal(_first(topics, "gimbal_device_attitude_status"))
     heading = at_times(places.t_us, attitudes.t_us, attitudes.angles[:, 2], _GAP_US, turns=True)
@@ -99,7 +104,11 @@ def read_px4(path: Path) -> VehicleLog:
         ),
         attitudes=AngleTrack(t_us=attitudes.t_us + shift_us, angles=attitudes.angles),
         gimbal=AngleTrack(t_us=gimbal.t_us + shift_us, angles=gimbal.angles, yaw_from=gimbal.yaw_from),
-        notes=ImportNotes(found=tuple(found), skipped={"damaged places": 1} if damaged else {}),
+        notes=ImportNotes(
+            found=tuple(found),
+            assumed=(*contradictions, *ordered.assumed),
+            skipped={**({"damaged places": 1} if damaged else {}), **ordered.skipped},
+        ),
     )
 
 
@@ -130,18 +139,19 @@ def _has(topic: Columns | None, *names: str) -> bool:
     return topic is not None and all(name in topic for name in names)
 
 
-def _places(topics: Topics) -> PlaceTrack | None:
-    """Of the estimator."""
+def _places(topics: Topics, path: Path) -> tuple[PlaceTrack, RowTimes] | None:
+    """Of the estimator, and what was made of their times."""
     topic = _first(topics, "vehicle_global_position")
     if topic is None or not _has(topic, "lat", "lon", "alt"):
         return None
     lat, lon = topic["lat"].astype(float), topic["lon"].astype(float)
     t_us = _times(topic)
     rows = np.flatnonzero(whole_places(lat, lon))
-    rows = rows[in_order(t_us[rows])]
     if not len(rows):
         return None
-    t_us, alt_m = t_us[rows], topic["alt"].astype(float)[rows]
+    ordered = row_times(t_us[rows], np.column_stack([lat[rows], lon[rows]]), f"{path}")
+    rows, t_us = rows[ordered.rows], ordered.t_us
+    alt_m = topic["alt"].astype(float)[rows]
     local, home = _first(topics, "vehicle_local_position"), _first(topics, "home_position")
     v_ned = None
     if local is not None and _has(local, "vx", "vy", "vz"):
@@ -151,7 +161,7 @@ def _places(topics: Topics) -> PlaceTrack | None:
         v_ned = np.column_stack([at_times(t_us, from_us, axis, _GAP_US) for axis in axes])
     home_m = float(home["alt"][-1]) if home is not None and _has(home, "alt") else math.nan
     std_m = float(np.median(topic["eph"].astype(float))) if _has(topic, "eph") else math.nan
-    return PlaceTrack.of(
+    places = PlaceTrack.of(
         t_us,
         lat[rows],
         lon[rows],
@@ -160,11 +170,12 @@ def _places(topics: Topics) -> PlaceTrack | None:
         v_ned=v_ned,
         std_m=std_m if 0.0 < std_m < 1e3 else math.nan,
     )
+    return places, ordered
 
 
-def _fixes(topics: Topics) -> PlaceTrack | None:
-    """Of the receiver that has most fixes: where nothing was estimated."""
-    best: PlaceTrack | None = None
+def _fixes(topics: Topics, path: Path) -> tuple[PlaceTrack, RowTimes] | None:
+    """Of the receiver that has most fixes, where nothing was estimated, and what was made of their times."""
+    best: tuple[PlaceTrack, RowTimes] | None = None
     for topic in (each for name in _RECEIVERS for each in topics.get(name, ())):
         if _has(topic, "latitude_deg", "longitude_deg", "altitude_msl_m"):
             names, degrees, metres = ("latitude_deg", "longitude_deg", "altitude_msl_m"), 1.0, 1.0
@@ -176,37 +187,43 @@ def _fixes(topics: Topics) -> PlaceTrack | None:
         lat, lon = lat * degrees, lon * degrees
         fixed = topic["fix_type"] >= _FIX_3D if _has(topic, "fix_type") else np.ones(len(lat), np.bool_)
         rows = np.flatnonzero(whole_places(lat, lon) & fixed)
-        rows = rows[in_order(_times(topic)[rows])]
-        if not len(rows) or (best is not None and len(rows) <= len(best)):
+        if not len(rows) or (best is not None and len(rows) <= len(best[0])):
             continue
+        ordered = row_times(_times(topic)[rows], np.column_stack([lat[rows], lon[rows]]), f"{path}")
+        rows = rows[ordered.rows]
         axes = ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
         v_ned = np.column_stack([topic[axis].astype(float)[rows] for axis in axes]) if _has(topic, *axes) else None
         std_m = float(np.median(topic["eph"].astype(float)[rows])) if _has(topic, "eph") else math.nan
         known_m = std_m if 0.0 < std_m < 1e3 else math.nan
-        best = PlaceTrack.of(
-            _times(topic)[rows], lat[rows], lon[rows], alt_m=alt[rows] * metres, v_ned=v_ned, std_m=known_m
-        )
+        places = PlaceTrack.of(ordered.t_us, lat[rows], lon[rows], alt_m=alt[rows] * metres, v_ned=v_ned, std_m=known_m)
+        best = places, ordered
     return best
 
 
-def _zero_us(topics: Topics) -> int | None:
-    """Unix µs of the log's time 0, by the receiver that knew it most often; None where none did."""
-    found: list[Ints] = [
-        utc_us[known] - _times(topic)[known]
+def _zero_us(topics: Topics) -> tuple[int | None, tuple[str, ...]]:
+    """Unix µs of the log's time 0, by the receiver that knew it most often, and in words where its date steps.
+
+    None where none knew it.
+    """
+    found: list[tuple[Ints, Ints]] = [
+        (utc_us[known] - _times(topic)[known], _times(topic)[known])
         for name in _RECEIVERS
         for topic in topics.get(name, ())
         if _has(topic, "time_utc_usec")
         for utc_us in [topic["time_utc_usec"].astype(np.int64)]
         for known in [utc_us > _LEAST_UTC_US]
     ]
-    best = max(found, key=len, default=np.empty(0, np.int64))
-    return int(np.quantile(best, 0.5, method="lower")) if len(best) else None
+    zero_us, t_us = max(found, key=lambda each: len(each[0]), default=(np.empty(0, np.int64),) * 2)
+    if not len(zero_us):
+        return None, ()
+    longest, told = longest_level("GPS time", zero_us, t_us, _STEP_US)
+    return int(np.quantile(longest, 0.5, method="lower")), told
 
 
 def _attitudes(topic: Columns | None) -> AngleTrack:
     if topic is None or not _has(topic, *(f"q[{k}]" for k in range(4))):
         return AngleTrack.empty()
-    order = in_order(_times(topic))
+    order = ascending(_times(topic))
     q = np.column_stack([topic[f"q[{k}]"].astype(float)[order] for k in range(4)])
     angles = np.array([euler_from_quaternion(*row) for row in q.tolist()]).reshape(-1, 3)
     known = np.isfinite(angles).all(axis=1)

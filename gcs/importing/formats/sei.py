@@ -18,14 +18,15 @@ from typing import Any
 import numpy as np
 
 from gcs.errors import ImportFileError
+from gcs.importing.date_steps import longest_level
 from gcs.importing.formats.timed_bytes import TimedBytes
+from gcs.importing.row_times import row_times
 from gcs.importing.vehicle_log import (
     AngleTrack,
     ImportNotes,
     PlaceTrack,
     VehicleLog,
     ViewTrack,
-    in_order,
     whole_places,
 )
 
@@ -38,6 +39,8 @@ _H264_SEI, _H265_SEI = (6,), (39, 40)
 _MOST_JSON = 16 << 10
 _OLDEST_MS = 1000.0
 """What was older when it was written is left out."""
+_STEP_US = 500_000
+"""Smaller steps of the date against the video's clock are lateness."""
 _PARTS = re.compile(rb"\x00\x00\x01")
 _UNESCAPED = re.compile(rb"\x00\x00\x03")
 
@@ -121,14 +124,17 @@ def log_of_messages(source: str, messages: Sequence[TimedBytes]) -> VehicleLog:
     seen = (hfov > 0.0) & (hfov < np.pi)
     attitudes, gimbal = (_angles(t_us, records, name) for name in ("vehicle_attitude", "gimbal_attitude"))
     places = places[known]
-    # a picture now and then comes with telemetry of the same moment
-    order = in_order(t_us[known])
+    ordered = row_times(t_us[known], places[:, :2], source)
+    order = ordered.rows
+    zeros_us, told = longest_level(
+        "the date in its telemetry", utc_us[dated].astype(np.int64) - t_us[dated], t_us[dated], _STEP_US
+    )
     return VehicleLog(
         source=source,
         clock="video",
-        zero_us=int(np.quantile(utc_us[dated] - t_us[dated], 0.5, method="lower")) if dated.any() else 0,
+        zero_us=int(np.quantile(zeros_us, 0.5, method="lower")) if len(zeros_us) else 0,
         places=PlaceTrack.of(
-            t_us[known][order],
+            ordered.t_us,
             places[order, 0],
             places[order, 1],
             alt_m=places[order, 2],
@@ -143,7 +149,8 @@ def log_of_messages(source: str, messages: Sequence[TimedBytes]) -> VehicleLog:
                 f"AP_CameraGimbal's telemetry among the pictures, {len(places)} positions",
                 f"{len(attitudes)} attitudes, {len(gimbal)} of the gimbal",
             ),
-            skipped=dict(skipped),
+            assumed=(*told, *ordered.assumed),
+            skipped={**skipped, **ordered.skipped},
         ),
     )
 

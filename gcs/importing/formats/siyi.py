@@ -19,10 +19,11 @@ from datetime import UTC, datetime
 import numpy as np
 
 from gcs.errors import ImportFileError
+from gcs.importing.date_steps import first_frame_us
 from gcs.importing.formats.subtitles import SubtitleCue
-from gcs.importing.row_times import check_one_clock
+from gcs.importing.row_times import check_one_clock, row_times
 from gcs.importing.smoothing import smoothed_places
-from gcs.importing.vehicle_log import AngleTrack, ImportNotes, VehicleLog, in_order, whole_places
+from gcs.importing.vehicle_log import AngleTrack, ImportNotes, VehicleLog, whole_places
 
 __all__ = ["is_siyi", "siyi_log"]
 
@@ -35,7 +36,6 @@ STD_M = 3.0
 """1σ per axis: 0.1″ is 3.1 m, and whole seconds make another metre or two of a flying camera."""
 _CELL_DEG = 0.1 / 3600.0
 _NOISE_M = 0.5
-_HALF_SECOND_US = 500_000
 
 
 def is_siyi(cues: Sequence[SubtitleCue]) -> bool:
@@ -64,14 +64,10 @@ def siyi_log(source: str, cues: Sequence[SubtitleCue]) -> VehicleLog:
         raise ImportFileError(f"{source}: no position in its subtitles; were satellites in view?")
     table, unix_us = np.array(rows), np.array(dates, np.int64)
     check_one_clock(table[:, 0].astype(np.int64), source, blocks=True)
-    order = in_order(table[:, 0].astype(np.int64))
-    table, unix_us = table[order], unix_us[order]
-    t_us = table[:, 0].astype(np.int64)
-    dated = unix_us > 0
-    # dates are cut to whole seconds: on average half a second early
-    zero_us = (
-        int(np.quantile(unix_us[dated] - t_us[dated], 0.5, method="lower")) + _HALF_SECOND_US if dated.any() else 0
-    )
+    order = np.argsort(table[:, 0], kind="stable")
+    ordered = row_times(table[order, 0].astype(np.int64), table[order, 1:3], source)
+    table, unix_us, t_us = table[order[ordered.rows]], unix_us[order[ordered.rows]], ordered.t_us
+    zero_us, told = first_frame_us(unix_us, t_us)
     known = np.isfinite(table[:, 5])
     return VehicleLog(
         source=source,
@@ -89,8 +85,8 @@ def siyi_log(source: str, cues: Sequence[SubtitleCue]) -> VehicleLog:
         gimbal=AngleTrack(t_us=t_us[known], angles=table[known, 4:7], yaw_from="nose"),
         notes=ImportNotes(
             found=("SIYI's subtitles in the video", f"{len(t_us)} positions to 3 m, dates to whole seconds"),
-            assumed=("the date in its subtitles is UTC",) if zero_us else (),
-            skipped=dict(skipped),
+            assumed=(*told, *ordered.assumed),
+            skipped={**skipped, **ordered.skipped},
         ),
     )
 

@@ -84,12 +84,18 @@ def test_platform_and_sensor_together(elevation_deg):
 
 def test_klv_that_is_damaged():
     spot = Spot(50.0, 10.0, 300.0, 0.0, unix_us=10**15)
-    good = klv_set(spot, (0.0, 0.0, 0.0))
+    good, next_one = (
+        klv_set(dataclasses.replace(spot, unix_us=10**15 + late), (0.0, 0.0, 0.0)) for late in (0, 300_000)
+    )
     wrong = bytearray(good)
     wrong[40] ^= 1
-    packets = [TimedBytes(k * 100_000, data) for k, data in enumerate([good, bytes(wrong), good[:50], good + good])]
+    packets = [TimedBytes(k * 100_000, data) for k, data in enumerate([good, bytes(wrong), good[:50], next_one + good])]
     log = log_of_klv("cam.ts", packets)
-    assert log.notes.skipped == {"KLV sets with a wrong checksum": 1, "KLV sets that are cut": 1}
+    assert log.notes.skipped == {
+        "KLV sets with a wrong checksum": 1,
+        "KLV sets that are cut": 1,
+        "positions with the time of another": 1,
+    }
     with pytest.raises(ImportFileError, match=r"cam\.ts.*1 KLV sets with a wrong checksum"):
         log_of_klv("cam.ts", packets[1:2])
 

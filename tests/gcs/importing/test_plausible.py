@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gcs.errors import ImportFileError
 from gcs.importing.formats import px4_log
 from gcs.importing.plausible import plausible
 from gcs.importing.sources import read_vehicle_logs
@@ -67,7 +68,7 @@ def test_a_damaged_row_is_found_in_every_format(name, flown, tmp_path):
     lat = f"{wire_places(flown, 11)['lat'][9]:.7f}"
     path.write_text(text.replace(lat, f"{float(lat) + 20.0:.7f}"))
     (log,) = read_vehicle_logs(path)
-    assert log.notes.skipped["positions too far from those around them"] == len(whole.places) - len(log.places) == 1
+    assert sum(log.notes.skipped.values()) == len(whole.places) - len(log.places) == 1
 
 
 def receiver(fixes, *, older, utc=True):
@@ -103,6 +104,23 @@ def test_px4_by_its_receivers_where_nothing_was_estimated(name, older, tmp_path,
     assert log.places.alt_m == pytest.approx(430.0)
     assert log.places.v_ned[3] == pytest.approx((1.0, 0.0, 0.0))
     assert log.notes.found[0] == "ULog, 200 positions of the receiver"
+
+
+def test_a_px4_log_whose_times_begin_again_is_refused(tmp_path, monkeypatch):
+    fixes = receiver(True, older=False)
+    fixes["timestamp"][N // 2 :] -= fixes["timestamp"][N // 2] - fixes["timestamp"][0]
+    monkeypatch.setattr(px4_log, "_topics", lambda path: ({"sensor_gps": [fixes]}, 12, False))
+    with pytest.raises(ImportFileError, match=rf"rover\.ulg: its times begin again: position {N // 2 + 1} of {N}"):
+        px4_log.read_px4(tmp_path / "rover.ulg")
+
+
+def test_a_date_of_px4_that_steps_is_that_which_holds_longest(tmp_path, monkeypatch):
+    fixes = receiver(True, older=False)
+    fixes["time_utc_usec"][: N // 3] -= 18_000_000
+    monkeypatch.setattr(px4_log, "_topics", lambda path: ({"sensor_gps": [fixes]}, 12, False))
+    log = px4_log.read_px4(tmp_path / "rover.ulg")
+    assert log.places.t_us == pytest.approx(T_US)
+    assert log.notes.assumed == ("GPS time steps by +18.0 s at 11.6 s: what holds longest counts",)
 
 
 def test_the_date_is_that_of_a_receiver_that_knows_it(flown, tmp_path, monkeypatch):

@@ -105,3 +105,12 @@ def test_time_stamps_that_begin_again_are_refused(tmp_path):
     (tmp_path / "two.ts").write_bytes(one + one)
     with pytest.raises(VideoError, match=rf"time stamps begin again after {FRAMES} of {2 * FRAMES} frames"):
         VideoFile.open(tmp_path / "two.ts")
+
+
+def test_a_few_frames_of_another_film_in_front_are_refused(tmp_path):
+    ten_a_second = 100 * np.arange(FRAMES)
+    few = write_clip(tmp_path / "few.ts", ten_a_second[:12]).read_bytes()
+    one = write_clip(tmp_path / "one.ts", ten_a_second).read_bytes()
+    (tmp_path / "two.ts").write_bytes(few + one)
+    with pytest.raises(VideoError, match=r"time stamps begin again after 12 of"):
+        VideoFile.open(tmp_path / "two.ts")
