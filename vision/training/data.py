@@ -24,13 +24,17 @@ from vision.training.photographs import Photographs
 
 __all__ = ["Mixture", "Pool", "TrainingBatch", "batch_samples"]
 
+SWAPPED_SHARE, GREY_SHARE, NEGATIVE_SHARE = 0.12, 0.12, 0.5
+"""Of images, those whose colours change places and those that lose them; of these, the negatives: cameras for daylight
+may see but grey, and for warmth what is warm either dark or light. A choice."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainingBatch:
     """What one training step sees."""
 
     images: Tensor
-    """(B, 3, S, S) BGR, float32 in 0..1, or uint8."""
+    """(B, 3, S, S) BGR, uint8."""
     boxes: Tensor
     """(B, N, 6) float32, see the module."""
     real: Tensor
@@ -39,6 +43,10 @@ class TrainingBatch:
     """(B, N) int64 of ``vision.training.cuts.Known``."""
     unjudged: Tensor
     """(B, S / STRIDE, S / STRIDE) bool, True in cells that may hold a vehicle without a label."""
+
+    def values(self) -> Tensor:
+        """(B, 3, S, S) float32 in 0..1, as the network takes images."""
+        return self.images.float() / 255.0
 
     def to(self, device: str) -> TrainingBatch:
         """The same on another device."""
@@ -128,9 +136,9 @@ def batch_samples(samples: Sequence[TrainingSample], rng: np.random.Generator) -
         boxes[i, : n[i]], known[i, : n[i]] = sample.boxes, sample.known
         for area in sample.unjudged:
             cv2.fillConvexPoly(unjudged[i], np.rint(area / STRIDE - 0.5).astype(np.int32), 1)
-    images = np.stack([worsen(sample.image, rng) for sample in samples])
+    images = np.stack([_light(worsen(sample.image, rng), rng) for sample in samples])
     return TrainingBatch(
-        images=_light(torch.from_numpy(images).permute(0, 3, 1, 2).float() / 255.0, rng),
+        images=torch.from_numpy(images).permute(0, 3, 1, 2),
         boxes=torch.from_numpy(boxes),
         real=torch.from_numpy(np.less(np.arange(boxes.shape[1]), n[:, None])),
         known=torch.from_numpy(known),
@@ -138,12 +146,16 @@ def batch_samples(samples: Sequence[TrainingSample], rng: np.random.Generator) -
     )
 
 
-def _light(images: Tensor, rng: np.random.Generator) -> Tensor:
-    """Another brightness, contrast and colour balance for each image, another order of colours for some."""
-    size = len(images)
-    gain = torch.from_numpy(rng.normal(1.0, 0.06, (size, 3, 1, 1)) * rng.normal(1.0, 0.18, (size, 1, 1, 1))).float()
-    bias = torch.from_numpy(rng.normal(0.0, 0.06, (size, 1, 1, 1))).float()
-    images = images * gain + bias
-    if rng.random() < 0.15:
-        images = images[:, torch.from_numpy(rng.permutation(3))]
-    return images.clamp(0.0, 1.0)
+def _light(image: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:
+    """Another brightness, contrast and colour balance; for some another order of colours, or none."""
+    kind = rng.random()
+    grey = kind < GREY_SHARE
+    if grey:
+        shares = rng.dirichlet((2.0, 2.0, 2.0)).astype(np.float32)
+        image = np.asarray(cv2.transform(image, np.tile(shares, (3, 1))), np.uint8)
+    elif kind < GREY_SHARE + SWAPPED_SHARE:
+        image = image[..., rng.permutation(3)]
+    gain = rng.normal(1.0, 0.18) * (1.0 if grey else rng.normal(1.0, 0.06, 3))
+    values = np.arange(256.0)[:, None] if kind >= NEGATIVE_SHARE * GREY_SHARE else 255.0 - np.arange(256.0)[:, None]
+    table = np.clip(values * gain + 255.0 * rng.normal(0.0, 0.06) + 0.5, 0, 255) * np.ones(3)
+    return np.asarray(cv2.LUT(np.ascontiguousarray(image), table.astype(np.uint8)[None]), np.uint8)

@@ -23,7 +23,7 @@ from vision.detect.onnx_model import open_session
 from vision.errors import ModelError
 from vision.training.net import JUDGED, STRIDE, ConvNorm, Grow, Judge, Net, Residual
 
-__all__ = ["export", "read_weights", "restore_statistics", "to_onnx"]
+__all__ = ["SCORE", "export", "read_weights", "restore_statistics", "score_shift", "to_onnx"]
 
 OPSET = 17
 """ONNX operator set of the file; ONNX Runtime reads it from 1.12 on."""
@@ -150,10 +150,14 @@ def export(checkpoint: Path, out: Path, version: str, score: float = SCORE) -> N
     net = Net()
     net.load_state_dict(torch.load(checkpoint, map_location="cpu", weights_only=True)["average"])
     with torch.no_grad():
-        # logit p' = logit p + logit SCORE − logit score
-        net.judge.verdict.bias[0] += math.log(SCORE / (1.0 - SCORE)) - math.log(score / (1.0 - score))
+        net.judge.verdict.bias[0] += score_shift(score)
     out.parent.mkdir(parents=True, exist_ok=True)
     onnx.save(to_onnx(net, version), str(out))
+
+
+def score_shift(score: float) -> float:
+    """What is added to the logits of scores so that ``score`` becomes ``SCORE``: logit SCORE − logit score."""
+    return math.log(SCORE / (1.0 - SCORE)) - math.log(score / (1.0 - score))
 
 
 def read_weights(net: Net, path: Path) -> None:
@@ -261,7 +265,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Write a trained detector as ONNX.")
     parser.add_argument("--checkpoint", type=Path, default=Path(".train/checkpoint.pt"))
     parser.add_argument("--out", type=Path, default=Path("vision/models/rollcall-obb-s.onnx"))
-    parser.add_argument("--version", default="6")
+    parser.add_argument("--version", default="7")
     parser.add_argument("--score", type=float, default=SCORE, help="score that the file returns as 0.3")
     args = parser.parse_args()
     export(args.checkpoint, args.out, args.version, args.score)

@@ -167,7 +167,7 @@ class FineTuning:
         if checkpoint.exists():
             trainer.load(checkpoint)
         else:
-            trainer.start_from(BUNDLED, mixture.batch(0, STATISTICS_IMAGES).images)
+            trainer.start_from(BUNDLED, mixture.batch(0, STATISTICS_IMAGES).values())
         for name in ("loss.csv", "quality.csv"):
             _drop_rows_after(self.out / name, trainer.step_count)
         self._plan(trainer, self._record["steps"])

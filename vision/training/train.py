@@ -26,6 +26,7 @@ from typing import IO
 import cv2
 import torch
 from torch import Tensor
+from torch.utils.data import DataLoader, Dataset
 
 from vision.detect.detector import open_detector
 from vision.evaluation import choose_in_all, open_folder
@@ -42,7 +43,7 @@ __all__ = ["BATCH", "STATISTICS_IMAGES", "Trainer", "append_row", "batches", "be
 
 log = logging.getLogger(__name__)
 BATCH = 16
-"""Images of one step; a choice."""
+"""Images of one step, unless another number is given; a choice."""
 WARM_UP_STEPS = 200
 """Steps in which the learning rate rises to its full value; a choice."""
 AVERAGE_STEPS = 1000
@@ -70,11 +71,11 @@ class Trainer:
         decay = [p for p in self.net.parameters() if p.ndim > 1]
         plain = [p for p in self.net.parameters() if p.ndim <= 1]
         groups = [{"params": decay, "weight_decay": 0.02}, {"params": plain, "weight_decay": 0.0}]
-        self.optimiser = torch.optim.AdamW(groups, lr=rate)
+        self.optimiser = torch.optim.AdamW(groups, lr=rate, fused=device == "cuda")
         self.step_count = 0
         self.spent_s = 0.0
 
-    def step(self, batch: TrainingBatch, progress: float) -> dict[str, float]:
+    def step(self, batch: TrainingBatch, progress: float) -> dict[str, Tensor | float]:
         """One update; ``progress`` 0..1 sets the learning rate: a warm-up, then half a cosine."""
         warm = min(1.0, (self.step_count + 1) / self.warm_up_steps)
         rate = self.rate * warm * (0.5 + 0.5 * math.cos(math.pi * min(progress, 1.0))) + 1e-6
@@ -83,7 +84,7 @@ class Trainer:
         self.net.train()
         batch = batch.to(self.device)
         with torch.autocast(self.device, dtype=torch.bfloat16, enabled=_has_half_floats(self.device)):
-            cells = self.net(batch.images)
+            cells = self.net(batch.values())
         parts = losses(cells.float(), batch)
         total = parts.total()
         self.optimiser.zero_grad(set_to_none=True)
@@ -92,8 +93,9 @@ class Trainer:
         self.optimiser.step()
         self.step_count += 1
         self._average()
-        values = {name: float(value.detach()) for name, value in _parts(parts).items()}
-        return {"step": self.step_count, "rate": rate, "total": float(total.detach()), **values}
+        # read where they are written down alone: to read a value waits for the GPU
+        values = {name: value.detach() for name, value in _parts(parts).items()}
+        return {"step": self.step_count, "rate": rate, "total": total.detach(), **values}
 
     def start_from(self, path: Path, images: Tensor) -> None:
         """Begin with a model file, or with the averaged weights of another run; blocks that it has not keep their own.
@@ -144,11 +146,11 @@ class Trainer:
 
     def _average(self) -> None:
         keep = 1.0 - 1.0 / min(self.average_steps, self.step_count + 1)
-        for name, value in self.net.state_dict().items():
-            if value.is_floating_point():
-                self.average[name].mul_(keep).add_(value.detach(), alpha=1.0 - keep)
-            else:
-                self.average[name].copy_(value)
+        weights = self.net.state_dict()
+        real = [name for name, value in weights.items() if value.is_floating_point()]
+        torch._foreach_lerp_([self.average[name] for name in real], [weights[name] for name in real], 1.0 - keep)
+        for name in weights.keys() - set(real):
+            self.average[name].copy_(weights[name])
 
 
 def _has_half_floats(device: str) -> bool:
@@ -169,6 +171,8 @@ def run(
     steps: int,
     rate: float,
     threads: int,
+    batch: int,
+    workers: int,
     crops: int,
     check_every: int,
     start: Path | None,
@@ -197,34 +201,55 @@ def run(
         trainer.load(checkpoint)
         log.info("goes on from step %d after %.1f min", trainer.step_count, trainer.spent_s / 60.0)
     elif start is not None:
-        trainer.start_from(start, mixture.batch(0, STATISTICS_IMAGES).images)
-    tick = time.monotonic()
-    for batch in batches(mixture, range(trainer.step_count, steps)):
-        row = trainer.step(batch, trainer.step_count / steps)
-        now = time.monotonic()
-        trainer.spent_s, tick = trainer.spent_s + now - tick, now
-        if trainer.step_count % 50 == 0:
-            append_row(out / "loss.csv", row)
-        if trainer.step_count % check_every == 0:
-            _check(trainer, held_out, out, pool.refresh())
-            tick = time.monotonic()
-    _check(trainer, held_out, out, pool.refresh())
+        trainer.start_from(start, mixture.batch(0, STATISTICS_IMAGES).values())
+    while trainer.step_count < steps:
+        tick = time.monotonic()
+        # what was rendered meanwhile joins after each look at the held-out images
+        until = min(steps, (trainer.step_count // check_every + 1) * check_every)
+        for training in batches(mixture, range(trainer.step_count, until), batch, workers):
+            row = trainer.step(training, trainer.step_count / steps)
+            if trainer.step_count % 50 == 0:
+                append_row(out / "loss.csv", row)
+        trainer.spent_s += time.monotonic() - tick
+        _check(trainer, held_out, out, pool.refresh())
     score = score_at_precision(*detections_and_truth(trainer.averaged(), held_out.all()), PRECISION)
     log.info("%.0f %% of detections are right from score %.3f on", 100.0 * PRECISION, score)
-    export(checkpoint, out / "model.onnx", version="6", score=score)
+    export(checkpoint, out / "model.onnx", version="7", score=score)
     draw_curves(out)
     for maker in makers:
         maker.wait()
 
 
-def batches(mixture: Mixture, steps: range) -> Iterator[TrainingBatch]:
-    """The batch of each step, the next made while one is learnt from."""
+def batches(mixture: Mixture, steps: range, size: int = BATCH, workers: int = 0) -> Iterator[TrainingBatch]:
+    """The batch of each step, later ones made while one is learnt from.
+
+    Args:
+        mixture: where they come from, as it is now: processes do not see shards that join later.
+        steps: numbers of the steps.
+        size: images of a batch.
+        workers: processes that make them, each with a share of the memory that images take; 0: a thread of this one.
+    """
+    if workers:
+        yield from DataLoader(
+            _Steps(mixture, size), sampler=list(steps), batch_size=None, num_workers=workers, prefetch_factor=4
+        )
+        return
     with ThreadPoolExecutor(1) as maker:
-        coming = [maker.submit(mixture.batch, step, BATCH) for step in steps[:1]]
+        coming = [maker.submit(mixture.batch, step, size) for step in steps[:1]]
         for step in steps:
             batch = coming.pop().result()
-            coming += [maker.submit(mixture.batch, after, BATCH) for after in (step + 1,) if after in steps]
+            coming += [maker.submit(mixture.batch, after, size) for after in (step + 1,) if after in steps]
             yield batch
+
+
+class _Steps(Dataset[TrainingBatch]):  # type: ignore[misc]  # torch is not typed here
+    """The batches of a mixture by the number of the step."""
+
+    def __init__(self, mixture: Mixture, size: int) -> None:
+        self._mixture, self._size = mixture, size
+
+    def __getitem__(self, step: int) -> TrainingBatch:
+        return self._mixture.batch(step, self._size)
 
 
 def _check(trainer: Trainer, held_out: Pool, out: Path, images: int) -> None:
@@ -266,14 +291,14 @@ def _parts(parts: object) -> dict[str, Tensor]:
     return {name: getattr(parts, name) for name in ("score", "offset", "size", "front", "axis", "judge")}
 
 
-def append_row(path: Path, row: Mapping[str, float]) -> None:
+def append_row(path: Path, row: Mapping[str, Tensor | float]) -> None:
     """Append numbers to a csv file, which begins with their names."""
     new = not path.exists()
     with path.open("a", newline="") as file:
         writer = csv.DictWriter(file, list(row))
         if new:
             writer.writeheader()
-        writer.writerow({k: f"{v:.6g}" for k, v in row.items()})
+        writer.writerow({k: f"{float(v):.6g}" for k, v in row.items()})
 
 
 def _folder_and_share(text: str) -> tuple[Path, float]:
@@ -293,6 +318,8 @@ def main() -> None:
     parser.add_argument("--rate", type=float, default=3e-3, help="highest learning rate")
     parser.add_argument("--start", type=Path, help="checkpoint or .onnx whose weights to begin with")
     parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--batch", type=int, default=BATCH, help="images of a step; a GPU wants 128")
+    parser.add_argument("--workers", type=int, default=0, help="processes that cut images; a GPU needs a dozen")
     parser.add_argument("--crops", type=int, default=8000, help="images to render")
     parser.add_argument("--check-every", type=int, default=1000, help="steps between looks at the held-out images")
     parser.add_argument(
@@ -313,6 +340,8 @@ def main() -> None:
         steps=args.steps,
         rate=args.rate,
         threads=args.threads,
+        batch=args.batch,
+        workers=args.workers,
         crops=args.crops,
         check_every=args.check_every,
         start=args.start,
