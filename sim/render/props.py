@@ -19,6 +19,7 @@ __all__ = [
     "motorcycle",
     "panels",
     "pedestrian",
+    "shelter",
     "stall",
     "tank",
     "tent",
@@ -190,6 +191,21 @@ def bench(rng: np.random.Generator) -> Model:
     if edges[-1] < 0.5:
         blocks.append(Block(x=(-0.5, 0.5), y=(0.35, 0.5), z=(0.4, 1.0), top=slat, sides=slat, layer=2))
     return Model.of(Block(x=(-0.42, 0.42), y=(-0.4, 0.4), z=(0.0, 0.4), top=DARK, sides=DARK), *blocks)
+
+
+def shelter(rng: np.random.Generator) -> Model:
+    """Where one waits for the bus: a thin roof on posts, a wall behind, a bench, often posters at one end."""
+    roof = shade((DARK, STEEL, WHITE, (120.0, 115.0, 105.0))[int(rng.integers(4))], rng)
+    wall = shade((STEEL, (150.0, 145.0, 130.0), DARK)[int(rng.integers(3))], rng)
+    blocks = [
+        Block(x=(-0.48, 0.48), y=(0.38, 0.44), z=(0.0, 0.92), top=wall, sides=wall),
+        Block(x=(-0.35, 0.3), y=(0.1, 0.32), z=(0.15, 0.2), top=STEEL, sides=DARK),
+        *(Block(x=(x, x + 0.02), y=(-0.4, -0.34), z=(0.0, 0.92), top=DARK, sides=DARK) for x in (-0.47, 0.45)),
+        Block(x=(-0.5, 0.5), y=(-0.5, 0.5), z=(0.93, 1.0), top=roof, sides=roof, layer=1),
+    ]
+    if rng.random() < 0.5:
+        blocks.append(Block(x=(0.45, 0.5), y=(-0.4, 0.4), z=(0.05, 0.9), top=wall, sides=WHITE))
+    return Model.of(*blocks)
 
 
 def stall(rng: np.random.Generator) -> Model:

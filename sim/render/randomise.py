@@ -27,6 +27,7 @@ from sim.render.props import (
     motorcycle,
     panels,
     pedestrian,
+    shelter,
     stall,
     tank,
     tent,
@@ -138,7 +139,7 @@ CLUTTER: tuple[Entry, ...] = (
     ("crate", 0.1, (0.5, 3.0), (0.5, 2.0), (0.3, 2.0), _box((0.02, 0.2))),
     ("barrier", 0.08, (1.5, 20.0), (0.1, 0.5), (0.5, 2.0), _box((0.01, 0.02))),
     ("pole", 0.1, (0.6, 3.0), (0.12, 0.3), (3.0, 9.0), lambda _: pole()),
-    ("slab", 0.12, (0.8, 6.0), (0.8, 3.0), (0.02, 0.25), _box((0.02, 0.3))),
+    ("slab", 0.1, (0.8, 3.2), (0.8, 3.0), (0.02, 0.25), _box((0.02, 0.3))),
     ("container", 0.07, (3.0, 12.2), (2.0, 2.5), (1.2, 2.9), container),
     ("cooler", 0.06, (0.8, 4.0), (0.6, 2.2), (0.6, 2.0), cooler),
     ("panels", 0.03, (2.0, 12.0), (1.5, 5.0), (0.5, 3.0), panels),
@@ -162,6 +163,7 @@ URBAN: tuple[Entry, ...] = (
     ("person", 0.35, (0.4, 1.0), (0.4, 0.75), (1.5, 1.9), pedestrian),
     ("bicycle", 0.12, (1.6, 2.1), (0.5, 0.75), (1.1, 1.75), bicycle),
     ("motorcycle", 0.18, (1.8, 2.3), (0.6, 0.9), (1.1, 1.75), motorcycle),
+    ("shelter", 0.15, (3.0, 7.0), (1.2, 2.2), (2.2, 2.8), shelter),
     ("house", 0.25, (9.0, 32.0), (7.0, 12.0), (5.0, 12.0), house),
     ("flats", 0.25, (9.0, 45.0), (8.0, 20.0), (4.0, 24.0), flats),
 )
@@ -246,7 +248,7 @@ def _random_light(rng: np.random.Generator) -> Style:
 
 def _random_exposure(rng: np.random.Generator) -> Exposure:
     return Exposure(
-        gain=float(rng.uniform(0.5, 0.8) if rng.random() < 0.1 else rng.uniform(0.8, 1.3)),
+        gain=_random_gain(rng),
         balance=tuple(rng.uniform(0.93, 1.07, 3).tolist()),
         vignette=0.0,
         noise=float(rng.choice([0.0, 1.0, 2.0, 3.0, 6.0])),
@@ -254,6 +256,12 @@ def _random_exposure(rng: np.random.Generator) -> Exposure:
         blur_direction=float(rng.uniform(0.0, np.pi)),
         softness_px=float(rng.choice([0.0, 0.4, 0.6, 0.9, 1.2])),
     )
+
+
+def _random_gain(rng: np.random.Generator) -> float:
+    """Dark, or as it should be, or so bright that white paint shows nothing but its outline."""
+    low, high = ((0.5, 0.8), (0.8, 1.3), (1.3, 1.9))[int(rng.choice(3, p=[0.12, 0.78, 0.1]))]
+    return float(rng.uniform(low, high))
 
 
 def random_leaf(rng: np.random.Generator) -> tuple[int, int, int]:

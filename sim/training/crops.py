@@ -15,19 +15,23 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.render.exposure import expose
 from sim.render.foliage import Tree, draw_tree
 from sim.render.footage import as_footage
 from sim.render.randomise import FIRST_KIND, ObjectKind, random_catalogue, random_style
-from sim.render.render import Renderer, body_outline
+from sim.render.render import Style, body_outline, draw_bodies, draw_ground
+from sim.render.thermal import as_thermal, draw_traces, warmed
 from sim.render.training_ground import TrainingGround, random_training_ground
-from sim.training.placing import random_bodies
+from sim.training.placing import random_bodies, slots_in_view
 from sim.training.shards import write_missing
 from sim.world.bodies import Model
-from sim.world.view import OCCLUDER, Bodies, CameraView, FloatArray, Scene, project
+from sim.world.view import OCCLUDER, Bodies, CameraView, FloatArray, project
 
 __all__ = ["MAX_BOXES", "SIDE", "Crop", "crop", "labels", "write_shard"]
 
 Image = NDArray[np.uint8]
+Sorts = list[ObjectKind | None]
+"""What each body is; None where it is a tree."""
 SIDE = 384
 """Side of a crop, px: more than the 256 px that training cuts out of it, turned and scaled."""
 MAX_BOXES = 80
@@ -46,6 +50,10 @@ CONTAINER_M = 5.5
 """A longer container looks like a trailer from above, and counts neither way."""
 DEEP_SHADOW_SHARE = 0.2
 """Of images, those with shadows as dark as beside high houses at noon; a choice."""
+THERMAL_SHARE, NIGHT_SHARE = 0.15, 0.6
+"""Of images, those of a thermal camera, and of these those without sun; a choice."""
+TRACES_SHARE = 0.4
+"""Of bays on some thermal images, those in which a car stood; a choice."""
 log = logging.getLogger(__name__)
 
 
@@ -122,13 +130,15 @@ def crop(ground: TrainingGround, catalogue: tuple[ObjectKind, ...], rng: np.rand
         lost = float(rng.uniform(0.7, 0.88))
         # a tall body in the shadow still sees more of the sky than the ground does
         style = replace(style, shadow=lost, in_shadow=1.1 - lost, ambient=float(rng.uniform(0.3, 0.5)))
-    renderer = Renderer(Scene(), style, seed=int(rng.integers(1 << 30)), ground=ground)
-    image = as_footage(renderer.draw(view, bodies), rng)
+    sorts: Sorts = [catalogue[k - FIRST_KIND] if k >= FIRST_KIND else None for k in bodies.kind]
+    if rng.random() < THERMAL_SHARE:
+        image = _thermal(view, ground, bodies, sorts, style, rng)
+    else:
+        image = _daylight(view, ground, bodies, style, rng)
     boxes = labels(view, bodies)
     boxes[:, 2:4] = seen_sides(view, bodies, style.models, boxes)
     weight = _visible(view, bodies)
     boxes[:, :4] *= SIDE / view.width
-    sorts = [catalogue[k - FIRST_KIND] if k >= FIRST_KIND else None for k in bodies.kind]
     vehicle = np.array([s is not None and s.group != "clutter" for s in sorts], dtype=bool)
     unclear = np.array([s is not None and s.name == "container" and s.size[0] > CONTAINER_M for s in sorts], dtype=bool)
     with np.errstate(invalid="ignore"):
@@ -145,6 +155,30 @@ def crop(ground: TrainingGround, catalogue: tuple[ObjectKind, ...], rng: np.rand
         boxes=np.column_stack([boxes, weight])[keep],
         about=np.array([tilt, view.p_enu[2], style.shadow, style.exposure.gain, len(ground.slots.x) > 0]),
     )
+
+
+def _daylight(
+    view: CameraView, ground: TrainingGround, bodies: Bodies, style: Style, rng: np.random.Generator
+) -> Image:
+    image = draw_ground(ground, view)
+    draw_bodies(image, view, bodies, style)
+    return as_footage(expose(image, style.exposure, rng), rng)
+
+
+def _thermal(
+    view: CameraView, ground: TrainingGround, bodies: Bodies, sorts: Sorts, style: Style, rng: np.random.Generator
+) -> Image:
+    """Temperatures for colours; by night there are no shadows, and all sides of a thing are about as warm."""
+    if rng.random() < NIGHT_SHARE:
+        style = replace(style, shadow=0.0, ambient=float(rng.uniform(0.85, 1.0)), in_shadow=1.0)
+    image = draw_ground(ground, view)
+    places = slots_in_view(view, ground)
+    if rng.random() < 0.6:
+        draw_traces(image, view, places[rng.random(len(places)) < TRACES_SHARE * rng.random()], rng)
+    vehicle = np.array([s is not None and s.group != "clutter" for s in sorts], dtype=bool)
+    alive = np.array([s is not None and s.name in ("person", "animal") for s in sorts], dtype=bool)
+    draw_bodies(image, view, warmed(bodies, vehicle, alive, rng), style)
+    return as_thermal(image, rng)
 
 
 def write_shard(folder: Path, seed: int, count: int) -> Path:

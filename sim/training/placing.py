@@ -11,7 +11,7 @@ from sim.render.randomise import FIRST_KIND, ObjectKind, car_color, random_leaf
 from sim.render.training_ground import TrainingGround
 from sim.world.view import OCCLUDER, Bodies, CameraView, FloatArray, project, ray_ground
 
-__all__ = ["random_bodies"]
+__all__ = ["random_bodies", "slots_in_view"]
 
 MOST_IN_SLOTS = 70
 """Bodies after which no more bays are filled: stays below the 80 boxes that a crop keeps."""
@@ -23,6 +23,8 @@ TWO_WHEELERS = ("bicycle", "motorcycle")
 """Names of what rides and stands in lanes and bays and must not be detected."""
 TWO_WHEELER_SHARE = 0.06
 """Of lanes and bays, those with a two-wheeler where the catalogue has any; a choice."""
+SHADY_SHARE = 0.25
+"""Of vehicles in some streets and car parks, those with a tree beside or over them; a choice."""
 SIDE_VIEW = 0.7
 """Cosine of a camera's tilt below which houses are seen from the side, and it may fly below their roofs."""
 
@@ -121,7 +123,7 @@ def _tree(
 def _thicket(placed: _Placed, view: CameraView, ground: TrainingGround, rng: np.random.Generator) -> None:
     """A hedge of bushes in a row, or a wood; it keeps off bays and lanes."""
     x, y = _ground_point(view, rng)
-    slots = _slots_in_view(view, ground)[:, :2]
+    slots = slots_in_view(view, ground)[:, :2]
     leaf, count, hedge = np.array(random_leaf(rng)), int(rng.integers(8, 30)), bool(rng.random() < 0.6)
     wide = float(rng.uniform(0.7, 2.5) if hedge else rng.uniform(2.0, 6.0))
     along = ground.street + 0.5 * np.pi * int(rng.integers(2)) + rng.normal(0.0, 0.1)
@@ -163,7 +165,7 @@ def _buildings(
     large = [k for k, s in enumerate(catalogue) if s.group == "clutter" and s.size[0] >= LARGE_M]
     if not large or rng.random() < 0.4:
         return
-    near = _slots_in_view(view, ground)
+    near = slots_in_view(view, ground)
     for _ in range(int(rng.integers(1, 5))):
         k, (x, y) = int(rng.choice(large)), _ground_point(view, rng)
         size = catalogue[k].size
@@ -183,7 +185,7 @@ def _stands_behind(view: CameraView, x: float, y: float, size: tuple[float, floa
     return bool(np.isfinite(reach) and distance > reach + 0.5 * np.hypot(*size[:2]))
 
 
-def _slots_in_view(view: CameraView, ground: TrainingGround) -> FloatArray:
+def slots_in_view(view: CameraView, ground: TrainingGround) -> FloatArray:
     """(n, 4) x, y, heading, length of slots that the image shows, the ground repeating."""
     step = ground.period_m
     at = np.array([_corner(view, u, v) for u in (0.0, 0.5, 1.0) for v in (0.0, 0.5, 1.0)])
@@ -221,12 +223,13 @@ def _in_slots(
     fleet: NDArray[np.int64] | None,
     rng: np.random.Generator,
 ) -> None:
-    slots = _slots_in_view(view, ground)
+    slots = slots_in_view(view, ground)
     road = [k for k, s in enumerate(catalogue) if s.group == "road"]
     heavy = [k for k in road if catalogue[k].size[0] >= HEAVY_M]
     light = [k for k, s in enumerate(catalogue) if s.name in TWO_WHEELERS]
     own = int(rng.choice(heavy)) if heavy else None
     share = float(rng.choice([0.2, 0.5, 0.9]))
+    shady = float(rng.choice([0.0, SHADY_SHARE], p=[0.7, 0.3]))
     for x, y, heading, room in slots[rng.permutation(len(slots))]:
         if len(placed.rows) > MOST_IN_SLOTS:
             return
@@ -240,6 +243,11 @@ def _in_slots(
         at = (x + rng.normal(0.0, 0.1), y + rng.normal(0.0, 0.1), heading)
         color = fleet if fleet is not None and rng.random() < 0.6 else car_color(rng)
         placed.add(FIRST_KIND + k, at, _jittered(catalogue[k].size, rng), color)
+        if rng.random() < shady:
+            beside = rng.uniform(0.0, 2.0 * np.pi)
+            off = rng.uniform(1.0, 4.0) * np.array([np.sin(beside), np.cos(beside)])
+            wide = float(rng.uniform(1.5, 5.0))
+            _tree(placed, (float(x + off[0]), float(y + off[1])), wide, np.array(random_leaf(rng)), rng)
 
 
 def _anywhere(

@@ -120,9 +120,22 @@ def test_every_labelled_vehicle_is_drawn(ground, catalogue):
         renderer = Renderer(Scene(), style, ground=ground)
         drawn = (renderer.draw(view, things) != renderer.draw(view, EMPTY)).any(axis=-1)
         boxes = labels(view, things)
-        for u, v in boxes[np.isfinite(boxes).all(axis=1) & (boxes[:, 2] > 10.0), :2].astype(int):
+        vehicles = (things.kind != OCCLUDER) & np.isfinite(boxes).all(axis=1) & (boxes[:, 2] > 10.0)
+        for u, v in boxes[vehicles, :2].astype(int):
             if 4 <= u < SIDE - 4 and 4 <= v < SIDE - 4:
                 assert drawn[v - 2 : v + 3, u - 2 : u + 3].mean() > 0.5
+
+
+def test_a_thermal_image_is_grey_and_has_the_boxes_of_daylight(ground, catalogue, monkeypatch):
+    made = []
+    for share in (0.0, 1.0):
+        monkeypatch.setattr("sim.training.crops.THERMAL_SHARE", share)
+        made.append(crop(ground, catalogue, np.random.default_rng([5, 1])))
+    day, warm = made
+    np.testing.assert_array_equal(day.boxes, warm.boxes)
+    assert np.ptp(day.image.astype(int), axis=-1).max() > 20
+    assert np.ptp(warm.image.astype(int), axis=-1).max() == 0
+    assert warm.image.std() > 5.0
 
 
 def test_a_shard_is_what_training_reads(tmp_path):
