@@ -75,7 +75,7 @@ def as_thermal(image: Image, rng: np.random.Generator) -> Image:
     """
     height, width = image.shape[:2]
     grey = image.astype(np.float32) @ rng.dirichlet((3.0, 3.0, 3.0)).astype(np.float32)
-    grey = cv2.GaussianBlur(grey, (0, 0), float(rng.uniform(0.5, 1.4)))
+    grey = np.asarray(cv2.GaussianBlur(grey, (0, 0), float(rng.uniform(0.5, 1.4))), np.float32)
     if rng.random() < 0.3:  # what the lens and the housing add
         grey += cv2.resize(
             rng.normal(0.0, 14.0, (4, 4)).astype(np.float32), (width, height), interpolation=cv2.INTER_CUBIC
