@@ -1,4 +1,4 @@
-"""Times of a file's rows, in the order of the file, as those of one clock: judged for every reader alike."""
+"""Times of a file's rows as those of one clock, and dates by another clock: judged for every reader alike."""
 
 from __future__ import annotations
 
@@ -14,9 +14,18 @@ from numpy.typing import NDArray
 from gcs.errors import ImportFileError
 from gcs.importing.outliers import alone, metres, usual_step
 from gcs.importing.vehicle_log import in_order
-from infra.clock_steps import restarts
+from infra.clock_steps import level_steps, restarts
 
-__all__ = ["NO_ZONE", "RowTimes", "ascending", "check_one_clock", "row_times", "unix_seconds"]
+__all__ = [
+    "NO_ZONE",
+    "RowTimes",
+    "ascending",
+    "check_one_clock",
+    "first_frame_us",
+    "longest_level",
+    "row_times",
+    "unix_seconds",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -34,6 +43,10 @@ _NEAR_M, _STEPS = 2.0, 3.0
 """A row that comes late is nearer to the path at its time than this and so many usual steps."""
 _FAR_M, _FASTEST_MPS = 30.0, 40.0
 """Nothing goes farther than this out of its path and back as fast as that."""
+_CUT_STEP_US, _STEP_US = 1_200_000, 500_000
+"""Dates of whole seconds step by one."""
+_AROUND, _MOST_TOLD = 8, 3
+"""Samples on either side that agree about a step, and how many are told."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -201,3 +214,39 @@ def unix_seconds(text: str) -> tuple[float, bool]:
     except ValueError:
         return float("nan"), True
     return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp(), when.tzinfo is not None
+
+
+def longest_level(what: str, ahead_us: Ints, t_us: Ints, step_us: int) -> tuple[Ints, tuple[str, ...]]:
+    """What holds longest of how much a clock is ahead (n,), and in words where it steps.
+
+    Args:
+        what: the clock, in messages.
+        ahead_us: (n,) in the order of the file.
+        t_us: (n,) by the clock that it is ahead of.
+        step_us: smaller steps are lateness.
+    """
+    steps = level_steps(ahead_us, step_us, _AROUND)
+    if not steps:
+        return ahead_us, ()
+    first, last = max(pairwise([0, *(row for row, _ in steps), len(ahead_us)]), key=lambda part: part[1] - part[0])
+    longest = ahead_us[np.abs(ahead_us - np.median(ahead_us[first:last])) < step_us]
+    said = ", ".join(f"{by_us * 1e-6:+.1f} s at {t_us[row] * 1e-6:.1f} s" for row, by_us in steps[:_MOST_TOLD])
+    return longest, (f"{what} steps by {said}: what holds longest counts",)
+
+
+def first_frame_us(unix_us: Ints, t_us: Ints) -> tuple[int, tuple[str, ...]]:
+    """Unix µs of a video's first frame by the dates in its subtitles, 0 without any, and in words what was assumed.
+
+    Args:
+        unix_us: (n,) dates, 0 unknown.
+        t_us: (n,) when they are shown, since the first frame.
+    """
+    dated = unix_us > 0
+    if not dated.any():
+        return 0, ()
+    cut = not (unix_us % _SECOND_US).any()
+    ahead_us, step_us = (unix_us - t_us)[dated], _CUT_STEP_US if cut else _STEP_US
+    longest, told = longest_level("the date in its subtitles", ahead_us, t_us[dated], step_us)
+    # dates that are cut to whole seconds are on average half a second early
+    zero_us = int(np.quantile(longest, 0.5, method="lower")) + (_SECOND_US // 2 if cut else 0)
+    return max(0, zero_us), ("the date in its subtitles is UTC", *told)

@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
-from gcs.importing.date_steps import longest_level
 from gcs.importing.formats.dataflash import DataflashTables, read_tables
-from gcs.importing.row_times import RowTimes, ascending, row_times
+from gcs.importing.row_times import RowTimes, ascending, longest_level, row_times
 from gcs.importing.vehicle_log import (
     AngleTrack,
     ImportNotes,

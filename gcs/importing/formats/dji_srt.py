@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.importing.cameras import from_focal_length
-from gcs.importing.date_steps import first_frame_us
 from gcs.importing.formats.dji_cue import DjiCue, read_cue
 from gcs.importing.formats.subtitles import SubtitleCue
-from gcs.importing.row_times import check_one_clock, row_times
+from gcs.importing.row_times import check_one_clock, first_frame_us, row_times
 from gcs.importing.smoothing import smoothed_places
 from gcs.importing.vehicle_log import AngleTrack, ImportNotes, PlaceTrack, VehicleLog, ViewTrack, whole_places
 

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.export.motion_imagery.misb import CHECKSUM, SETS_KEY, SIGNED, TIME, UNSIGNED, checksum
-from gcs.importing.date_steps import longest_level
 from gcs.importing.formats.timed_bytes import TimedBytes
-from gcs.importing.row_times import row_times
+from gcs.importing.row_times import longest_level, row_times
 from gcs.importing.vehicle_log import (
     AngleTrack,
     ImportNotes,

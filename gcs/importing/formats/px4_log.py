@@ -17,10 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
-from gcs.importing.date_steps import longest_level
 from gcs.importing.formats.text_file import open_file
 from gcs.importing.formats.ulog_topics import read_topics
-from gcs.importing.row_times import RowTimes, ascending, row_times
+from gcs.importing.row_times import RowTimes, ascending, longest_level, row_times
 from gcs.importing.vehicle_log import (
     AngleTrack,
     ImportNotes,

@@ -18,9 +18,8 @@ from typing import Any
 import numpy as np
 
 from gcs.errors import ImportFileError
-from gcs.importing.date_steps import longest_level
 from gcs.importing.formats.timed_bytes import TimedBytes
-from gcs.importing.row_times import row_times
+from gcs.importing.row_times import longest_level, row_times
 from gcs.importing.vehicle_log import (
     AngleTrack,
     ImportNotes,

@@ -19,9 +19,8 @@ from datetime import UTC, datetime
 import numpy as np
 
 from gcs.errors import ImportFileError
-from gcs.importing.date_steps import first_frame_us
 from gcs.importing.formats.subtitles import SubtitleCue
-from gcs.importing.row_times import check_one_clock, row_times
+from gcs.importing.row_times import check_one_clock, first_frame_us, row_times
 from gcs.importing.smoothing import smoothed_places
 from gcs.importing.vehicle_log import AngleTrack, ImportNotes, VehicleLog, whole_places
 
