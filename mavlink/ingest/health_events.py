@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from infra.reporting import ReportGrowth
 from mavlink.forwarding.forward import HARMLESS
-from mavlink.forwarding.outputs import InboundFrames
+from mavlink.forwarding.outputs import InboundFrames, OutputCounts
 from mavlink.ingest.health import IngestHealth
 from mavlink.links.batch import MIXED
 from mavlink.links.flood_limiter import STRANGERS, FloodLimit
@@ -24,7 +24,7 @@ MOST = 5
 """Floods that are reported one by one at a time."""
 QUIET = 20
 """Looks for which a connection that comes and goes is not reported as lost again, and after which frames from a program
-are reported anew."""
+are reported anew, and an output without losses is well."""
 
 
 class HealthEvents:
@@ -37,6 +37,8 @@ class HealthEvents:
         self._losses: defaultdict[str, ReportGrowth] = defaultdict(ReportGrowth)
         self._troubles: frozenset[str] = frozenset()
         self._looks = 0
+        self._dropped: dict[str, tuple[int, int]] = {}
+        """Of outputs that nobody takes: packets that were dropped, and the look at which they became more."""
         self._inbound: defaultdict[tuple[str, InboundFrames], ReportGrowth] = defaultdict(
             lambda: ReportGrowth(rest=QUIET)
         )
@@ -53,8 +55,7 @@ class HealthEvents:
             "ring", health.overrun, "{} packets were recorded and not shown: the screen cannot keep up"
         )
         for output in health.outputs:
-            text = f"{output.name}: {{}} packets were not forwarded: no receiver, or too slow"
-            events += self._loss(output.name, output.dropped, text)
+            events += self._forwarding(output)
             for frames in output.inbound:
                 events += self._of_program(output.name, frames)
         troubles = frozenset(health.troubles)
@@ -97,6 +98,18 @@ class HealthEvents:
         if refusal:
             return [(level, f"{output}: {frames.message} of {sender} for {target} was stopped: {refusal}{times}")]
         return [(level, f"{output}: {sender} sent {frames.message} to {target} through this station{times}")]
+
+    def _forwarding(self, output: OutputCounts) -> list[_Event]:
+        """That nobody takes what an output sends, once, and when it is taken again."""
+        before, grew = self._dropped.get(output.name, (0, -1))
+        if output.dropped != before:  # fewer: they are counted anew
+            self._dropped[output.name] = output.dropped, self._looks
+            text = f"{output.name}: packets are not forwarded: nobody receives there, or too slowly"
+            return [("warning", text)] if grew < 0 else []
+        if grew < 0 or self._looks - grew < QUIET:
+            return []
+        self._dropped[output.name] = before, -1
+        return [("info", f"{output.name}: forwarded again; {before:,} packets so far were not")]
 
     def _loss(self, name: str, count: int, text: str) -> list[_Event]:
         return [("alarm", text.format(f"{count:,}"))] if self._losses[name].due(count) else []

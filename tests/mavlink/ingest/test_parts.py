@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mavlink.forwarding.outputs import OutputCounts
 from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.health_events import HealthEvents
 from mavlink.ingest.ingest_memory import IngestMemory, Slot, make_ingest_memory
@@ -235,6 +236,19 @@ def test_each_change_is_told_once():
     assert events.since_last(IngestHealth(links=(replace(over, connected=True),), overrun=15)) == [
         ("info", "udp: back")
     ]
+
+
+def test_that_nobody_takes_what_is_forwarded_is_told_once_and_when_it_is_taken_again():
+    events, told = HealthEvents(), []
+    for look in range(200):
+        dropped = 8 * min(look, 120)
+        told += events.since_last(IngestHealth(outputs=(OutputCounts(name="udpout", sent=look, dropped=dropped),)))
+    assert told == [
+        ("warning", "udpout: packets are not forwarded: nobody receives there, or too slowly"),
+        ("info", "udpout: forwarded again; 960 packets so far were not"),
+    ]
+    (again,) = events.since_last(IngestHealth(outputs=(OutputCounts(name="udpout", dropped=961),)))
+    assert again[0] == "warning"
 
 
 def test_everybody_who_is_not_let_in_whole_is_told_with_address_reason_and_end():
