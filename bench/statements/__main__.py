@@ -2,11 +2,12 @@
 
     python -m bench.statements
     python -m bench.statements --flights "lying by 30 m" --places events screens
+    python -m bench.statements --draws 1 20 --places events turns identity
     python -m bench.statements --out bench/results/statements.md
 
 Scripted flights whose truth is known: members that are silent, late, stand still, lie, are refused or never heard and
-that come back, a video that stops and one that comes and goes, an operator who states and marks. A sentence that no
-template knows counts as false.
+that come back, a video that stops and one that comes and goes, an operator who states and marks. Drawn flights have
+several troubles at once. A sentence that no template knows counts as false.
 """
 
 from __future__ import annotations
