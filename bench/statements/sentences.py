@@ -24,7 +24,7 @@ SILENT_S, LOST_S = 3.4, 3.0
 """As ``docs/operations.md`` has it, less a tenth: no heartbeat for so long, while positions stop; no position."""
 HOLD_S = 5.0
 """An alarm may stand for so long after its cause, which has gone for three seconds then."""
-ADRIFT_S, STOPPED_S = 3.0, 0.6
+ADRIFT_S, STOPPED_S = 3.0, 0.45
 """For so long a lie that has ended is still in the fold; least time without a frame that is a stop."""
 
 
@@ -129,8 +129,9 @@ def _unheard(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
 
 
 def _unaccounted(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
-    shown = next(each.snapshot for each in reversed(flown.moments) if each.snapshot.t_us <= said.t_us)
-    rows = [row for row in shown.vehicles if row.role == "ugv"]
+    # it was so at the comparison, which may be a second old
+    shown = [each.snapshot for each in flown.moments if said.t_us - S <= each.snapshot.t_us <= said.t_us]
+    rows = [row for snapshot in shown for row in snapshot.vehicles if row.role == "ugv"]
     lies = any(flown.fault_of(row.system_id, said.t_us, within_s=ADRIFT_S) for row in rows)
     found = all((row.track_id and row.standing != "coasting") or row.in_view is False for row in rows)
     return "all are seen and named, or out of view" if found and not lies else ""
