@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.importing.outliers import alone
 from gcs.importing.vehicle_log import AngleTrack, PlaceTrack, VehicleLog
 
-__all__ = ["plausible"]
+__all__ = ["alone", "metres", "plausible", "usual_step"]
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -25,6 +24,8 @@ _FAR_M, _CLIMB_MPS = 30.0, 40.0
 _FAR_RAD, _TURN_RAD_S = 0.5, 2.0
 """Heights and headings that are farther off than the first and back faster than the second are damaged."""
 _LEAST = 3
+_USUAL_STEPS = 3.0
+"""Usual steps, and the way between those before and after, that a sample which stands alone may be off by as well."""
 _HOME_M = 1.0
 """Heights whose home is off by more than this from that of the others are none."""
 
@@ -132,3 +133,42 @@ def _with_heights(places: PlaceTrack) -> PlaceTrack:
     home_m = float(np.median((places.alt_m - places.height_m)[told]))
     unset = zero & (np.abs(places.alt_m - home_m) > _HOME_M)
     return replace(places, height_m=np.where(unset, np.nan, places.height_m)) if unset.any() else places
+
+
+def alone(t_us: Ints, path: Floats, far: float, fastest: float) -> NDArray[np.bool_]:
+    """(n,) which samples are farther off than ``far`` from both neighbours, who are near each other.
+
+    Args:
+        t_us: (n,) increasing.
+        path: (n, k) in any unit.
+        far: in that unit; what is nearer may be noise.
+        fastest: per second; nothing of which this is measured goes out and back faster.
+    """
+    found = np.zeros(len(t_us), np.bool_)
+    if len(t_us) < _LEAST:
+        return found
+    leg, step_s = _steps(path), np.diff(t_us) * 1e-6
+    past = np.linalg.norm(path[2:] - path[:-2], axis=1)
+    with np.errstate(invalid="ignore"):
+        off = np.minimum(leg[:-1], leg[1:]) > far + _USUAL_STEPS * (past + usual_step(path))
+        fast = (leg[:-1] > fastest * step_s[:-1]) & (leg[1:] > fastest * step_s[1:])
+    found[1:-1] = off & fast
+    return found
+
+
+def usual_step(path: Floats) -> float:
+    """Median distance of samples (n, k) that follow each other and differ."""
+    step = _steps(path)
+    step = step[step > 0.0]
+    return float(np.median(step)) if len(step) else 0.0
+
+
+def metres(places: Floats) -> Floats:
+    """Places (n, 2) in degrees as metres north and east of the middle of all."""
+    lat, lon = np.median(places[:, 0]), np.median(places[:, 1])
+    east = (places[:, 1] - lon + 180.0) % 360.0 - 180.0
+    return np.column_stack([places[:, 0] - lat, east * math.cos(math.radians(float(lat)))]) * _DEG_M
+
+
+def _steps(path: Floats) -> Floats:
+    return np.asarray(np.linalg.norm(np.diff(path, axis=0), axis=1))

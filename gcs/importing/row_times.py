@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
-from gcs.importing.outliers import alone, metres, usual_step
+from gcs.importing.plausible import alone, metres, usual_step
 from gcs.importing.vehicle_log import in_order
 from infra.clock_steps import level_steps, restarts
 
