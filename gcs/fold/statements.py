@@ -19,8 +19,8 @@ __all__ = ["Statements"]
 
 CONTRADICTED_US = 3_000_000
 """A statement is withdrawn once another answer has been sure for so long: doubts about neighbours pass in a second."""
-HOLE_US = 1_000_000
-"""After so long without a frame it is counted anew."""
+HOLE_US, HOLE_STEPS = 1_000_000, 2
+"""After so long without a frame, and so many times the interval before, it is counted anew."""
 
 
 LATE_FRAMES = 30
@@ -46,7 +46,7 @@ class Statements:
         self._mission = mission
         self._waiting: deque[Statement] = deque()
         self._standing: dict[int, _Standing] = {}
-        self._reviewed_us = 0
+        self._reviewed_us = self._step_us = 0
         self._recorded_as: dict[int, int] = {}
         """This fold's track by the recording's."""
 
@@ -126,8 +126,9 @@ class Statements:
         events: list[Event] = []
         rows = {track: row for row, track in enumerate(identities.track_id.tolist())}
         refused = state.contested
-        hole = t_us - self._reviewed_us > HOLE_US
-        self._reviewed_us = t_us
+        step_us = t_us - self._reviewed_us
+        hole = step_us > max(HOLE_US, HOLE_STEPS * self._step_us)
+        self._reviewed_us, self._step_us = t_us, step_us
         for track, standing in list(self._standing.items()):
             made = standing.made
             row = rows.get(track)

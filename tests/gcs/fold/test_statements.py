@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from gcs.fold.statements import Statements
 from gcs.report.overlay import label_of
 from gcs.session.event_log import event_row
 from gcs.session.identity_log import csv_row, json_row
 from gcs.snapshot import Statement
-from tests.support.alarm_scenes import OTHER, UGV, FilmedScene, Vehicle
+from tests.support.alarm_scenes import MISSION, OTHER, UGV, FilmedScene, Vehicle
 from vision.track.track_state import ENOUGH
 
 STRANGER = (0.0, 8.0)
@@ -219,3 +222,37 @@ def test_a_recorded_statement_finds_its_box_under_another_track(silent):
     # withdrawn by the number that it was recorded under
     undone(silent, 777).run(1, filmed=True)
     assert made(silent)[-1].undone and not any(box.stated for box in silent.last.boxes)
+
+
+class Reviewed:
+    """One statement, that track 1 is UGV, reviewed frame by frame beside what the reports say."""
+
+    def __init__(self):
+        self.statements, self.t_us, self.told = Statements(MISSION), 1_000_000, []
+        tracks = SimpleNamespace(track_id=np.array([1]), cx=np.array([9.0]), cy=np.array([9.0]))
+        self.identifier = SimpleNamespace(state=lambda *_: None, unstate=lambda *_: None)
+        self.statements.make(Statement(track_id=1, system_id=UGV))
+        self.statements.apply(self.t_us, 0, tracks, self.identifier)
+
+    def see(self, frames, step_s, confidence):
+        """Whether it ends: the reports have it for none of ours, as surely as that."""
+        state = SimpleNamespace(contested=())
+        found = SimpleNamespace(track_id=np.array([1]), system_id=np.array([0]), confidence=np.array([confidence]))
+        for _ in range(frames):
+            self.t_us += round(step_s * 1e6)
+            self.told += self.statements.review(self.t_us, found, state, self.identifier, {1})
+        return bool(self.told)
+
+
+def test_what_is_not_sure_contradicts_nothing():
+    review = Reviewed()
+    assert not review.see(100, 0.2, 0.63)
+    assert review.see(20, 0.2, 0.95)
+
+
+def test_a_hole_in_the_video_contradicts_nothing_and_slow_frames_do():
+    review = Reviewed()
+    assert not review.see(5, 0.2, 0.95)
+    assert not review.see(1, 8.0, 0.95) and not review.see(5, 0.2, 0.95)
+    slow = Reviewed()
+    assert slow.see(6, 2.0, 0.95)
