@@ -202,7 +202,7 @@ class Flood:
             raise RuntimeError("the flood did not begin")
 
     def end(self) -> int:
-        """How many datagrams were sent."""
+        """End the flood, and return how many datagrams were sent."""
         try:
             return int(self._process.communicate(timeout=FLOOD_END_S)[0])
         except subprocess.TimeoutExpired:

@@ -46,7 +46,7 @@ from vision.video.video import VideoFile
 __all__ = ["PLACES", "READERS", "ReaderScore", "fuzz_places", "fuzz_readers"]
 
 MOST_S, MOST_WAIT_S = 60, 300.0
-"""Of processor, and by the clock: what waits for ever takes no processor."""
+"""Longest time that a reader may take of a processor, and by the clock, seconds: one that waits takes no processor."""
 MORE_BYTES, TIMES_LARGER = 200_000_000, 3
 OURS = (GcsError, MavlinkError, VisionError, AssocError, SimError)
 Reader = Callable[[Path], object]
@@ -140,7 +140,7 @@ def _ten_megabytes_more(path: Path) -> None:
 
 
 PLACES = (_a_pipe, _a_folder, _an_endless_device, _itself, _ten_megabytes_more)
-"""What may stand in the place of a file."""
+"""Functions that put something else in the place of a file."""
 
 
 def fuzz_readers(good: Path, seeds: range, *, only: str = "") -> Iterator[ReaderScore]:

@@ -6,7 +6,7 @@ stand still, lie, are refused or never heard, the video stops or comes and goes,
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -142,6 +142,10 @@ class TrueFlight:
         return [(event.t_us, event.text) for event in self.moments[-1].events]
 
     @cached_property
+    def _frame_times_us(self) -> Sequence[int]:
+        return sorted(self.frames)
+
+    @cached_property
     def tracks(self) -> Mapping[int, Sequence[tuple[int, int | None]]]:
         """Of each track, every frame in which it was found, Unix µs, and whose box it was then."""
         found = defaultdict[int, list[tuple[int, int | None]]](list)
@@ -171,7 +175,13 @@ class TrueFlight:
         return "none of ours" if not system_id else f"UGV-{system_id}"
 
     def fault_of(self, system_id: int, t_us: int, *, within_s: float = 0.0) -> ScenarioFault | None:
-        """What is wrong with the positions that a vehicle reports then, or was so within some seconds of film."""
+        """The fault of the positions that a vehicle reports at a time, None for none.
+
+        Args:
+            system_id: of the vehicle.
+            t_us: the time, Unix µs.
+            within_s: a fault counts for so many seconds of film after its end, as without frames nobody notices it.
+        """
         at_s = self.at_s(t_us)
         for fault in self.script.faults:
             its = self.scenario.ugv_ids[fault.vehicle] == system_id and fault.kind != "silent"
@@ -180,8 +190,12 @@ class TrueFlight:
         return None
 
     def _filmed_s(self, start_s: float, stop_s: float) -> float:
-        """How long the video came between two times, 0 where the second is the first or before."""
-        return sum(start_s <= self.at_s(t_us) <= stop_s for t_us in self.frames) / self.script.fps
+        """Seconds of film that came between two times since the first frame; 0 where they are in the other order."""
+        first, last = (self.scenario.start_us + round(min(at_s, 1e6) * S) for at_s in (start_s, stop_s))
+        return (
+            max(bisect_right(self._frame_times_us, last) - bisect_left(self._frame_times_us, first), 0)
+            / self.script.fps
+        )
 
     def silent_s(self, system_id: int, t_us: int, what: str = "") -> float:
         """How long nothing (``heartbeat``, ``position``) of a vehicle has come that can be believed; inf never."""

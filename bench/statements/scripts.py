@@ -12,6 +12,10 @@ from sim.world.scenario import Occlusion, ScenarioFault
 
 __all__ = ["SCRIPTS", "drawn_script"]
 
+LIES, LEAST_PER_LIE = ("jump", "drift", "spoof", "frozen"), 4
+"""Faults by which a vehicle reports to be elsewhere, and vehicles for each that has one: where many do nobody can know
+who lies, or whether the camera is elsewhere."""
+
 
 def _fault(system_id: int, kind: str, start_s: float, stop_s: float = 1e9, **more: float) -> ScenarioFault:
     return ScenarioFault(vehicle=system_id - 11, kind=kind, start_s=start_s, stop_s=stop_s, **more)  # type: ignore[arg-type]
@@ -76,10 +80,6 @@ SCRIPTS: tuple[FlightScript, ...] = (
         acts=(OperatorAct(at_s=20.0, kind="mark", text="three are in doubt"),),
     ),
 )
-
-
-LIES, LEAST_PER_LIE = ("jump", "drift", "spoof", "frozen"), 4
-"""Where many of a fleet report to be elsewhere nobody can know who lies, or whether the camera is elsewhere."""
 
 
 def drawn_script(seed: int) -> FlightScript:

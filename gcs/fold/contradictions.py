@@ -97,13 +97,10 @@ class Contradictions:
         # of two that report one place the one that was there before is right
         self._cleared = ((self._cleared | at_former) & set(identities.conflict)) - apart - left
         conflict = set(identities.conflict) - self._cleared
-        self._apart_us, self._left_us, self._fits_us, self._conflict_us = (
-            {vehicle: before.get(vehicle, t_us) for vehicle in now}
-            for before, now in (
-                *((self._apart_us, apart), (self._left_us, left)),
-                *((self._fits_us, fits), (self._conflict_us, conflict)),
-            )
-        )
+        self._apart_us = _since(self._apart_us, apart, t_us)
+        self._left_us = _since(self._left_us, left, t_us)
+        self._fits_us = _since(self._fits_us, fits, t_us)
+        self._conflict_us = _since(self._conflict_us, conflict, t_us)
         at_home = _lasting(self._fits_us, t_us, FITS_S)
         self._was |= {vehicle: track for vehicle, track in sure.items() if vehicle in at_home}
         accused = _lasting(self._apart_us, t_us, APART_S) | _lasting(self._left_us, t_us, LEFT_S)
@@ -154,6 +151,11 @@ def _at_one_place(vehicles: Collection[int], state: FleetState) -> set[int]:
         for other in vehicles
         if vehicle != other and math.dist(place[vehicle], place[other]) < APART_M
     }
+
+
+def _since(before_us: dict[int, int], vehicles: Collection[int], t_us: int) -> dict[int, int]:
+    """Since when each of some vehicles has been among them."""
+    return {vehicle: before_us.get(vehicle, t_us) for vehicle in vehicles}
 
 
 def _lasting(since_us: dict[int, int], t_us: int, least_s: float) -> set[int]:

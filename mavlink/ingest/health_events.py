@@ -37,8 +37,10 @@ class HealthEvents:
         self._losses: defaultdict[str, ReportGrowth] = defaultdict(ReportGrowth)
         self._troubles: frozenset[str] = frozenset()
         self._looks = 0
-        self._dropped: dict[str, tuple[int, int]] = {}
-        """Of outputs that nobody takes: packets that were dropped, and the look at which they became more."""
+        self._dropped: dict[str, int] = {}
+        """Packets that each output dropped."""
+        self._dropped_at: dict[str, int] = {}
+        """The look at which they became more, of outputs that nobody takes."""
         self._inbound: defaultdict[tuple[str, InboundFrames], ReportGrowth] = defaultdict(
             lambda: ReportGrowth(rest=QUIET)
         )
@@ -101,15 +103,17 @@ class HealthEvents:
 
     def _forwarding(self, output: OutputCounts) -> list[_Event]:
         """That nobody takes what an output sends, once, and when it is taken again."""
-        before, grew = self._dropped.get(output.name, (0, -1))
-        if output.dropped != before:  # fewer: they are counted anew
-            self._dropped[output.name] = output.dropped, self._looks
-            text = f"{output.name}: packets are not forwarded: nobody receives there, or too slowly"
-            return [("warning", text)] if grew < 0 else []
-        if grew < 0 or self._looks - grew < QUIET:
+        name, before = output.name, self._dropped.get(output.name, 0)
+        self._dropped[name] = output.dropped
+        if output.dropped > before:
+            known = name in self._dropped_at
+            self._dropped_at[name] = self._looks
+            text = f"{name}: packets are not forwarded: nobody receives there, or too slowly"
+            return [] if known else [("warning", text)]
+        if self._looks - self._dropped_at.get(name, self._looks) < QUIET:
             return []
-        self._dropped[output.name] = before, -1
-        return [("info", f"{output.name}: forwarded again; {before:,} packets so far were not")]
+        del self._dropped_at[name]
+        return [("info", f"{name}: forwarded again; {output.dropped:,} packets so far were not")]
 
     def _loss(self, name: str, count: int, text: str) -> list[_Event]:
         return [("alarm", text.format(f"{count:,}"))] if self._losses[name].due(count) else []

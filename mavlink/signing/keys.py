@@ -140,7 +140,7 @@ def write_key(folder: Path, system_id: int, secret: bytes) -> tuple[Path, Key]:
 
 
 def remove_key(folder: Path, system_id: int) -> tuple[Path, str]:
-    """Takes a key out of a folder for good.
+    """Take a key out of a folder for good.
 
     Returns:
         Where it was, and its fingerprint.
