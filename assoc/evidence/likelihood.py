@@ -8,6 +8,12 @@ Model of a pair that belongs together, per axis: residual = b(t) + white noise, 
 
 with M, V mean and variance of the bias from a scalar Kalman filter over blocks; N has a wider second part, so that a
 vehicle with a worse receiver than the others is not taken for clutter.
+
+Where biases wander too fast for that, only their size counts, with a residual that is drawn anew every τ' = 7 s:
+
+    Δ ln ratio = Δt/τ' ln [0.9 N(r̄; 0, s) + 0.1 N(r̄; 0, 9 s)]/u,     s = 1.5² + σ_w²
+
+with u the density of an unrelated place.
 """
 
 from __future__ import annotations
@@ -24,11 +30,13 @@ from assoc.geometry.plane import squared_magnitude, to_complex, to_east_north
 
 __all__ = [
     "NEVER",
+    "PLACE_TAU_S",
     "Noise",
     "PairState",
     "bound_variance",
     "initial_state",
     "log_density",
+    "place_ratio",
     "replace_tracks",
     "reset_tracks",
     "run_filter",
@@ -55,6 +63,12 @@ _AREA_PER_HEIGHT2, _LEAST_AREA_M2, _MOST_AREA_M2 = 2.0, 50.0, 5e4
 """Ground in view for a camera at height h: 2 h², within these bounds, m²."""
 _LOG_2PI = float(np.log(2.0 * np.pi))
 """ln 2π, of the normal density."""
+PLACE_TAU_S = 7.0
+"""How often a residual whose size alone counts is drawn anew, seconds."""
+_PLACE_VAR = 1.5**2
+"""Its variance, m²."""
+_LOG_CLOSE, _LOG_FAR, _FARTHER = float(np.log(0.9)), float(np.log(0.1)), 9.0
+"""ln shares of the residuals that are of that size and larger ones, and how much larger their variance is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,6 +91,8 @@ class Noise:
     """Most that one block may count for or against a pair, nats."""
     in_view_bonus: FloatArray
     """(n,) what each block adds for a vehicle that should be in view, nats: biases wander in ways that no model has."""
+    place_rate: float = 0.0
+    """Draws of a residual in a block, where its size alone counts; 0: its course counts."""
 
     def log_area_at(self, theta: FloatArray) -> float:
         """ln of twice the ground area in view, m², under a pose correction (9,): where an unrelated report may be."""
@@ -140,6 +156,20 @@ def log_density(e2: FloatArray, s: FloatArray, V: FloatArray) -> FloatArray:
     return np.asarray(np.logaddexp(near, _LOG_WIDE - np.log(wide) - e2 / (2 * wide)) - _LOG_2PI)
 
 
+def place_ratio(e2: FloatArray, white_var: float, log_area: float) -> FloatArray:
+    """ln [0.9 N(e; 0, s) + 0.1 N(e; 0, 9 s)]/u: how much likelier a place is for the vehicle than for a stranger.
+
+    Args:
+        e2: |e|², m².
+        white_var: σ_w², m².
+        log_area: −ln u.
+    """
+    s = _PLACE_VAR + white_var
+    close = _LOG_CLOSE - np.log(s) - e2 / (2 * s)
+    far = _LOG_FAR - np.log(_FARTHER * s) - e2 / (2 * _FARTHER * s)
+    return np.asarray(np.logaddexp(close, far) - _LOG_2PI + log_area)
+
+
 def _first_null(blocks: Blocks, log_area: float) -> FloatArray:
     """(B, T, n) ln p₀ of a first comparison: for one sample it is a uniform density over the ground in view."""
     return np.asarray(blocks.log_null * (1.0 - 1.0 / np.maximum(blocks.count, 1.0)) - log_area)
@@ -168,7 +198,8 @@ def run_filter(
     null, bonus = _first_null(blocks, noise.log_area_at(theta)), noise.in_view_bonus
     # each block as if it were the first of the pair
     log_p_first = constant + log_density(squared_magnitude(mean_r), prior + variance, np.asarray(prior))
-    restart = np.clip(log_p_first - null, _FIRST_LEAST, noise.increment_max)
+    placed = place_ratio(squared_magnitude(mean_r), noise.white_var, noise.log_area_at(theta))
+    restart = np.clip(placed if noise.place_rate else log_p_first - null, _FIRST_LEAST, noise.increment_max)
     restart_gain = prior / (prior + variance)
     M_first, V_first = restart_gain * mean_r, prior - restart_gain * prior
     renewed = (1.0 - decay**2) * prior + blocks.jump_var
@@ -188,6 +219,8 @@ def run_filter(
         gain_later = np.maximum(gain_later, np.minimum(gain_later + bonus, _MOST_BORNE))
         later = np.minimum(np.maximum(gain_later, -noise.increment_max), noise.increment_max)
         first = np.maximum(log_p - null[b], _FIRST_LEAST)
+        if noise.place_rate:
+            later, first = noise.place_rate * placed[b], np.maximum(placed[b], _FIRST_LEAST)
         stay = np.where(seen, L + later, first)
         # the track may have been another vehicle until now: its evidence, the chance of a change, a first comparison
         best = np.max(L, axis=1, initial=0.0)[:, None]

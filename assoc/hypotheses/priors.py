@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.evidence.likelihood import Noise
+from assoc.evidence.likelihood import PLACE_TAU_S, Noise
 from assoc.geometry.ground import HEIGHT, LAG, OFFSET, PITCH, THETA, YAW
 from assoc.hypotheses.pose import PosePrior
 from assoc.params import IdentifierParams
@@ -52,6 +52,7 @@ def noise_of(
     bias_std: float,
     tau_s: float,
     in_view_bonus: FloatArray,
+    by_place: bool = False,
 ) -> Noise:
     """Noise levels as estimated now.
 
@@ -62,6 +63,7 @@ def noise_of(
         bias_std: 1σ per axis of the reports' wandering bias, metres.
         tau_s: Its correlation time.
         in_view_bonus: (n,) see :class:`Noise`.
+        by_place: The size of residuals alone counts, not their course.
     """
     return Noise(
         white_var=white_std_m**2 + _EXTRA_WHITE_VAR,
@@ -72,6 +74,7 @@ def noise_of(
         height=float(camera.p_enu[2]) - camera.ground_z,
         increment_max=q.increment_max,
         in_view_bonus=in_view_bonus,
+        place_rate=q.block_s / PLACE_TAU_S if by_place else 0.0,
     )
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from assoc.evidence.likelihood import (
+    Noise,
     bound_variance,
     initial_state,
     replace_tracks,
@@ -33,6 +34,7 @@ from assoc.identification.doubts import AnswerDoubt, Doubted
 from assoc.identification.fleet_fit import FleetFit
 from assoc.identification.found_share import FoundShare
 from assoc.identification.gross_errors import GrossErrors
+from assoc.identification.other_errors import OtherErrors
 from assoc.identification.search_lock import SearchLock, SearchState
 from assoc.identification.stated_tracks import StatedTracks
 from assoc.identification.steady import SteadyAnswers
@@ -53,6 +55,10 @@ _UNKNOWN_VIEW = 0.5
 """Chance of being in view of a vehicle whose reports are too uncertain to tell: even odds."""
 _LONGEST_AGE_S = 1e3
 """Upper limit of a report's age, seconds, so that a report never received gives a finite variance."""
+_FAST_TAU_S = 2.5
+"""Correlation time of errors that wander too fast for their course to tell anything, seconds."""
+_OTHER_EVERY = 3
+"""Updates from one look at the course to the next, while vehicles are compared by place alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,9 +76,26 @@ class UpdateResult:
 
 
 class Estimator:
-    """Evidence of all tracks and the best joint hypotheses."""
+    """Evidence of all tracks and the best joint hypotheses.
 
-    def __init__(self, history: TrackHistory, log: ReportLog, params: IdentifierParams, stated: StatedTracks) -> None:
+    Args:
+        history: Frames of the window.
+        log: Reports of the window.
+        params: Priors and limits.
+        stated: What the operator stated.
+        by_place: Compare by place alone: errors wander too fast for their course to tell anything.
+    """
+
+    def __init__(
+        self,
+        history: TrackHistory,
+        log: ReportLog,
+        params: IdentifierParams,
+        stated: StatedTracks,
+        *,
+        by_place: bool = False,
+    ) -> None:
+        self.by_place, self._other_errors = by_place, OtherErrors(by_place=not by_place)
         self._history, self._log, self._params, self._stated = history, log, params, stated
         self._state = initial_state(0, log.n_vehicles)
         self._first_block: int | None = None
@@ -86,7 +109,7 @@ class Estimator:
         self._other_height = False
         """True: the best hypothesis has the height that another source gives."""
         self._lock = SearchLock(params.lock)
-        self.fit, self.gross = FleetFit(), GrossErrors()
+        self.fit, self.gross = FleetFit(proves=not by_place), GrossErrors()
         self._strangers, self._steady = StrangerLimit(), SteadyAnswers(params.threshold)
         # vehicle of each certainly named track, by column: live tracks, and ended ones that still constrain the pose
         self._confident: dict[int, int] = {}
@@ -99,19 +122,20 @@ class Estimator:
         """(T, n) ln odds of a track's vehicles, taken over from the track it continues."""
         # learnt from certain names
         self._bias_memory = BiasMemory(log.n_vehicles)
-        self._bias_std, self._tau_s = params.bias_m, params.bias_tau_s
+        self._bias_std, self._tau_s = self._usual_errors(by_place=by_place)
         self._bias_learnt_s = -np.inf
         self._clutter, self._found = Clutter(params), FoundShare(log.n_vehicles)
         self._offset_prior = OffsetPrior(params)
         self._conflicts = ConflictMonitor()
 
-    def restarted(self, log: ReportLog) -> Estimator:
+    def restarted(self, log: ReportLog, *, by_place: bool) -> Estimator:
         """An estimator of the same window that has learnt nothing yet.
 
         Args:
             log: Reports that count from now on.
+            by_place: Compare by place alone.
         """
-        anew = Estimator(self._history, log, self._params, self._stated)
+        anew = Estimator(self._history, log, self._params, self._stated, by_place=by_place)
         anew._first_block = self._first_block
         return anew
 
@@ -125,6 +149,16 @@ class Estimator:
         theta = theta.copy()
         theta[[EAST, NORTH, HEIGHT]] += theta[LAG] * self._history.v[newest]
         return theta if self._sway is None else np.asarray(theta + self._sway.at(self._history.t[[newest]])[0])
+
+    @property
+    def fit_probability(self) -> float:
+        """That film and telemetry belong together, however they are compared; NaN before the first update."""
+        return float(np.fmax(self.fit.probability, self._other_errors.probability))
+
+    @property
+    def fits_otherwise(self) -> bool:
+        """Whether they have fitted for seconds when compared by place where now by course, or by course instead."""
+        return self._other_errors.found
 
     @property
     def height_error(self) -> tuple[float, float] | None:
@@ -212,6 +246,10 @@ class Estimator:
         stated = self._stated.among(history.track_id[live])
         told = told.after(AnswerDoubt.FIT, self.fit.limited(told.p, stated))
         places = self._places(live, camera)
+        if not self.fit.fits or (self.by_place and self._updates % _OTHER_EVERY == 0):
+            other = not self.by_place
+            noise = self._noise(camera, context.view, *self._usual_errors(by_place=other), by_place=other)
+            self._other_errors.look(t, replace(context, noise=noise), camera)
         if not self.fit.fits:
             self.gross.look_mirrored(context, self.fit, camera)
             return self._without_names(t, context, best, self._told(t, context, best, told, elsewhere, places))
@@ -316,14 +354,6 @@ class Estimator:
         ended = sorted(self._anchors)
         columns = np.concatenate([live, np.array(ended, np.int64)])
         view = self._chance_in_view(t, camera)
-        noise = noise_of(
-            q,
-            camera,
-            white_std_m=self._log.white_std_m,
-            bias_std=self._bias_std,
-            tau_s=self._tau_s,
-            in_view_bonus=q.in_view_bonus * view * self._found.trust,
-        )
         gap_s = t - self._history.last_s[live]
         window_s = q.locked_window_s if self.locked else q.window_s
         return UpdateContext(
@@ -341,7 +371,7 @@ class Estimator:
             extrapolated_max_s=q.search.extrapolated_max_s,
             heading_std=q.search.heading_std,
             state=bound_variance(select_tracks(self._state, columns), self._bias_std),
-            noise=noise,
+            noise=self._noise(camera, view, self._bias_std, self._tau_s, by_place=self.by_place),
             prior=prior_of(q, camera, self._offset_prior.std_s, self._history.speed_mps),
             log_switch=self._swaps.log_chances(self._first_block, last - self._first_block + 1, columns),
             log_odds=q.prior_log_odds,
@@ -352,6 +382,22 @@ class Estimator:
             age_s=t - self._history.first_s[live],
             fold=max(last - self._first_block - round(window_s / q.block_s), 0),
             sway=self._sway,
+        )
+
+    def _usual_errors(self, *, by_place: bool) -> tuple[float, float]:
+        """σ_b, metres, and τ, seconds, before anything was learnt of them."""
+        return self._params.bias_m, _FAST_TAU_S if by_place else self._params.bias_tau_s
+
+    def _noise(self, camera: CameraState, view: FloatArray, bias_std: float, tau_s: float, *, by_place: bool) -> Noise:
+        """Noise levels of this update, with biases of a size, metres, and a correlation time, seconds."""
+        return noise_of(
+            self._params,
+            camera,
+            white_std_m=self._log.white_std_m,
+            bias_std=bias_std,
+            tau_s=tau_s,
+            in_view_bonus=self._params.in_view_bonus * view * self._found.trust,
+            by_place=by_place,
         )
 
     def _update_anchors(self, live: IntArray) -> None:
@@ -441,7 +487,7 @@ class Estimator:
 
     def _learn_bias_noise(self, t: float, context: UpdateContext, best: Hypothesis, vehicle: IntArray) -> None:
         """Learn how large the position biases are and how fast they wander, from (m,) named tracks; n unnamed."""
-        if t - self._bias_learnt_s < self._params.learning.noise_every_s:
+        if self.by_place or t - self._bias_learnt_s < self._params.learning.noise_every_s:
             return
         self._bias_learnt_s = t
         rows, now = np.flatnonzero(vehicle < self._log.n_vehicles), (self._bias_std, self._tau_s)

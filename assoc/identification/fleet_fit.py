@@ -13,12 +13,9 @@ no box counts against the fit, a vehicle that need not be in view does not. Each
 which any two that drive alike bring.
 
 Receivers whose errors wander faster than any model of them make every pair lose by its motion although all boxes stay
-where the vehicles report to be. So V is also taken from place alone, with a residual e_b that is drawn anew every τ:
-
-    L_ij = Δt/τ Σ_b ln (0.9 N(e_b; 0, s) + 0.1 N(e_b; 0, 9 s)) / u,    s = σ² + σ_w²,
-
-u the density of an unrelated place. What chance reaches among these very boxes is measured with decoys, for each of the
-two: the same reports, turned vehicle by vehicle.
+where the vehicles report to be. So V is also taken from place alone, with a residual that is drawn anew every few
+seconds (:func:`assoc.evidence.likelihood.place_ratio`). What chance reaches among these very boxes is measured with
+decoys, for each of the two: the same reports, turned vehicle by vehicle.
 """
 
 from __future__ import annotations
@@ -31,7 +28,7 @@ from numpy.typing import NDArray
 from scipy.special import expit, gammaln
 
 from assoc.evidence.blocks import Blocks
-from assoc.evidence.likelihood import Noise, bound_variance, initial_state, run_filter
+from assoc.evidence.likelihood import PLACE_TAU_S, Noise, bound_variance, initial_state, place_ratio, run_filter
 from assoc.geometry.ground import OFFSET, THETA
 from assoc.hypotheses.search import Hypothesis, UpdateContext, refine
 from assoc.hypotheses.sway_fit import fit_sway
@@ -77,10 +74,6 @@ _ONE, _SEVERAL = 1.0, 3.0
 one or two at the edge of the picture tell little, either way."""
 _NEWS_BLOCKS = 4
 """Blocks of the window in which a report must have been compared lately: reports come each second or seldomer."""
-_PLACE_STD_M, _PLACE_TAU_S = 1.5, 7.0
-"""σ and τ of residuals whose course is not looked at, metres and seconds."""
-_LOG_NEAR, _LOG_FAR, _FARTHER = float(np.log(0.9)), float(np.log(0.1)), 9.0
-"""ln shares of the residuals that are of that size and larger ones, and how much larger their variance is."""
 _PLACE_SHARE = 10.0
 """What place alone must explain on top, nats: receivers seldom err like that, and films of the same formation show
 vehicles near the right places too."""
@@ -172,11 +165,8 @@ def evidence_of(context: UpdateContext, best: Hypothesis) -> FitEvidence:
 def _log_place(blocks: Blocks, noise: Noise, theta: FloatArray, block_s: float) -> FloatArray:
     """(K,) L of K pairs from place alone."""
     e2 = np.sum(blocks.mean[:, :, 0] ** 2, axis=-1)
-    s = _PLACE_STD_M**2 + noise.white_var
-    near = _LOG_NEAR - e2 / (2 * s) - np.log(2 * np.pi * s)
-    far = _LOG_FAR - e2 / (2 * _FARTHER * s) - np.log(2 * np.pi * _FARTHER * s)
-    ratio = np.logaddexp(near, far) + noise.log_area_at(theta)
-    return np.asarray(np.sum(ratio, axis=0, where=blocks.count[:, :, 0] > 0.0) * block_s / _PLACE_TAU_S)
+    ratio = place_ratio(e2, noise.white_var, noise.log_area_at(theta))
+    return np.asarray(np.sum(ratio, axis=0, where=blocks.count[:, :, 0] > 0.0) * block_s / PLACE_TAU_S)
 
 
 def weighed(p: FloatArray, share: FloatArray | float) -> FloatArray:
@@ -226,9 +216,14 @@ def _toll(best: Hypothesis) -> float:
 
 
 class FleetFit:
-    """The probability that film and telemetry belong together, over time."""
+    """The probability that film and telemetry belong together, over time.
 
-    def __init__(self) -> None:
+    Args:
+        proves: Names may become sure; not so where vehicles are compared by place alone, as formations repeat.
+    """
+
+    def __init__(self, *, proves: bool = True) -> None:
+        self._proves = proves
         self._log_ratio = 0.0
         self._t = -np.inf
         self._evidence = 0.0
@@ -307,7 +302,7 @@ class FleetFit:
         self._fits_since_s = min(self._fits_since_s, t)
         if t - self._fits_since_s <= _PLACED_S:
             self._by_place = max(self._by_place, self._evidence)
-        elif not self._grown:
+        elif self._proves and not self._grown:
             self._grown = self._evidence > self._by_place + _GROWTH or t - self._fits_since_s > _GROWN_S
 
     def is_surpassed(self, context: UpdateContext, best: Hypothesis, evidence: float, log_share: float) -> bool:

@@ -94,7 +94,7 @@ class Identifier:
         """Probability that film and telemetry belong together, NaN while nothing was compared."""
         if self._by_angles:
             return self._near_horizon.probability
-        return self._estimator.fit.probability
+        return self._estimator.fit_probability
 
     @property
     def mirrored(self) -> bool:
@@ -251,6 +251,8 @@ class Identifier:
         result = self._estimator.update(t, usable)
         if self._estimator.gross.mirror_found:
             self._exchange_sides()
+        elif self._estimator.fits_otherwise:
+            self._begin_anew(by_place=not self._estimator.by_place)
         # a missed box does not change the probabilities of its track
         seen = np.flatnonzero(self._history.last_s[result.columns] >= t)
         ids = self._history.track_id[result.columns[seen]]
@@ -282,9 +284,13 @@ class Identifier:
         self._history.R_reported *= MIRROR
         self._begin_anew()
 
-    def _begin_anew(self) -> None:
-        """Give up what was learnt of the camera and of the tracks in the history."""
-        self._estimator = self._estimator.restarted(self._log)
+    def _begin_anew(self, *, by_place: bool = False) -> None:
+        """Give up what was learnt of the camera and of the tracks in the history.
+
+        Args:
+            by_place: Compare by place alone from now on.
+        """
+        self._estimator = self._estimator.restarted(self._log, by_place=by_place)
         self._estimator.begin_tracks(self._t, np.flatnonzero(self._history.track_id > 0))
         self._last_update_s = -np.inf
 

@@ -1,0 +1,82 @@
+"""Receivers whose errors wander so fast that only where vehicles are tells who is who, not how they got there.
+
+The course of a pair's residuals is compared with what reports and boxes foresee, each by its own past
+(:mod:`assoc.evidence.likelihood`). An error that goes round in ten seconds is foreseen by the reports' past and by no
+box, so that all right pairs lose with every second, though every box stays where its vehicle reports to be. While film
+and telemetry do not fit by course, places alone are tried beside it; once these are used, courses are.
+
+Another fleet in the same formation is at the right places too, for as long as it drives like ours; what it is off by
+drifts and grows. So places alone name nobody unless the residuals r of the pairs are seen to wander to and fro,
+
+    Σ r(t)·r(t + 4 s) < 0.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from assoc.geometry.ground import THETA
+from assoc.hypotheses.search import Hypothesis, UpdateContext, refine
+from assoc.identification.fleet_fit import FleetFit
+from assoc.records import CameraState
+
+__all__ = ["OtherErrors"]
+
+_HOLDS_S = 3.0
+"""What is compared otherwise has to fit for so long before names are given by it, seconds."""
+_LATER_BLOCKS, _LEAST_PRODUCTS = 4, 20
+"""Blocks from a residual to the one it is compared with, and the least number of such products that tell anything."""
+
+
+class OtherErrors:
+    """Whether film and telemetry fit when they are compared otherwise than now.
+
+    Args:
+        by_place: That is by place alone; False: by course.
+    """
+
+    def __init__(self, *, by_place: bool) -> None:
+        self._by_place = by_place
+        self._fit = FleetFit(proves=not by_place)
+        self._theta = np.zeros(THETA)
+        self._since_s = np.inf
+        self._fast: bool | None = None
+        self.found = False
+        """Whether they have fitted so for long enough."""
+
+    @property
+    def probability(self) -> float:
+        """That they belong together, NaN before the first look, and where errors turned out not to wander fast."""
+        return math.nan if self._by_place and self._fast is False else self._fit.probability
+
+    def look(self, t: float, context: UpdateContext, camera: CameraState) -> None:
+        """Compare otherwise.
+
+        Args:
+            t: Time, seconds.
+            context: What the update worked on, with the noise of the other comparison.
+            camera: The newest frame's.
+        """
+        other = replace(context.without_memory(), handover=np.zeros_like(context.handover))
+        starts = (self._theta, np.zeros(THETA))
+        found = max((refine(other, theta) for theta in starts), key=lambda hypothesis: hypothesis.value)
+        self._theta = found.theta
+        self._fit.update(t, other, found, steady=camera.attitude_known and camera.stabilized)
+        self._since_s = min(self._since_s, t) if self._fit.fits else np.inf
+        self._fast = _wander_fast(found)
+        self.found = t - self._since_s >= _HOLDS_S and (not self._by_place or self._fast is True)
+
+
+def _wander_fast(best: Hypothesis) -> bool | None:
+    """Whether the pairs' residuals change their sign within some seconds; None while there are too few."""
+    rows = np.flatnonzero(best.vehicle >= 0)
+    blocks, pairs = best.blocks, (slice(None), rows, best.vehicle[rows])
+    r = blocks.mean[pairs] + blocks.jacobian[:, rows] @ (best.theta - blocks.theta)
+    compared = blocks.count[pairs] > 0.0
+    both = compared[:-_LATER_BLOCKS] & compared[_LATER_BLOCKS:]
+    if np.sum(both) < _LEAST_PRODUCTS:
+        return None
+    return bool(np.sum(r[:-_LATER_BLOCKS][both] * r[_LATER_BLOCKS:][both]) < 0.0)
