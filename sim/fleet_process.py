@@ -11,10 +11,8 @@ from __future__ import annotations
 
 import argparse
 import json
-import signal
 import socket
 import sys
-import threading
 import time
 from collections import Counter
 from collections.abc import Sequence
@@ -22,6 +20,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from infra.processes.end_signals import AskedBySignals, noted_signals
 from infra.wall_clock import now_us
 from sim.errors import PlayError
 from sim.faults.fault_traffic import FaultTraffic, traffic
@@ -34,6 +33,8 @@ UAV_ID, FIRST_UGV_ID, MOST = 1, 11, 245
 most ground stations."""
 PAUSE_S = 0.002
 """Shortest sleep between datagrams: what is due within it leaves in one bundle."""
+LOOK_S = 0.2
+"""Longest sleep: whether a signal asks to end is looked at behind it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,11 +57,8 @@ def system_ids(vehicles: int) -> list[int]:
     return [UAV_ID, *range(FIRST_UGV_ID, FIRST_UGV_ID + vehicles - 1)]
 
 
-def send(
-    plan: FaultTraffic, target: tuple[str, int], duration_s: float, stop: threading.Event | None = None
-) -> SendCounts:
-    """Send until the duration is over or ``stop`` is set; what is late is sent at once, nothing is left out."""
-    stop = stop or threading.Event()
+def send(plan: FaultTraffic, target: tuple[str, int], duration_s: float, asked: AskedBySignals) -> SendCounts:
+    """Send until the duration is over or a signal asks to end; what is late is sent at once, nothing is left out."""
     outlets: dict[int, socket.socket] = {}
     packets: Counter[str] = Counter()
     names: dict[int, str] = {}
@@ -68,11 +66,11 @@ def send(
     start = time.monotonic()
     try:
         for datagram in traffic(plan, now_us()):
-            if datagram.t_s >= duration_s or stop.is_set():
+            if datagram.t_s >= duration_s or asked.to_end:
                 break
-            while (wait_s := start + datagram.t_s - time.monotonic()) > 0.0 and not stop.is_set():
+            while (wait_s := start + datagram.t_s - time.monotonic()) > 0.0 and not asked.to_end:
                 # in small bundles: waking for each one would cost more than sending it
-                stop.wait(max(wait_s, PAUSE_S))
+                time.sleep(min(max(wait_s, PAUSE_S), LOOK_S))
             if not datagram.raw:
                 _close(outlets.pop(datagram.outlet, None))
                 continue
@@ -203,9 +201,6 @@ def _parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; 2 for arguments that cannot be used."""
     arguments = _parser().parse_args(argv)
-    stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
     try:
         if not 1 <= arguments.vehicles <= MOST:
             raise PlayError(f"--vehicles {arguments.vehicles}: 1 to {MOST}")
@@ -220,7 +215,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             banner=arguments.banner,
             seed=arguments.seed,
         )
-        sent = send(plan, arguments.to, arguments.duration, stop)
+        with noted_signals() as asked:
+            sent = send(plan, arguments.to, arguments.duration, asked)
     except (PlayError, OSError) as error:
         sys.stderr.write(f"{error}\n")
         return 2

@@ -7,14 +7,12 @@ import logging
 import math
 import os
 import resource
-import signal
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -52,6 +50,7 @@ from gcs.report.rollcall import RollCall
 from gcs.session.sealing import Sealing
 from gcs.snapshot import Event, Level
 from infra.files.safe_open import is_shared
+from infra.processes.end_signals import AskedBySignals, noted_signals
 from infra.secrets import concealed, secrets_of
 from infra.wall_clock import now_us
 from mavlink.errors import LinkError
@@ -62,9 +61,9 @@ __all__ = ["fly"]
 _log = logging.getLogger(__name__)
 
 LOOK_S = 0.2
+"""A flight without a screen looks this often whether it is to end or to be shown."""
 LEAST_FILES = 128
 """Open files and sockets: a flight with video has some fifty, and as many for clients, terminals and replacements."""
-"""A flight without a screen looks this often whether it is to end or to be shown."""
 CONSOLE = "console.log"
 """In the session folder: output of libraries while the screens are up."""
 
@@ -151,20 +150,21 @@ def fly(
         accept_late=_check_vehicles(accept_late or (), loaded),
     )
     calls = RollCall(loaded)
-    with _naming_own_flight(links):
-        flight = Flight(plan, lambda snapshot: calls.add(snapshot, time.monotonic_ns() // 1000))
-    sealing = _tell_start(flight, plan, mission, screen=screen)
-    door = AttachServer(flight.folder, links)
-    try:
+    # from here until the recording is sealed no signal interrupts anything
+    with noted_signals() as asked, contextlib.ExitStack() as ending:
+        with _naming_own_flight(links):
+            flight = Flight(plan, lambda snapshot: calls.add(snapshot, time.monotonic_ns() // 1000))
+        ending.callback(flight.stop)
+        ending.callback(_tell_start(flight, plan, mission, screen=screen).close)
+        door = AttachServer(flight.folder, links)
+        ending.callback(door.close)
         if not screen:
             print_note(_gone_on(flight, "recording" if headless else "no terminal, so no screen; recording", door))
         with telling(flight, sinks, SinkSource(name=flight.title), sessions):
-            if not screen or not _screen(flight, options, door):
-                _wait(flight, door, duration)
-    finally:
-        door.close()
-        sealing.close()
-        flight.stop()
+            if not screen or not _screen(flight, options, door, asked):
+                _wait(flight, door, asked, duration)
+    if asked.hung_up:
+        redirect_if_terminal_gone(flight.folder / CONSOLE)
     calls.end(flight.frames)
     _report(flight, calls, as_json=as_json)
     if source and not calls.named:
@@ -296,63 +296,59 @@ def _naming_own_flight(links: Sequence[str]) -> Iterator[None]:
         raise
 
 
-def _wait(flight: Flight, door: AttachServer, duration: float | None = None) -> None:
+def _wait(flight: Flight, door: AttachServer, asked: AskedBySignals, duration: float | None = None) -> None:
     """Until the time is over or a signal to end comes; shows the screens on terminals that are attached meanwhile.
 
     A flight outlives the terminal that it was begun on.
     """
-    stop = threading.Event()
     end_s = math.inf if duration is None else time.monotonic() + duration
-
-    def listen() -> dict[signal.Signals, Any]:
-        before = {s: signal.signal(s, lambda *_: stop.set()) for s in (signal.SIGINT, signal.SIGTERM)}
-        gone = flight.folder / CONSOLE
-        before[signal.SIGHUP] = signal.signal(signal.SIGHUP, lambda *_: redirect_if_terminal_gone(gone))
-        return before
-
-    before = listen()
-    try:
-        while not stop.wait(LOOK_S) and time.monotonic() < end_s:
-            if (lent := door.take()) is not None:
-                if _lend(flight, lent, door, end_s):
-                    break
-                listen()  # the screens had handlers of their own
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    while not asked.to_end and time.monotonic() < end_s:
+        if asked.hung_up:
+            asked.hung_up = False
+            redirect_if_terminal_gone(flight.folder / CONSOLE)
+        if (lent := door.take()) is None:
+            time.sleep(LOOK_S)
+        elif _lend(flight, lent, door, asked, end_s):
+            break
 
 
-def _screen(flight: Flight, options: ScreenOptions, door: AttachServer) -> bool:
+def _screen(flight: Flight, options: ScreenOptions, door: AttachServer, asked: AskedBySignals) -> bool:
     """Fly with the screens; whether the flight is to end with them."""
     with redirect_stderr(flight.folder / CONSOLE), door.showing():
-        ended = _run(flight, options, door.taken_over)
+        ended = _run(flight, options, asked, lambda: asked.hung_up or door.taken_over())
     if not ended:
         redirect_if_terminal_gone(flight.folder / CONSOLE)
         print_note(_gone_on(flight, "the screen is gone; still recording", door))
     return ended
 
 
-def _lend(flight: Flight, lent: LentTerminal, door: AttachServer, end_s: float) -> bool:
+def _lend(flight: Flight, lent: LentTerminal, door: AttachServer, asked: AskedBySignals, end_s: float) -> bool:
     """Show the screens on another terminal; whether the flight is to end, which no terminal decides by failing."""
     ended = False
     try:
         with lent.as_standard_streams(), door.showing():
-            ended = _run(flight, lent.options, lambda: door.taken_over() or time.monotonic() >= end_s)
+            ended = _run(flight, lent.options, asked, lambda: door.taken_over() or time.monotonic() >= end_s)
     except Exception:  # noqa: BLE001 - logged; a terminal may never end a flight
         _log.exception("a terminal that was attached failed")
-    over = ended or time.monotonic() >= end_s
+    over = ended or asked.to_end or time.monotonic() >= end_s
     lent.give_back("the flight has ended" if over else "the flight goes on; gcs fly --attach shows it again")
     return ended
 
 
-def _run(flight: Flight, options: ScreenOptions, hung_up: Callable[[], bool]) -> bool:
+def _run(flight: Flight, options: ScreenOptions, asked: AskedBySignals, hung_up: Callable[[], bool]) -> bool:
     """The screens, until they are left: whether to end the flight."""
     # The screens are slow to import, and headless flights do without.
     from gcs.tui import run
 
     try:
         return run(
-            flight, options.graphics, bell=options.bell, theme=options.theme, fps=options.fps, hung_up=hung_up
+            flight,
+            options.graphics,
+            bell=options.bell,
+            theme=options.theme,
+            fps=options.fps,
+            to_end=lambda: asked.to_end,
+            hung_up=hung_up,
         ).left
     except Exception:  # noqa: BLE001 - logged; a screen may never end a flight
         _log.exception("the screens failed")

@@ -5,8 +5,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
-from collections.abc import Callable
+import signal
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from gcs.station import Station
@@ -35,6 +37,7 @@ def run(
     bell: bool = False,
     theme: ThemeName = "dark",
     fps: float = MOST_FPS,
+    to_end: Callable[[], bool] = lambda: False,
     hung_up: Callable[[], bool] = lambda: False,
 ) -> Ended:
     """Show a station until the operator quits; whoever started it stops it.
@@ -45,12 +48,25 @@ def run(
         bell: ring the terminal's bell at every new alarm.
         theme: colours to begin with.
         fps: most pictures a second of the video and the map.
+        to_end: asked time and again whether to end as if the operator had quit.
         hung_up: asked time and again, by another thread, whether to end as if the terminal were gone.
     """
     # what is loaded by now stays; walking through it costs the screen 0.1 s at every full collection
     gc.collect()
     gc.freeze()
     app = RollcallApp(station, graphics=graphics, bell=bell, theme=theme, fps=fps)
-    app.hung_up = hung_up
-    app.run()
+    app.to_end, app.hung_up = to_end, hung_up
+    with _handlers_kept():
+        app.run()
     return Ended(code=app.return_code or 0, left=app.left)
+
+
+@contextlib.contextmanager
+def _handlers_kept() -> Iterator[None]:
+    """Textual's handlers of these signals outlive its screens, and would draw on a terminal that they have left."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGTSTP, signal.SIGCONT, signal.SIGWINCH)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

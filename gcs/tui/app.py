@@ -142,8 +142,9 @@ class RollcallApp(ReplayApp):
         """Start to poll."""
         with contextlib.suppress(RuntimeError):  # outside the main thread there are no signals
             loop = asyncio.get_running_loop()
-            loop.add_signal_handler(signal.SIGTERM, self._end)
-            loop.add_signal_handler(signal.SIGHUP, self.exit)
+            for number, end in ((signal.SIGTERM, self._end), (signal.SIGHUP, self.exit)):
+                if signal.getsignal(number) is signal.SIG_DFL:  # else whoever shows the screens heeds it
+                    loop.add_signal_handler(number, end)
         self.watch(self.screen, "focused", self._show_keys_of)
         self._poll()
         self.set_interval(POLL_S, self._poll)
@@ -153,6 +154,8 @@ class RollcallApp(ReplayApp):
         return [each for each in super().get_line_filters() if not isinstance(each, ANSIToTruecolor)]
 
     def _poll(self) -> None:
+        if self.to_end() and not self.left:
+            self._end()
         newest = self._station.latest()
         waits = self.picture_waits()
         if waits:

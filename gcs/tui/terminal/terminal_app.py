@@ -31,6 +31,8 @@ class TerminalApp(App[None]):
         super().__init__()
         self._fps = fps
         self._picture_due_s = 0.0
+        self.to_end: Callable[[], bool] = lambda: False
+        """Asked by the app's own polls whether to end as if the operator had quit."""
         self.hung_up: Callable[[], bool] = lambda: False
         """Asked by the driver's thread whether to end as if the terminal were gone."""
 

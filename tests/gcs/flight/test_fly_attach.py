@@ -3,6 +3,7 @@
 import contextlib
 import os
 import pty
+import signal
 import socket
 import time
 from types import SimpleNamespace
@@ -92,6 +93,18 @@ def test_leaving_a_lent_screen_leaves_the_flight_and_a_killed_flight_the_termina
     flight.process.kill()
     said = answer(again, b"", 2)
     assert b"without a word" in said and b"\x1b[?1049l" in said
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_to_end_ends_a_flight_whose_screens_are_on_another_terminal(begin, tmp_path, number):
+    flight = begin(Terminal, tmp_path, "--headless", controls=False)
+    flight.read_until(b"gcs fly --attach")
+    flight.send(3)
+    shown = begin(OnTerminal, "fly", "--attach")
+    shown.read_until(b"NAME")
+    flight.process.send_signal(number)
+    assert b"the flight has ended" in answer(shown, b"", 0)
+    assert flight.ended(number)[0] == 0
 
 
 class Asks:

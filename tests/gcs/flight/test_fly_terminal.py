@@ -8,6 +8,7 @@ import threading
 import pytest
 
 from gcs.cli.fly import fly
+from gcs.flight.flight import Flight
 from gcs.session.event_log import read_events
 from gcs.tui import Ended
 from tests.support.command_line import MISSION, Terminal
@@ -140,3 +141,54 @@ def test_what_goes_to_a_file_stays_there_when_the_terminal_is_gone(begin, tmp_pa
     _, session = terminal.ended(signal.SIGTERM)
     assert "5 packets received" in (session / "console.log").read_text(), "stdout was the terminal's"
     assert b"packets received" not in (tmp_path / "errors.txt").read_bytes()
+
+
+def test_signals_to_end_that_come_while_the_recording_is_sealed_interrupt_nothing(tmp_path, monkeypatch, capsys):
+    def stopped(flight, stop=Flight.stop):
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
+            os.kill(os.getpid(), number)
+        stop(flight)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(Flight, "stop", stopped)
+    (tmp_path / "mission.toml").write_text(MISSION)
+    before = signal.getsignal(signal.SIGINT)
+    link = [f"udpin:127.0.0.1:{free_port()}"]
+    fly(tmp_path / "mission.toml", link=link, sessions=tmp_path / "sessions", headless=True, duration=0.1)
+    (session,) = (tmp_path / "sessions").iterdir()
+    assert "0 packets received" in capsys.readouterr().out
+    assert "ended" in (session / "session.toml").read_text()
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_that_comes_just_when_the_screens_have_ended_is_heeded(tmp_path, monkeypatch, capsys, number):
+    def left(*_, **__):
+        os.kill(os.getpid(), number)
+        os.kill(os.getpid(), signal.SIGTERM)
+        return Ended(code=0, left=False)
+
+    monkeypatch.setattr("gcs.tui.run", left)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setattr(sys.stdin, "isatty", lambda: True)
+    (tmp_path / "mission.toml").write_text(MISSION)
+    fly(tmp_path / "mission.toml", link=[f"udpin:127.0.0.1:{free_port()}"], sessions=tmp_path / "sessions")
+    (session,) = (tmp_path / "sessions").iterdir()
+    assert "ended" in (session / "session.toml").read_text()
+    assert "0 packets received" in capsys.readouterr().out
+
+
+def test_a_flight_whose_screen_was_left_goes_on_after_a_stop(begin):
+    terminal = begin(controls=False)
+    terminal.read_until(b"NAME")
+    os.write(terminal.keeper, b"q")
+    terminal.read_until(b"leave")
+    os.write(terminal.keeper, b"l")
+    terminal.read_until(b"still recording")
+    terminal.process.send_signal(signal.SIGSTOP)
+    terminal.process.send_signal(signal.SIGCONT)
+    terminal.send(5)
+    code, session = terminal.ended(signal.SIGINT)
+    assert code == 0
+    assert "Traceback" not in (session / "program.log").read_text()
+    os.close(terminal.keeper)
