@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
+import time
 import tomllib
 from itertools import chain
 from pathlib import Path
@@ -35,13 +37,15 @@ def _datagrams(first: int, count: int) -> str:
     return datagrams_text(score)
 
 
-def _readers(good: Path, first: int, count: int, only: str) -> str:
-    score = ReaderScore()
+def _readers(good: Path, first: int, count: int, only: str, most_s: float) -> str:
+    score, end_s = ReaderScore(), time.monotonic() + most_s
     for one in chain(fuzz_places(good, only=only), fuzz_readers(good, range(first, first + count), only=only)):
         score.add(one)
         if one.failures or not (score.read + score.refused) % _STEP:
             said = one.failures[0] if one.failures else f"{score.read} read, {score.refused} refused"
             _print_progress(said)
+        if time.monotonic() > end_s:
+            break
     return readers_text(score)
 
 
@@ -55,6 +59,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, help="cases; " + ", ".join(f"{k} {v}" for k, v in _COUNTS.items()))
     parser.add_argument("--seed", type=int, default=0, help="the first seed")
     parser.add_argument("--good", type=Path, default=Path("tests/corpus/readers"), help="good files of all readers")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="readers: no file is begun after that")
     parser.add_argument("--only", default="", help="one reader")
     parser.add_argument("--out", type=Path, default=Path("bench-results/fuzz.md"))
     options = parser.parse_args()
@@ -64,7 +69,7 @@ def main() -> None:
     elif options.what == "datagrams":
         text = _datagrams(options.seed, count)
     elif options.what == "readers":
-        text = _readers(options.good, options.seed, count, options.only)
+        text = _readers(options.good, options.seed, count, options.only, 60 * options.minutes)
     elif options.what == "streams":
         text = streams_text(count)
     else:

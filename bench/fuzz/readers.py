@@ -103,12 +103,15 @@ class ReaderScore:
     read: int = 0
     refused: int = 0
     failures: list[str] = field(default_factory=list)
+    most_bytes: int = 0
+    """Largest memory that one file took."""
 
     def add(self, other: ReaderScore) -> None:
         """Take in the sums of others."""
         self.read += other.read
         self.refused += other.refused
         self.failures += other.failures
+        self.most_bytes = max(self.most_bytes, other.most_bytes)
 
 
 def _spoil(rng: random.Random, path: Path) -> None:
@@ -182,16 +185,16 @@ def _try(good: Path, path: Path, what: str, change: Callable[[Path], object]) ->
         file = Path(folder) / path.relative_to(good)
         change(file)
         size = file.stat().st_size if file.is_file() and not file.is_symlink() else 0
-        told = _in_a_process(READERS[kind], file, TIMES_LARGER * size + MORE_BYTES)
+        told, taken = _in_a_process(READERS[kind], file, TIMES_LARGER * size + MORE_BYTES)
     if told == "read":
-        return ReaderScore(read=1)
+        return ReaderScore(read=1, most_bytes=taken)
     if told == "refused":
-        return ReaderScore(refused=1)
-    return ReaderScore(failures=[f"{path.relative_to(good)}, {what}: {told}"])
+        return ReaderScore(refused=1, most_bytes=taken)
+    return ReaderScore(failures=[f"{path.relative_to(good)}, {what}: {told}"], most_bytes=taken)
 
 
-def _in_a_process(read: Reader, path: Path, most_bytes: int) -> str:
-    """``read``, ``refused``, or in words what should not have happened."""
+def _in_a_process(read: Reader, path: Path, most_bytes: int) -> tuple[str, int]:
+    """``read``, ``refused``, or in words what should not have happened; and bytes of memory that were taken."""
     reading, writing = os.pipe()
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     pid = os.fork()
@@ -207,12 +210,12 @@ def _in_a_process(read: Reader, path: Path, most_bytes: int) -> str:
     told = os.read(reading, 4096).decode(errors="replace")
     os.close(reading)
     _, status, used = os.wait4(pid, 0)
-    if not in_time:
-        return f"not read within {MOST_WAIT_S:.0f} s"
-    if os.WIFSIGNALED(status):  # of processor time: SIGKILL
-        return f"signal {os.WTERMSIG(status)}"
     taken = 1024 * (used.ru_maxrss - before)
-    return f"took {taken / 1e6:.0f} MB of memory" if taken > most_bytes else told
+    if not in_time:
+        return f"not read within {MOST_WAIT_S:.0f} s", taken
+    if os.WIFSIGNALED(status):  # of processor time: SIGKILL
+        return f"signal {os.WTERMSIG(status)}", taken
+    return f"took {taken / 1e6:.0f} MB of memory" if taken > most_bytes else told, taken
 
 
 def _told(read: Reader, path: Path) -> str:

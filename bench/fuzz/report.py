@@ -104,6 +104,7 @@ def readers_text(score: ReaderScore) -> str:
     lines = [
         f"{files:,} files of all readers, damaged or replaced by pipes, folders, devices and links: {score.read:,} "
         f"read, {score.refused:,} refused in one line each. Exceptions, crashes, files that took longer than a minute "
-        f"or more memory than three times their size and 200 MB: {len(score.failures)}.",
+        f"or more memory than three times their size and 200 MB: {len(score.failures)}. Most memory for one file: "
+        f"{score.most_bytes / 1e6:.0f} MB.",
     ]
     return "\n".join([*lines, *(f"- {line[:400]}" for line in score.failures[:_MOST_FAILURES])])
