@@ -22,7 +22,7 @@ from vision.detect.detections import Detections
 from vision.detect.detector import Detector
 from vision.detect.front_contract import ACCEPTED, read_contract
 from vision.detect.front_crops import rectify
-from vision.detect.onnx_model import RUN_ERRORS, open_session
+from vision.detect.onnx_model import RUN_ERRORS, open_session, why
 from vision.errors import ModelError
 
 __all__ = ["BUNDLED_FRONT", "FrontClassifier", "FrontedDetector", "Fronts", "open_front_classifier"]
@@ -100,7 +100,7 @@ class FrontClassifier:
         try:
             (out,) = self._session.run(None, {self._contract.name: np.ascontiguousarray(planes)})
         except RUN_ERRORS as error:
-            raise ModelError(f"{self._where}: cannot be run on {len(planes)} crops: {error}") from error
+            raise ModelError(f"{self._where}: cannot be run on {len(planes)} crops: {why(error)}") from error
         wanted = (len(planes), len(self._contract.front))
         if out.shape != wanted:
             raise ModelError(

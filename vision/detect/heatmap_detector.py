@@ -19,7 +19,7 @@ from vision.detect import decode_heatmap
 from vision.detect.apparent_length import CAR_M, FLOOR, ApparentLength, examine, finish
 from vision.detect.detections import Detections
 from vision.detect.letterbox import letterbox, undo
-from vision.detect.onnx_model import RUN_ERRORS, described, metadata
+from vision.detect.onnx_model import RUN_ERRORS, described, metadata, why
 from vision.detect.tiles import detect_in_tiles, tile_grid
 from vision.errors import ModelError
 
@@ -105,7 +105,9 @@ class HeatmapDetector:
         try:
             (cells,) = self._session.run(None, {"image": canvas[None]})
         except RUN_ERRORS as error:
-            raise ModelError(f"{self._where}: cannot be run on a {fit.width} × {fit.height} image: {error}") from error
+            raise ModelError(
+                f"{self._where}: cannot be run on a {fit.width} × {fit.height} image: {why(error)}"
+            ) from error
         wanted = (1, decode_heatmap.CHANNELS, fit.height // self._stride, fit.width // self._stride)
         if cells.shape != wanted:
             raise ModelError(f"{self._where}: gave a map {list(cells.shape)}, wanted {list(wanted)}; {ACCEPTED}")

@@ -9,9 +9,10 @@ from pathlib import Path
 import onnxruntime as ort
 from onnxruntime.capi import onnxruntime_pybind11_state as ort_errors
 
+from infra.plain_text import plain
 from vision.errors import ModelError
 
-__all__ = ["RUN_ERRORS", "described", "metadata", "open_session", "shape_text", "table"]
+__all__ = ["RUN_ERRORS", "described", "metadata", "open_session", "shape_text", "table", "why"]
 
 RUN_ERRORS = (
     ort_errors.Fail,
@@ -29,6 +30,7 @@ RUN_ERRORS = (
 """All that onnxruntime raises, on loading as on running; the last three for sizes that it cannot have."""
 MOST_BYTES = 1 << 30
 """Of a file: four times the largest YOLO."""
+MOST_WORDS = 300
 MOST_NOTES = 1 << 20
 """Letters of a table in the notes: a thousand classes take 30,000."""
 
@@ -59,9 +61,18 @@ def open_session(path: Path, providers: Sequence[str], threads: int) -> ort.Infe
     if path.stat().st_size > MOST_BYTES:
         raise ModelError(f"{path}: {path.stat().st_size} bytes are more than the {MOST_BYTES} that a model may have")
     try:
-        return ort.InferenceSession(str(path), options, providers=list(providers))
+        session = ort.InferenceSession(str(path), options, providers=list(providers))
+        described(session)
+    except UnicodeDecodeError as error:
+        raise ModelError(f"{path}: the names of its inputs and outputs are no text") from error
     except RUN_ERRORS as error:
-        raise ModelError(f"{path}: cannot be loaded as an ONNX model: {error}") from error
+        raise ModelError(f"{path}: cannot be loaded as an ONNX model: {why(error)}") from error
+    return session
+
+
+def why(error: Exception) -> str:
+    """What onnxruntime says, which may be pages of the file's own words, in a line."""
+    return plain(" ".join(str(error).split()))[:MOST_WORDS]
 
 
 def metadata(session: ort.InferenceSession) -> dict[str, str]:

@@ -20,7 +20,7 @@ from vision.detect.apparent_length import CAR_M, FLOOR, ApparentLength, examine,
 from vision.detect.decode_yolo import Dropped, Rule, decode_boxes, decode_raw
 from vision.detect.detections import Detections
 from vision.detect.letterbox import Letterbox, draw, undo
-from vision.detect.onnx_model import RUN_ERRORS, described
+from vision.detect.onnx_model import RUN_ERRORS, described, why
 from vision.detect.tiles import Tile, detect_in_tiles, tile_grid
 from vision.detect.yolo_classes import vehicle_classes
 from vision.detect.yolo_layout import ACCEPTED, anchor_counts, check_size, output_form, read_input
@@ -191,7 +191,7 @@ class YoloDetector:
             (out,) = self._session.run(None, {need.name: batch})
         except RUN_ERRORS as error:
             size = " × ".join(str(n) for n in batch.shape)
-            raise ModelError(f"{self._where}: cannot be run on a {size} image: {error}") from error
+            raise ModelError(f"{self._where}: cannot be run on a {size} image: {why(error)}") from error
         try:
             check_size(out.shape)
         except ValueError as error:

@@ -187,6 +187,9 @@ def _input(source: Source, container: InputContainer) -> Input:
         container.close()
         raise VideoError(f"video {source.text}: no video stream in it")
     stream = container.streams.video[0]
+    if stream.codec_context is None:
+        container.close()
+        raise VideoError(f"video {source.text}: FFmpeg does not know how its pictures are coded")
     # slices only: threads over frames would hold frames back
     stream.thread_type = "SLICE"
     tick_s = float(stream.time_base or 1e-6)

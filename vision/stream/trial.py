@@ -167,6 +167,8 @@ class Trial:
 def _shows(container: InputContainer) -> bool:
     """Whether a picture comes out of a container's first video."""
     stream = container.streams.video[0]
+    if stream.codec_context is None:  # coded in a way that FFmpeg does not know
+        return False
     stream.codec_context.thread_count = 1
     for packet in container.demux(stream):
         with contextlib.suppress(*_DAMAGE):

@@ -75,6 +75,8 @@ def read_index(path: Path) -> FrameIndex:
     """Read a file through without decoding more than one frame: width and height are those that players show."""
     with closing(open_video(path)) as container:
         stream = film_stream(container)
+        if stream.codec_context is None:
+            raise VideoError(f"video {path}: FFmpeg does not know how its pictures are coded")
         stamps: list[int] = []
         keys: list[int] = []
         for pts, packet in _decodable(container, stream):

@@ -52,6 +52,19 @@ def test_what_a_model_asks_for_is_refused_before_memory_is(tmp_path, options, wo
     assert len(str(error.value)) < 1000
 
 
+def test_names_that_are_no_text_and_pages_of_them_are_one_line(tmp_path):
+    image = ("images", FLOAT, [1, 3, 64, 64])
+    path = model(tmp_path / "y.onnx", image, ("output0", FLOAT, [1, 3, 64, 64]))
+    good = path.read_bytes()
+    path.write_bytes(good.replace(b"images", b"imag\xf1s"))
+    with pytest.raises(ModelError, match=r"y.onnx: the names of its inputs and outputs are no text$"):
+        open_detector(path, score=0.3)
+    path.write_bytes(good.replace(b"Identity", b"Id\nntity"))
+    with pytest.raises(ModelError, match=r"y.onnx: cannot be loaded as an ONNX model") as error:
+        open_detector(path, score=0.3)
+    assert "\n" not in str(error.value) and len(str(error.value)) < 600
+
+
 @pytest.mark.parametrize("told", [None, ["b", "n", 3]])
 def test_an_answer_larger_than_any_is_refused(tmp_path, monkeypatch, told):
     monkeypatch.setattr(yolo_layout, "MOST_VALUES", 8 * ANCHORS - 1)

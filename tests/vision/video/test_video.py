@@ -14,6 +14,8 @@ import pytest
 from infra.files import restorable_file as kept_file
 from tests.support.video_senders import HEIGHT, WIDTH, number_of, steady, write_clip
 from vision.errors import VideoError
+from vision.stream.connection import open_input
+from vision.stream.source import parse_source
 from vision.video.recording import Recording
 from vision.video.video import VideoFile
 
@@ -112,6 +114,14 @@ def test_what_is_no_video_is_refused_in_one_line(tmp_path, content, words, capfd
         VideoFile.open(path)
     assert "\n" not in str(caught.value) and str(path) in str(caught.value)
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("opened", [VideoFile.open, lambda path: open_input(parse_source(str(path)))])
+def test_a_coding_that_ffmpeg_does_not_know_is_refused(tmp_path, opened):
+    path = write_clip(tmp_path / "clip.mkv", steady(5))
+    path.write_bytes(path.read_bytes().replace(b"V_MPEG4/ISO/AVC", b"V_MPEG9/ISO/AVC"))
+    with pytest.raises(VideoError, match=r"clip.mkv: FFmpeg does not know how its pictures are coded"):
+        opened(path)
 
 
 def test_an_mp4_without_its_table_is_refused(tmp_path):
