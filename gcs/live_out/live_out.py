@@ -118,15 +118,12 @@ class Outlet:
         self._throttle = Throttle(AGAIN_S)
         self._troubled = False
         """Whether trouble was reported that is not over."""
-        self._cpu_s = 0.0
-        """Processor time of its process when that showed life last."""
         self.supervisor: Supervisor[ChildProcess[SinkReport]] = Supervisor(
             f"telling {settings.url.text}",
             start=self._start,
             begin=self._begin,
             watch=self._watch,
             replaced=self._note_restart,
-            excused=lambda process, silent_s: process.waits_for_processor(silent_s, self._cpu_s),
             watch_s=WATCH_S,
             start_s=START_S,
             stop_s=STOP_S,
@@ -146,7 +143,6 @@ class Outlet:
         return ChildProcess("gcs.live_out.sink_worker", SinkReport, fds=fds, environment=environment)
 
     def _begin(self, process: ChildProcess[SinkReport]) -> None:
-        self._cpu_s = 0.0
         with contextlib.suppress(OSError):  # it is gone already, which is seen when it is watched
             process.channel.send(self._settings)
 
@@ -154,7 +150,7 @@ class Outlet:
         report = process.channel.receive(timeout_s)
         if report is None:
             return None
-        self.latest, self._cpu_s = report, process.cpu_s
+        self.latest = report
         if report.error:
             self._trouble(plain(report.error))
         elif report.sent and self._troubled:

@@ -11,14 +11,14 @@ import tempfile
 from collections.abc import Collection, Mapping
 from multiprocessing import Pipe
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import psutil
 
 from infra.processes.channel import MOST_BYTES, MessageChannel
 from infra.program_log import child_environment
 
-__all__ = ["ChildProcess"]
+__all__ = ["ChildProcess", "ProcessorTime"]
 
 _log = logging.getLogger(__name__)
 
@@ -30,6 +30,14 @@ _LAST_BYTES, _LAST_CHARACTERS = 2000, 200
 """Of what a process wrote: read, and reported."""
 
 Report = TypeVar("Report")
+
+
+class ProcessorTime(NamedTuple):
+    """Seconds since a process began."""
+
+    used_s: float
+    waited_s: float
+    """For which its first thread could have run and was not let."""
 
 
 class ChildProcess(Generic[Report]):
@@ -106,23 +114,31 @@ class ChildProcess(Generic[Report]):
         return f"signal {-code}{line}" if code is not None and code < 0 else f"exit code {code}{line}"
 
     @property
-    def cpu_s(self) -> float:
-        """Processor time so far, s; 0 once it is over."""
+    def processor_time(self) -> ProcessorTime:
+        """Its share of the processors so far; nothing once it is over."""
+        used_s = waited_s = 0.0
         with contextlib.suppress(psutil.Error):
             times = self._status.cpu_times()
-            return times.user + times.system
-        return 0.0
+            used_s = times.user + times.system
+        with contextlib.suppress(OSError):  # systems other than Linux do not tell
+            waited_s = int(Path(f"/proc/{self.pid}/schedstat").read_text().split()[1]) * 1e-9
+        return ProcessorTime(used_s, waited_s)
 
-    def waits_for_processor(self, silent_s: float, cpu_s: float) -> bool:
-        """Whether it shows no life only because others have the processor: it could run and has hardly been let.
+    def able_s(self, silent_s: float, before: ProcessorTime) -> float:
+        """For how much of a silence it could have shown life: not while others had the processor, or the disk had it.
 
         Args:
             silent_s: for how long it has shown no life.
-            cpu_s: its processor time before that.
+            before: its processor time when it had.
         """
+        now = self.processor_time
         with contextlib.suppress(psutil.Error):
-            return self._status.status() == psutil.STATUS_RUNNING and self.cpu_s - cpu_s < 0.5 * silent_s
-        return False
+            status = self._status.status()
+            if status == psutil.STATUS_RUNNING:  # for how long it waits now is counted once it is let
+                return min(now.used_s - before.used_s, silent_s)
+            if status == psutil.STATUS_DISK_SLEEP:
+                return 0.0
+        return silent_s - (now.waited_s - before.waited_s)
 
     @property
     def waits_for_disk(self) -> bool:

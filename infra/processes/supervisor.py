@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any, Generic, TypeVar
 
-from infra.processes.child_process import ChildProcess
+from infra.processes.child_process import ChildProcess, ProcessorTime
 from infra.reporting import Backoff
 
 __all__ = ["Supervisor"]
@@ -25,6 +25,9 @@ Child = TypeVar("Child", bound=ChildProcess[Any])
 class Supervisor(Generic[Child]):
     """One child process after the other.
 
+    Waiting for a processor is no death: of a silence up to ``start_s`` only the time counts in which the process could
+    run. On a machine that is too busy another one would not fare better.
+
     The first runs when this returns; :meth:`supervise` begins to look after it. All that is called back is called by
     one thread, but for the first ``start`` and ``begin``.
 
@@ -35,7 +38,7 @@ class Supervisor(Generic[Child]):
         watch: waits for a sign of life, at most so many seconds, and returns for how long the process may be silent
             from now on, None: there was none. Raises EOFError where the process is over or of no more use.
         replaced: given what was wrong with a process and when it last showed life (monotonic), once the next has begun.
-        excused: whether a process that has been silent for so many seconds, which is too long, is left alone.
+        excused: whether a process that has been silent for too long is left alone.
         watch_s: for which ``watch`` waits.
         start_s: for which a process may be silent at first.
         stop_s: for which it may be silent when it is to end.
@@ -61,7 +64,7 @@ class Supervisor(Generic[Child]):
         begin: Callable[[Child], None],
         watch: Callable[[Child, float], float | None],
         replaced: Callable[[str, float], None],
-        excused: Callable[[Child, float], bool],
+        excused: Callable[[Child], bool] = lambda _: False,
         watch_s: float,
         start_s: float,
         stop_s: float,
@@ -125,6 +128,7 @@ class Supervisor(Generic[Child]):
     def _watch_until_over(self, process: Child) -> tuple[str, float]:
         """What was wrong with a process in the end, and when it last showed life (monotonic)."""
         alive_s, patience_s, failure = time.monotonic(), self._start_s, ""
+        before = process.processor_time
         try:
             while not (process.ended or failure):
                 if self._stopping.is_set():
@@ -135,8 +139,8 @@ class Supervisor(Generic[Child]):
                 granted_s = self._watch(process, self._watch_s)
                 silent_s = time.monotonic() - alive_s
                 if granted_s is not None:
-                    alive_s, patience_s = time.monotonic(), granted_s
-                elif silent_s > patience_s and (self._stopping.is_set() or not self._excused(process, silent_s)):
+                    alive_s, patience_s, before = time.monotonic(), granted_s, process.processor_time
+                elif silent_s > patience_s and not self._is_left_alone(process, silent_s, patience_s, before):
                     process.kill()
                     failure = f"showed no life for {silent_s:.1f} s"
             while process.ended:  # what it sent before, until its end of the channel
@@ -144,6 +148,13 @@ class Supervisor(Generic[Child]):
         except EOFError:
             process.end(self._stop_s)
         return failure or f"died ({process.exit_reason})", alive_s
+
+    def _is_left_alone(self, process: Child, silent_s: float, patience_s: float, before: ProcessorTime) -> bool:
+        """Whether a process is not replaced though it is silent."""
+        if self._stopping.is_set():
+            return False
+        starved = silent_s <= self._start_s and process.able_s(silent_s, before) <= patience_s
+        return starved or self._excused(process)
 
     def _keep_spare(self) -> None:
         """Starts a process that waits for its turn, where there is none."""

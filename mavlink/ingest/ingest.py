@@ -90,8 +90,8 @@ class Ingest:
         self._before: tuple[LinkCounts, ...] = ()
         self._gap_s = 0.0
         self._generation = 0
-        self._beat, self._beat_cpu_s = 0, 0.0
-        """The last sign of life, and the processor time that the process had used by then."""
+        self._beat = 0
+        """The last sign of life."""
         self._interrupted = ""
         """What the process before had in hand when it ended, in words."""
         self._heard_us = 0
@@ -249,7 +249,6 @@ class Ingest:
                 begin=self._begin,
                 watch=self._watch,
                 replaced=self._note_gap,
-                excused=self._is_excused,
                 watch_s=WATCH_S,
                 start_s=START_S,
                 stop_s=STOP_S,
@@ -303,12 +302,8 @@ class Ingest:
         beat = self._memory.slots[Slot.BEAT]
         if beat == self._beat:
             return None
-        self._beat, self._beat_cpu_s = beat, process.cpu_s
+        self._beat = beat
         return HUNG_S
-
-    def _is_excused(self, process: ChildProcess[IngestReport], silent_s: float) -> bool:
-        """On a machine that is too busy another process would not fare better."""
-        return silent_s <= START_S and process.waits_for_processor(silent_s, self._beat_cpu_s)
 
     def _describe_in_hand(self) -> str:
         """What a process had taken off a socket and not yet put where it outlives it, in words."""

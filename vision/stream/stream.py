@@ -130,7 +130,7 @@ class VideoStream:
             begin=self._begin,
             watch=self._watch,
             replaced=self._note_restart,
-            excused=lambda process, silent_s: process.waits_for_disk,
+            excused=lambda process: process.waits_for_disk,
             watch_s=WATCH_S,
             start_s=START_PATIENCE_S,
             stop_s=CLOSE_S,

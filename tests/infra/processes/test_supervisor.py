@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+from pathlib import Path
 
 import pytest
 
@@ -25,7 +26,7 @@ class Owner:
             begin=self.begin,
             watch=self.watch,
             replaced=self.replaced,
-            excused=lambda process, silent_s: self.excuses,
+            excused=lambda process: self.excuses,
             **{
                 "watch_s": 0.05,
                 "start_s": WITHIN_S,
@@ -175,23 +176,55 @@ def test_one_that_was_never_looked_after_is_ended():
     assert owner.supervisor.process.ended
 
 
-def test_who_waits_for_the_processor_is_told_from_who_hangs(own):
+def test_only_the_time_counts_in_which_a_process_can_run(own):
     owner = own(stop_s=0.1)
     process = owner.supervisor.process
+    before = process.processor_time
     owner.do("burn")
-    cpu_s = process.cpu_s
-    stop_s = time.monotonic() + WITHIN_S
-    while process.cpu_s < cpu_s + 0.1 and time.monotonic() < stop_s:
-        time.sleep(0.01)
-    assert process.waits_for_processor(1000.0, cpu_s), "it has hardly been let"
-    assert not process.waits_for_processor(0.05, cpu_s), "it has had the processor"
+    assert owner.until(lambda: process.processor_time.used_s > before.used_s + 0.1)
+    used_s = process.processor_time.used_s - before.used_s
+    assert used_s <= process.able_s(1000.0, before) < 500.0, "it has hardly been let"
+    assert process.able_s(0.05, before) == 0.05, "it has had the processor"
     assert not process.waits_for_disk
     os.kill(process.pid, signal.SIGSTOP)
-    while process.waits_for_processor(1000.0, cpu_s) and time.monotonic() < stop_s:
-        time.sleep(0.01)
-    assert not process.waits_for_processor(1000.0, cpu_s), "it was stopped"
+    assert owner.until(lambda: process.able_s(1000.0, before) > 500.0), "it was stopped"
     process.kill()
-    assert process.cpu_s == 0.0 and not process.waits_for_disk and not process.waits_for_processor(1.0, 0.0)
+    assert process.processor_time == (0.0, 0.0) and not process.waits_for_disk
+
+
+@pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="the system does not tell")
+def test_time_that_others_had_the_processor_is_taken_off_afterwards_too(own):
+    owner = own(stop_s=0.1)
+    process = owner.supervisor.process
+    before = process.processor_time
+    rivals = [ChildProcess("tests.support.children.supervised_child", Done) for _ in range(3)]
+    for each in (process, *rivals):
+        os.sched_setaffinity(each.pid, {min(os.sched_getaffinity(0))})
+    try:
+        for rival in rivals:
+            rival.channel.send(Begin(0))
+            rival.channel.send(Do("burn"))
+        owner.do("burn")
+        assert owner.until(lambda: process.processor_time.waited_s > before.waited_s + 0.5)
+        os.kill(process.pid, signal.SIGSTOP)
+        assert owner.until(lambda: process._status.status() == "stopped")
+        waited_s = process.processor_time.waited_s - before.waited_s
+        assert process.able_s(2.0, before) == pytest.approx(2.0 - waited_s)
+    finally:
+        for rival in rivals:
+            rival.kill()
+            rival.close()
+
+
+@pytest.mark.parametrize(("able_s", "replaced"), [(0.5 * PATIENCE_S, False), (2.0 * PATIENCE_S, True)])
+def test_one_that_others_keep_from_running_is_left_alone(own, monkeypatch, able_s, replaced):
+    owner = own()
+    asked = []
+    monkeypatch.setattr(ChildProcess, "able_s", lambda *given: asked.append(given) or able_s)
+    owner.do("be quick")
+    owner.do("hang")
+    assert owner.until(lambda: len(asked) > 3 or owner.failures)
+    assert bool(owner.failures) == replaced
 
 
 def test_begins_ends_and_replacements_are_logged(own, tmp_path):
