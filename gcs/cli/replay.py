@@ -92,7 +92,7 @@ def _serve(session: Path, words: Sequence[str], port: int) -> None:
 
     def show(address: str) -> None:
         print_lines(address)
-        print_note("whoever has this address sees the recording, and may mark it; Ctrl-C ends it")
+        print_note("whoever has this address sees the recording and can write nothing on this computer; Ctrl-C ends it")
 
     try:
         serve_screens(command, f"gcs replay {session.name}", port, show)

@@ -23,6 +23,8 @@ LOOPBACK = "127.0.0.1"
 MOST_BROWSERS = 4
 """Each has a replay of its own."""
 TOKEN_BYTES = 24
+DOWNLOADS = "download"
+"""Where textual-serve's pages ask for pictures, behind no token: each has a random name of its own, once."""
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
@@ -43,6 +45,7 @@ class _GuardedServer(Server):
         """All of it, below the token."""
         app = web.Application(middlewares=[self._guard])
         app.add_subapp(f"/{self._token}/", await self._make_app())
+        app.router.add_get(f"/{DOWNLOADS}/{{key}}", self.handle_download)
         return app
 
     async def on_startup(self, app: web.Application) -> None:
@@ -71,7 +74,7 @@ class _GuardedServer(Server):
         if request.host != own or origin != f"http://{own}":
             raise web.HTTPForbidden(text=f"this is served at http://{own} alone")
         given = request.path.split("/")[1]
-        if not secrets.compare_digest(given.encode(), self._token.encode()):
+        if given != DOWNLOADS and not secrets.compare_digest(given.encode(), self._token.encode()):
             raise web.HTTPNotFound
         response = await handler(request)
         if not response.prepared:

@@ -17,6 +17,7 @@ __all__ = ["ask_for_mark"]
 LONGEST = 200
 """Letters of a mark: a line of the log, not a report."""
 NO_WORDS = "mark"
+NOT_SERVED = "screens in a browser write nothing on this computer: mark it in gcs replay on a terminal"
 
 
 def ask_for_mark(app: App[Any], station: Station, snapshot: Snapshot | None, selected: int) -> None:
@@ -28,6 +29,9 @@ def ask_for_mark(app: App[Any], station: Station, snapshot: Snapshot | None, sel
         snapshot: the newest, None before the first.
         selected: system id of the selected vehicle, which the mark is about; 0 none.
     """
+    if app.is_web:
+        app.notify(NOT_SERVED, severity="warning", timeout=6, markup=False)
+        return
     t_us = now_us() if station.timeline is None else station.timeline.now_us
     about = f" about {plain(snapshot.name_of(selected))}" if selected and snapshot is not None else ""
 

@@ -1,8 +1,12 @@
-"""Files that an operator asks for, new ones only: the screen as SVG, a still of the full frame as PNG."""
+"""Files that an operator asks for, new ones only: the screen as SVG, a still of the full frame as PNG.
+
+Screens in a browser write nothing on this computer: there they are downloads.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import io
 import os
 from pathlib import Path
 from typing import Any
@@ -32,11 +36,15 @@ def ask_to_save_screen(app: App[Any], snapshot: Snapshot | None) -> None:
     """Prompt where to, then save the screen as it was before the question."""
     drawing = app.export_screenshot(title=SCREENSHOT_TITLE)
     moment = _moment(snapshot) if snapshot is not None else "screen"
+    name = f"rollcall-{moment}.svg"
+    if app.is_web:
+        _download(app, name, drawing.encode())
+        return
     ask = Prompt(
         "Save the screen as SVG",
         "a new file; nothing is overwritten",
         lambda text: save_new(text, drawing.encode()),
-        value=f"rollcall-{moment}.svg",
+        value=name,
     )
     app.push_screen(ask, lambda path: None if path is None else app.notify(f"saved {path}", markup=False))
 
@@ -56,6 +64,9 @@ async def save_still(app: App[Any], station: Station, snapshot: Snapshot | None,
     name = f"rollcall-{_moment(snapshot)}-frame-{snapshot.frame}.png"
     # a large frame takes a tenth of a second, in which keys are to be answered
     picture = await asyncio.to_thread(_png, snapshot, *pick)
+    if app.is_web:
+        _download(app, name, picture)
+        return
 
     def report(path: Path | None) -> None:
         if path is None:
@@ -74,6 +85,11 @@ async def save_still(app: App[Any], station: Station, snapshot: Snapshot | None,
         report(await asyncio.to_thread(_save_beside, station.folder / STILLS, name, picture))
     except OSError as error:
         app.notify(plain(f"not saved: {error.strerror}"), severity="error", markup=False)
+
+
+def _download(app: App[Any], name: str, data: bytes) -> None:
+    app.deliver_binary(io.BytesIO(data), save_filename=name)
+    app.notify(f"{name} goes to your browser, which may have to be told to allow pop-up windows", markup=False)
 
 
 def _now_us(station: Station) -> int:

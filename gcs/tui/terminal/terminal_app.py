@@ -10,8 +10,10 @@ from textual._compositor import CompositorUpdate
 from textual.app import App
 from textual.driver import Driver
 from textual.drivers.linux_driver import LinuxDriver
+from textual.drivers.web_driver import WebDriver
 from textual.screen import Screen
 
+from gcs.tui.terminal.browser_driver import BrowserDriver
 from gcs.tui.terminal.driver import TerminalDriver
 
 __all__ = ["MOST_FPS", "TerminalApp"]
@@ -37,9 +39,9 @@ class TerminalApp(App[None]):
         """Asked by the driver's thread whether to end as if the terminal were gone."""
 
     def get_driver_class(self) -> type[Driver]:
-        """Our driver where Textual's would be the one for terminals."""
+        """Ours instead of Textual's for terminals and browsers."""
         usual = super().get_driver_class()
-        return TerminalDriver if usual is LinuxDriver else usual
+        return {LinuxDriver: TerminalDriver, WebDriver: BrowserDriver}.get(usual, usual)
 
     def picture_waits(self) -> bool:
         """Whether the terminal does not have the last pictures yet, or has had as many as ``fps`` allows.

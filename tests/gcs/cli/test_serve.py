@@ -4,6 +4,7 @@ import os
 import re
 import signal
 import subprocess
+from pathlib import Path
 
 import aiohttp
 import psutil
@@ -82,6 +83,54 @@ async def test_other_sites_are_refused(served, page):
         assert await status(address + page, **headers) == 403, headers
     if page:
         assert await status(address + page) == 403
+
+
+class Browser:
+    """A browser on the screens, to its page's own protocol."""
+
+    def __init__(self, connection):
+        self.connection = connection
+
+    async def read_until(self, word):
+        screens = b""
+        while word not in screens:
+            message = await self.connection.receive(timeout=60)
+            assert message.type in (aiohttp.WSMsgType.BINARY, aiohttp.WSMsgType.TEXT), message
+            screens += message.data if message.type == aiohttp.WSMsgType.BINARY else message.data.encode()
+        return screens
+
+    async def press(self, keys):
+        await self.connection.send_json(["stdin", keys])
+
+    async def saves(self, key):
+        """The name of what the page is to download."""
+        await self.press(key)
+        said = await self.read_until(b"deliver_file_start")
+        return re.search(rb'"deliver_file_start", "(\w+)"', said)[1].decode()
+
+
+def files_in(folder):
+    return sorted((path, path.stat().st_size) for path in folder.rglob("*"))
+
+
+async def test_pictures_are_downloads_and_nothing_is_written(served):
+    address, process = served
+    own, here = origin_of(address), Path(psutil.Process(process.pid).cwd())
+    before = [files_in(CURVED_ROAD), sorted(here.iterdir())]
+    socket = f"ws{address[4:]}ws?width=120&height=40"
+    async with aiohttp.ClientSession() as client, client.ws_connect(socket, headers={"Origin": own}) as connection:
+        browser = Browser(connection)
+        await browser.read_until(b"UGV-1")
+        for key, begins in (("S", b"<svg"), ("s", b"\x89PNG")):
+            name = await browser.saves(key)
+            async with client.get(f"{own}/download/{name}") as response:
+                assert response.status == 200 and (await response.read()).startswith(begins)
+                assert response.headers["Content-Disposition"].startswith("attachment; filename=rollcall-")
+            assert await status(f"{own}/download/{name}") == 404, "once"
+            assert await status(f"{own}/download/{name}", Host="evil.example") == 403
+        await browser.press("m")
+        await browser.read_until(b"write nothing")
+    assert [files_in(CURVED_ROAD), sorted(here.iterdir())] == before
 
 
 def test_it_listens_on_the_loopback_alone(served):
