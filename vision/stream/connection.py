@@ -26,6 +26,7 @@ from vision.stream.byte_stream import ByteStream, has_no_stamps
 from vision.stream.exposure_times import Exposures, klv_time_s, sei_time_s, sender_report
 from vision.stream.messages import Sender
 from vision.stream.port import Port
+from vision.stream.redirect import sent_on
 from vision.stream.rtp import TICK_HZ, Depacketizer, Unit, parse
 from vision.stream.source import Codec, Source
 from vision.stream.trial import SEARCH, mpegts_payload
@@ -39,7 +40,10 @@ WAIT_S = 30.0
 """Longest wait for others to connect, before it is begun anew, seconds."""
 READ_TIMEOUT_S = 2.0
 """Longest wait for the next packet, seconds."""
-BYTE_STREAMS = ("tcp:", "http:", "https:")
+HTTP = ("http:", "https:")
+BYTE_STREAMS = ("tcp:", *HTTP)
+MOST_REDIRECTS = 4
+"""On the same host, one after the other."""
 READ_BYTES = 32768
 """Most bytes that FFmpeg asks for at once."""
 _PRODUCER_TIME = struct.Struct("=qi")
@@ -83,18 +87,33 @@ def open_input(source: Source) -> Input | None:
     """Connect by FFmpeg; None where others are to connect and nobody has yet.
 
     Raises:
-        VideoError: nothing there, no answer within the time, no video in it.
+        VideoError: nothing there, no answer within the time, no video in it, or it is said to be on another host.
     """
     av.logging.set_level(av.logging.PANIC)
-    begin_s = time.monotonic()
-    try:
-        return _open_line(source) or _input(source, _open(source))
-    except (av.FFmpegError, OSError, ValueError) as error:
-        late = time.monotonic() - begin_s >= _patience_s(source)
-        if late and source.waits:
-            return None
-        why = f"no answer within {OPEN_TIMEOUT_S:g} s" if late else reason(error)
-        raise VideoError(f"video {source.text}: cannot be opened ({why}); is it being sent?") from error
+    for _ in range(MOST_REDIRECTS):
+        begin_s = time.monotonic()
+        try:
+            return _open_line(source) or _input(source, _open(source))
+        except (av.FFmpegError, OSError, ValueError) as error:
+            late = time.monotonic() - begin_s >= _patience_s(source)
+            if late and source.waits:
+                return None
+            goal = None if late or not source.address.startswith(HTTP) else sent_on(source, OPEN_TIMEOUT_S)
+            if goal is None:
+                why = f"no answer within {OPEN_TIMEOUT_S:g} s" if late else _why(error)
+                raise VideoError(f"video {source.text}: cannot be opened ({why}); is it being sent?") from error
+            source = goal
+    raise VideoError(f"video {source.text}: its server sends on and on")
+
+
+def _why(error: Exception) -> str:
+    """FFmpeg's reason, in words where it is one of ours."""
+    refused = "not on whitelist" in str(error)
+    return (
+        "it sends on to another address, which is not followed: give that one if it is meant"
+        if refused
+        else reason(error)
+    )
 
 
 def _open_line(source: Source) -> Input | None:

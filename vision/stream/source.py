@@ -183,11 +183,16 @@ def _camera(text: str) -> Source:
 
 
 def _network(text: str, scheme: str) -> Source:
-    """With options that keep delay low, and the stream from sending FFmpeg to files of ours."""
+    """With options that keep delay low, and the stream from sending FFmpeg to files of ours or to other hosts.
+
+    RTSP is not among the protocols that RTSP may open: a server that sends on is refused.
+    """
     user, at, rest = text.partition("://")[2].rpartition("@")
     # FFmpeg ends the address at the first of them, also in a password
     address = f"{text.partition('://')[0]}://{user.replace('#', '%23')}{at}{rest}"
     options = {"protocol_whitelist": "tcp,udp,rtp,tls,http,https,httpproxy,crypto", "fpsprobesize": "0"}
+    if scheme.startswith("http"):
+        options |= {"max_redirects": "0"}  # which host is asked is looked at in vision.stream.redirect
     if scheme.startswith("rtsp"):
         options |= {"rtsp_transport": "udp+tcp", "rtsp_flags": "prefer_tcp"}
     if scheme.startswith("rtmp"):
