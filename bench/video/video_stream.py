@@ -78,7 +78,7 @@ class Own(VideoStream):
     """The station's stream, and what its process uses."""
 
     def cpu_s(self) -> float:
-        return time.process_time() + self._supervisor.process.cpu_s
+        return time.process_time() + self._supervisor.process.processor_time.used_s
 
 
 def coded(n: int) -> list[list[bytes]]:

@@ -61,7 +61,7 @@ def open_session(path: Path, providers: Sequence[str], threads: int) -> ort.Infe
     if path.stat().st_size > MOST_BYTES:
         raise ModelError(f"{path}: {path.stat().st_size} bytes are more than the {MOST_BYTES} that a model may have")
     try:
-        session = ort.InferenceSession(str(path), options, providers=list(providers))
+        session = ort.InferenceSession(str(path), options, providers=list(providers), enable_fallback=0)
         described(session)
     except UnicodeDecodeError as error:
         raise ModelError(f"{path}: the names of its inputs and outputs are no text") from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+from functools import partial
 from typing import Any
 
 from textual.app import App
@@ -18,7 +19,7 @@ class BrowserDriver(WebDriver):
     def __init__(self, app: App[Any], **options: Any) -> None:  # noqa: ANN401  (Textual's own)
         super().__init__(app, **options)
         self._writing = threading.Lock()
-        self._write = self._write_whole
+        self._write = partial(self._write_whole)
 
     def _write_whole(self, data: bytes) -> int:
         size = len(data)
