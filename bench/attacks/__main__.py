@@ -22,7 +22,20 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from bench.attacks import contests, disclosure, disk, floods, folders, quiet, signed, streams, takeover, video_port
+from bench.attacks import (
+    contests,
+    disclosure,
+    disk,
+    doors,
+    floods,
+    folders,
+    quiet,
+    signed,
+    strangers,
+    streams,
+    takeover,
+    video_port,
+)
 from bench.attacks.report import AttackRow, page, read_rows, write_rows
 from bench.attacks.run import Attack, Options
 
@@ -48,6 +61,8 @@ ATTACKS: Final[dict[str, Attack]] = {
     "recording": quiet.played_recording,
     "three-bytes": streams.swallowed_frames,
     "video-port": video_port.others_at_the_port,
+    "files": strangers.hostile_files,
+    "doors": doors.doors_of_a_flight,
 }
 
 

@@ -23,7 +23,7 @@ from bench.attacks.station import AttackedStation, mission_text
 from bench.ports import free_port
 from infra.session_format import FRAMES
 
-__all__ = ["others_at_the_port"]
+__all__ = ["DARK", "coded_film", "others_at_the_port"]
 
 FPS, GOP, FILM_S = 10, 10, 14.0
 WIDTH, HEIGHT, PIECE = 160, 96, 7 * 188
@@ -44,7 +44,7 @@ class _CodedBytes:
 
 
 @lru_cache
-def _film(level: int) -> list[list[bytes]]:
+def coded_film(level: int) -> list[list[bytes]]:
     """Datagrams of each frame of a film of one grey."""
     sink, frames = _CodedBytes(), []
     with av.open(sink, "w", format="mpegts", options={"flush_packets": "1", "pat_period": "0.1"}) as container:
@@ -99,7 +99,7 @@ class _Voice:
 
 def others_at_the_port(options: Options) -> list[AttackRow]:
     """Others send to the video's port: whose frames are recorded, and whether it is told."""
-    dark, light, junk = _film(DARK), _film(LIGHT), _junk()
+    dark, light, junk = coded_film(DARK), coded_film(LIGHT), _junk()
     cases: dict[str, tuple[Sequence[_Voice], str]] = {
         "five junk datagrams a second, the camera pauses for 3.5 s": (
             (_Voice(host=CAMERA, frames=dark, hole=(4.0, 7.5)), _Voice(host=STRANGER, frames=junk, begin_s=3.0)),

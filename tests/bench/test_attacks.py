@@ -7,12 +7,13 @@ import math
 import socket
 import sys
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from pymavlink import mavutil
 
-from bench.attacks import streams, takeover
+from bench.attacks import doors, strangers, streams, takeover
 from bench.attacks.__main__ import ATTACKS, main
 from bench.attacks.actors import rover
 from bench.attacks.records import frames, read_events, recorded, sender_of
@@ -157,6 +158,35 @@ def test_what_cannot_be_judged_is_not_held(deaf, monkeypatch, capsys):
     monkeypatch.setitem(ATTACKS, "components", lambda options: [][0])
     assert main(["components", "--gcs", deaf.gcs[0]]) == 1
     assert "IndexError" in capsys.readouterr().out
+
+
+def test_a_file_of_a_stranger_is_refused_in_a_line_by_the_real_command(station):
+    row = strangers.open_file(station, 0, "a pipe", strangers.CASES["a key is a pipe"])
+    assert row.held and "11.key: cannot be read: not a regular file" in row.note
+
+
+@pytest.mark.parametrize(
+    ("does", "said"),
+    [
+        ("raise ValueError", "traceback"),
+        ("import signal; signal.pause()", "not over in time"),
+        ("import os; os.abort()", "signal 6"),
+        ("bytes(bytearray(b'x') * (1 << 27))", "MB;"),
+    ],
+)
+def test_a_command_that_breaks_on_a_file_is_not_held(station, monkeypatch, does, said):
+    monkeypatch.setattr(strangers, "MOST_S", 5.0)
+    monkeypatch.setattr(strangers, "MOST_MB", 100.0)
+    broken = replace(station, gcs=(sys.executable, "-c", does))
+    row = strangers.open_file(broken, 0, "a pipe", strangers.CASES["a key is a pipe"])
+    assert not row.held and said in row.note
+
+
+def test_what_a_door_lets_through_is_seen(station, monkeypatch):
+    held, note = doors._ended_twice(station)
+    assert held and note == "exit code 0, sealed"
+    monkeypatch.setattr(doors, "_sealed", lambda _: False)
+    assert not doors._ended_twice(replace(station, folder=station.folder / "again"))[0]
 
 
 def test_names_that_are_none_are_refused(capsys):
