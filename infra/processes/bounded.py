@@ -7,6 +7,7 @@ that asks for all memory, never ends or brings it down, is one line for who aske
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import resource
 import threading
@@ -27,6 +28,8 @@ _MOST_WORDS = 200
 _MOST_WRITTEN = 1 << 20
 """Bytes of what it may print."""
 _MOST_ANSWER = (1 << 31) - 1
+_RESERVE_BYTES, _LOOK_S = 64 << 20, 0.02
+"""Where the last byte is taken, Python may look for memory to report that with for ever: it is ended before that."""
 _ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Threads that a library starts for nothing take address space."""
 
@@ -41,6 +44,7 @@ class UnreadError(Exception):
 class _Work(msgspec.Struct):
     question: msgspec.Raw
     most_bytes: int
+    most_s: float
 
 
 class _Failed(msgspec.Struct, tag=True):
@@ -70,7 +74,7 @@ def ask_child(
     clock = threading.Timer(most_s, child.kill)
     clock.start()
     try:
-        child.channel.send(_Work(msgspec.Raw(msgspec.msgpack.encode(question)), most_bytes))
+        child.channel.send(_Work(msgspec.Raw(msgspec.msgpack.encode(question)), most_bytes, most_s))
         answer = child.channel.receive()
     except (EOFError, OSError):
         answer = None
@@ -98,28 +102,65 @@ def answer_parent(asks: type[Question], read: Callable[[Question], msgspec.Struc
     if asked is None:
         return
     question = msgspec.msgpack.decode(asked.question, type=asks)
+    ours = threading.Lock()
+    """Had by who answers; nobody else does."""
+    process = psutil.Process()
+    watches = threading.Event()
+    threading.Thread(target=_watch, args=(parent, process, asked.most_bytes, ours, watches), daemon=True).start()
+    watches.wait()
+    _set_bounds(process.memory_info().vms + asked.most_bytes + _RESERVE_BYTES, asked.most_s)
     with open(os.devnull, "w", encoding="utf-8") as nowhere, contextlib.redirect_stdout(nowhere):  # noqa: PTH123
         answer = _answer(question, read, asked.most_bytes)
+    ours.acquire()
+    # the answer is written without the bound
+    resource.setrlimit(resource.RLIMIT_AS, (resource.getrlimit(resource.RLIMIT_AS)[1],) * 2)
     with contextlib.suppress(OSError):  # nobody waits for it any more
         parent.send(answer)
 
 
-def _answer(question: Question, read: Callable[[Question], msgspec.Struct], most_bytes: int) -> msgspec.Struct:
-    taken = psutil.Process().memory_info().vms
-    before = resource.getrlimit(resource.RLIMIT_AS)
+def _set_bounds(most_bytes: int, most_s: float) -> None:
+    """Of address space, of what it may print, and of processor time, for a parent that is killed ends nothing."""
     for kind, most in (
-        (resource.RLIMIT_AS, taken + most_bytes),
+        (resource.RLIMIT_AS, most_bytes),
         (resource.RLIMIT_FSIZE, _MOST_WRITTEN),
+        (resource.RLIMIT_CPU, math.ceil(most_s)),
         (resource.RLIMIT_CORE, 0),
     ):
         _, hard = resource.getrlimit(kind)
         resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+
+
+def _watch(
+    parent: MessageChannel[_Work],
+    process: psutil.Process,
+    most_bytes: int,
+    ours: threading.Lock,
+    watches: threading.Event,
+) -> None:
+    """End this process where it has taken more than it may, from when ``watches`` is set."""
+    before = process.memory_info().vms  # with what this thread takes
+    watches.set()
+    over = False
+    while not over:
+        time.sleep(_LOOK_S)
+        try:
+            over = process.memory_info().vms - before > most_bytes
+        except MemoryError:
+            over = True
+    if ours.acquire(blocking=False):
+        with contextlib.suppress(OSError):
+            parent.send(_too_much(most_bytes))
+        os._exit(1)
+
+
+def _too_much(most_bytes: int) -> _Failed:
+    return _Failed(f"it takes more than {most_bytes / 1e6:.0f} MB of memory")
+
+
+def _answer(question: Question, read: Callable[[Question], msgspec.Struct], most_bytes: int) -> msgspec.Struct:
     try:
         return read(question)
     except MemoryError:
-        return _Failed(f"it takes more than {most_bytes / 1e6:.0f} MB of memory")
+        return _too_much(most_bytes)
     except Exception as error:  # noqa: BLE001 - what others' code raises on others' bytes is not known
         return _Failed(" ".join(str(error).split()) or type(error).__name__)
-    finally:
-        # the answer is written without the bound
-        resource.setrlimit(resource.RLIMIT_AS, before)

@@ -1,5 +1,6 @@
 """A reader of tests, in a process of its own: does to itself what bytes of others would have it do."""
 
+import contextlib
 import os
 import signal
 import sys
@@ -22,6 +23,14 @@ def read(question):
         os.kill(os.getpid(), signal.SIGSEGV)
     if question.what == "hang":
         signal.pause()
+    if question.what == "ever more":
+        kept = []
+        while True:
+            with contextlib.suppress(MemoryError):
+                kept.append([kept])
+    if question.what == "burn":
+        while True:
+            pass
     if question.what == "refuse":
         raise LookupError("no such\nthing")
     if question.what == "print":
