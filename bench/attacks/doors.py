@@ -37,7 +37,7 @@ WISH = (
 
 
 def doors_of_a_flight(options: Options) -> list[AttackRow]:
-    """Its folder is replaced, terminals, clients and servers misbehave, a mission came along, it is ended again and again."""
+    """Its folder is replaced, terminals, clients and servers misbehave, a mission came along, signals to end do not cease."""
     cases: dict[str, Callable[[Options], tuple[bool, str]]] = {
         "a link takes the place of the flight's folder": _linked_folder,
         "a zero byte in a terminal's wish": _zero_byte,

@@ -16,6 +16,8 @@ from infra.secrets import conceal, conceal_in, concealed
 
 __all__ = ["is_of_this_process", "is_pattern", "is_remote", "last_part", "local_path", "remote_files", "store_errors"]
 
+_MOST_SHOWN, _MOST_SAID = 200, 500
+"""Letters of an address, and of what a store says, in an error."""
 _LOCAL = ("file", "local")
 _WEB = ("http", "https")
 _MAGIC = frozenset("*?[")
@@ -65,11 +67,11 @@ def remote_files(address: str) -> tuple[Any, str]:
             file of references, whose author chooses what is read in its place.
     """
     if any(part.partition("://")[0] == "reference" for part in address.split("::")):
-        raise StoreError(f"{concealed(address)}: leads to addresses that another chose; give those of the flights")
+        raise StoreError(f"{_shown(address)}: leads to addresses that another chose; give those of the flights")
     try:
         from fsspec.core import url_to_fs
     except ImportError:
-        raise StoreError(f"{concealed(address)}: needs fsspec: pip install 'rollcall-gcs[batch]'") from None
+        raise StoreError(f"{_shown(address)}: needs fsspec: pip install 'rollcall-gcs[batch]'") from None
     with store_errors(address):
         files, path = url_to_fs(address)
     return files, path
@@ -82,11 +84,15 @@ def store_errors(address: str) -> Iterator[None]:
     Raises:
         StoreError: in place of any other error.
     """
-    shown = concealed(address)
+    shown = _shown(address)
     try:
         yield
     except FileNotFoundError as error:
         raise StoreError(f"{shown}: no such file or folder") from error
     except Exception as error:
         said = conceal(conceal_in(" ".join(str(error).split()), address))
-        raise StoreError(f"{shown}: {said or type(error).__name__}") from error
+        raise StoreError(f"{shown}: {said[:_MOST_SAID] or type(error).__name__}") from error
+
+
+def _shown(address: str) -> str:
+    return concealed(address)[:_MOST_SHOWN]

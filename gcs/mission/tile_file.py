@@ -35,6 +35,8 @@ MOST_OPEN_S: Final = 10.0
 MOST_READ_S: Final = 1.0
 MOST_SLOW: Final = 3
 """Tiles that were given up for taking longer, after which the file is left alone."""
+FAULTS = (sqlite3.Error, UnicodeDecodeError)
+"""What SQLite raises; the second where it quotes a file's words that are no text."""
 MOST_HEAP_BYTES: Final = 256 << 20
 STEPS: Final = 10_000
 """Of SQLite's machine between two looks at the clock."""
@@ -64,14 +66,14 @@ class TileFile:
             # immutable: nothing is written beside the file, also where it was not closed
             self._base = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
             self._bound()
-        except sqlite3.Error as error:
+        except FAULTS as error:
             raise ConfigError(f"{path}: cannot be opened: {plain(str(error))}") from None
         try:
             self._check()
         except ConfigError:
             self._base.close()
             raise
-        except sqlite3.Error as error:
+        except FAULTS as error:
             self._base.close()
             raise ConfigError(f"{path}: cannot be read as MBTiles: {plain(str(error))}") from None
 
@@ -129,7 +131,7 @@ class TileFile:
         query = "SELECT tile_data FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?"
         try:
             found = self._base.execute(query, where).fetchone()
-        except (sqlite3.Error, MemoryError):
+        except (*FAULTS, MemoryError):
             self._slow += time.monotonic() - began_s > MOST_READ_S
             return None
         if found is None or not isinstance(found[0], bytes) or not 0 < len(found[0]) <= MOST_TILE_BYTES:

@@ -12,7 +12,9 @@ from pathlib import Path
 import fsspec
 import pytest
 
+from gcs.batch.addresses import store_errors
 from gcs.batch.stores import open_results
+from gcs.errors import StoreError
 from tests.support.batches.results import single_run
 from tests.support.batches.short_flights import short_flights
 from tests.support.command_line import run_gcs
@@ -109,6 +111,18 @@ def test_addresses_that_cannot_be_read(address, tmp_path):
     assert code == 6
     assert f"failed: {address}: " in stderr
     assert "Traceback" not in stdout + stderr
+
+
+def test_an_address_of_thousands_of_letters_is_one_short_line():
+    with (
+        pytest.raises(StoreError, match=r"^memory://x+: no such file or folder$") as error,
+        store_errors("memory://" + "x" * 5000),
+    ):
+        raise FileNotFoundError
+    assert len(str(error.value)) < 300
+    with pytest.raises(StoreError) as error, store_errors("memory://a"):
+        raise OSError("words\n" * 5000)
+    assert "\n" not in str(error.value) and len(str(error.value)) < 600
 
 
 @pytest.fixture

@@ -51,6 +51,13 @@ def spoil(path, *statements):
     return path
 
 
+def quoted(path):
+    """A damaged schema, which SQLite quotes with letters that are none."""
+    data = path.read_bytes().replace(b"tablemetadata", b"tablemetadat\xab").replace(b"metadata (", b"metadata\x08(")
+    path.write_bytes(data)
+    return path
+
+
 @pytest.mark.parametrize(
     ("made", "said"),
     [
@@ -58,6 +65,7 @@ def spoil(path, *statements):
         (lambda path: path.write_bytes(b"no database at all" * 100) and path, "cannot be read as MBTiles"),
         (lambda path: path.mkdir() or path, "no such file"),
         (lambda path: spoil(path, "CREATE TABLE other (a)"), "cannot be read as MBTiles"),
+        (lambda path: quoted(make_tiles(path, {})), "cannot be read as MBTiles"),
         (lambda path: make_tiles(path, {}), "it has no tiles"),
         (lambda path: make_tiles(path, {(1, 0, 0): (1, 1, 1)}, kind="pbf"), "vector tiles"),
         (lambda path: make_tiles(path, {(1, 0, 0): b"\x1f\x8b\x08"}, kind=""), "vector tiles"),
