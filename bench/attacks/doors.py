@@ -37,7 +37,7 @@ WISH = (
 
 
 def doors_of_a_flight(options: Options) -> list[AttackRow]:
-    """Its folder is replaced, terminals, clients and servers misbehave, a mission came along, signals to end do not cease."""
+    """Its folder is replaced, terminals, clients and servers misbehave, a mission came along, signals do not cease."""
     cases: dict[str, Callable[[Options], tuple[bool, str]]] = {
         "a link takes the place of the flight's folder": _linked_folder,
         "a zero byte in a terminal's wish": _zero_byte,
@@ -184,7 +184,8 @@ def _ended_often(options: Options) -> tuple[bool, str]:
     with _flight(options, "often") as station:
         sent = 0
         while station.running and sent < MOST_SIGNALS:
-            os.kill(station.pid, signal.SIGINT)
+            # shells have background jobs ignore the first
+            os.kill(station.pid, (signal.SIGINT, signal.SIGTERM)[sent % 2])
             sent += 1
             time.sleep(0.1)
         code = station.end()
