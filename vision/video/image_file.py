@@ -18,6 +18,7 @@ __all__ = ["MOST_SIDE_PX", "decoded", "read_image"]
 MOST_SIDE_PX = 16384
 """No camera has a longer side."""
 MOST_BYTES = 256 << 20
+PNG, PNG_END = b"\x89PNG\r\n\x1a\n", b"IEND"
 FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TIFF")
 
 Image = NDArray[np.uint8]
@@ -29,12 +30,22 @@ def decoded(data: bytes, most_side_px: int = MOST_SIDE_PX) -> Image | None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of many pixels, which are counted here, and of odd tags
             with Picture.open(io.BytesIO(data), formats=FORMATS) as picture:
-                if max(picture.size) > most_side_px:
+                if max(picture.size) > most_side_px or (picture.format == "PNG" and not _is_whole_png(data)):
                     return None
         image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_COLOR)
     except (OSError, ValueError, SyntaxError, TypeError, LookupError, Picture.DecompressionBombError, cv2.error):
         return None
     return None if image is None else np.asarray(image, dtype=np.uint8)
+
+
+def _is_whole_png(data: bytes) -> bool:
+    """Whether the pieces of a PNG are as long as they say: OpenCV makes room for what they say before it reads them."""
+    at = len(PNG)
+    while at + 12 <= len(data):  # length, name, bytes, checksum
+        if data[at + 4 : at + 8] == PNG_END:
+            return True
+        at += 12 + int.from_bytes(data[at : at + 4], "big")
+    return False
 
 
 def read_image(path: Path) -> Image | None:
