@@ -32,7 +32,7 @@ def read_record(results: ResultStore, flight: str) -> FlightRecord | None:
         return None
     try:
         return msgspec.json.decode(data, type=FlightRecord)
-    except msgspec.DecodeError:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         _log.warning("%s: the record in %s cannot be read", flight, results.address)
         return None
 

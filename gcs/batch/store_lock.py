@@ -25,6 +25,8 @@ from gcs.errors import StoreError
 
 __all__ = ["held"]
 
+UNREADABLE = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
+"""Of a file that others may have written."""
 RENEW_S = 10.0
 WATCH_S = 30.0
 """A batch that has not renewed its object for so long is over."""
@@ -121,7 +123,7 @@ def _write(files: Any, path: str, holder: LockHolder) -> None:  # noqa: ANN401
 
 def _read(files: Any, path: str) -> LockHolder | None:  # noqa: ANN401
     """Who holds it; None for nobody, or what is no such object."""
-    with store_errors(path), contextlib.suppress(FileNotFoundError, msgspec.DecodeError):
+    with store_errors(path), contextlib.suppress(FileNotFoundError, *UNREADABLE):
         files.invalidate_cache()
         return msgspec.json.decode(files.cat_file(path), type=LockHolder)
     return None

@@ -129,7 +129,7 @@ def read_events(path: Path) -> tuple[list[Event], int]:
         for line in file:
             try:
                 row = decoder.decode(line)
-            except (msgspec.DecodeError, UnicodeDecodeError):
+            except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
                 skipped += 1
                 continue
             events.append(

@@ -77,7 +77,7 @@ def read_coco(path: Path) -> tuple[dict[str, Truth], int]:
     """
     try:
         file = msgspec.json.decode(_read(path), type=_CocoFile)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise LabelError(f"{path}: is no COCO file of boxes: {error}") from error
     categories = {category.id: category.name for category in file.categories}
     of_image: dict[int, list[_Annotation]] = defaultdict(list)

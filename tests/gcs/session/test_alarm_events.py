@@ -45,3 +45,12 @@ def test_a_row_of_an_older_recording_and_one_with_a_strange_level(tmp_path):
     events, skipped = read_events(path)
     assert skipped == 1
     assert [(event.text, event.alarm, event.alarm_level) for event in events] == [("the video has stopped", "", "")]
+
+
+def test_rows_nested_without_end_are_skipped(tmp_path):
+    path = tmp_path / "events.jsonl"
+    path.write_text(
+        '{"more": ' + "[" * 100_000 + "\n" + '{"time_us": 1, "level": "info", "kind": "link", "text": "a"}\n'
+    )
+    events, skipped = read_events(path)
+    assert ([event.text for event in events], skipped) == (["a"], 1)

@@ -128,3 +128,10 @@ def test_bytes_that_are_no_text_are_refused_in_a_line(tmp_path):
     path.write_bytes(b'{"images": [], "annotations": [], "categories": [{"id": 1, "name": "ca\xff\xff"}]}')
     with pytest.raises(LabelError, match=r"a\.json: is no COCO file"):
         read_coco(path)
+
+
+def test_a_file_nested_without_end_is_refused(tmp_path):
+    path = tmp_path / "a.json"
+    path.write_text('{"images": [], "annotations": [], "more": ' + "[" * 100_000)
+    with pytest.raises(LabelError, match="is no COCO file of boxes: maximum recursion depth"):
+        read_coco(path)
