@@ -22,12 +22,13 @@ def import_flight(
     out: Annotated[Path, typer.Option("--out", "-o", help="Session folder to write.")],
     video: Annotated[Path, typer.Option(help="The film.")],
     uav: Annotated[
-        Path | None, typer.Option(help="Log of the UAV that filmed: .srt (DJI), .bin, .ulg, .tlog, .csv or .gpx.")
+        Path | None,
+        typer.Option(help="Log of the UAV that filmed: .srt (DJI), .bin, .log, .ulg, .tlog, .csv and others."),
     ] = None,
     ugv: Annotated[
         list[str] | None,
         typer.Option(
-            help="Log of a ground vehicle, as 11=rover.bin (.bin, .ulg, .tlog, .csv, .gpx), or a table; repeatable."
+            help="Log of a ground vehicle, as 11=rover.bin (.ulg, .tlog, .csv, .gpx, .kml, .nmea …); repeatable."
         ),
     ] = None,
     tlog: Annotated[

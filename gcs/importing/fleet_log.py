@@ -16,7 +16,7 @@ from gcs.importing.messages import TlogRecord
 from gcs.importing.row_times import row_times
 from gcs.importing.vehicle_log import PlaceTrack, whole_places
 from mavlink.protocol.modes import is_aircraft, is_ground_vehicle, is_vehicle
-from mavlink.tlog.clocks import sender_clocks
+from mavlink.tlog.clocks import dated_by_senders, sender_clocks
 from mavlink.tlog.log import Tlog
 
 __all__ = ["FleetTlog", "open_fleet"]
@@ -119,7 +119,7 @@ def _with_tracks(fleet: FleetTlog) -> FleetTlog:
         places = _track(fleet, system_id)
         at = np.column_stack([places.lat_deg, places.lon_deg])
         whose = f"{fleet.tlog.path.name}, system {system_id}"
-        if len(places) and fleet.tlog.index.time_source != "none":
+        if len(places):
             ordered = row_times(places.t_us, at, whose)
             places = replace(places.select(ordered.rows), t_us=ordered.t_us)
             words += [f"{whose}: {said}" for said in ordered.assumed]
@@ -154,10 +154,12 @@ def _on_one_clock(tlog: Tlog) -> tuple[Ints, tuple[str, ...]]:
     Raises:
         ImportFileError: the stamps run faster or slower than the vehicles' clocks.
     """
+    if tlog.index.time_source == "none":
+        return _without_stamps(tlog)
     t_us = tlog.index.t_us.astype(np.int64)
     clocks = sender_clocks(tlog)
     known = [clock for clock in clocks if np.isfinite(clock.speed)]
-    if not known or tlog.index.time_source == "none":
+    if not known:
         return t_us, ()
     most = max(known, key=lambda clock: clock.samples)
     if not 1.0 / _MOST_SPEED < most.speed < _MOST_SPEED:
@@ -186,3 +188,18 @@ def _on_one_clock(tlog: Tlog) -> tuple[Ints, tuple[str, ...]]:
     begins = int(tlog.index.offset[np.argmax(ahead_us == kept_us)])
     words = f"{tlog.path.name}: {', '.join(said)}: all times are on the clock that it has from byte {begins} on"
     return t_us - ahead_us + kept_us, (words,)
+
+
+def _without_stamps(tlog: Tlog) -> tuple[Ints, tuple[str, ...]]:
+    """Times of a log that a station wrote as it received it, ``.rlog`` or ``.raw``.
+
+    Raises:
+        ImportFileError: no vehicle tells the date.
+    """
+    t_us = dated_by_senders(tlog)
+    if not len(t_us):
+        raise ImportFileError(
+            f"{tlog.path}: its records have no time stamps, and no vehicle tells the date (SYSTEM_TIME); give the "
+            ".tlog of the same flight"
+        )
+    return t_us, (f"{tlog.path.name}: no time stamps in it: times are by the vehicles' own clocks (SYSTEM_TIME)",)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "M_PER_HDOP",
     "AngleTrack",
     "ImportNotes",
     "LogClock",
@@ -32,6 +33,9 @@ __all__ = [
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 LogClock = Literal["video", "frame", "utc", "own"]
+
+M_PER_HDOP = 1.5
+"""1σ of a single-frequency receiver at a dilution of 1, metres."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

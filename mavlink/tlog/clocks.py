@@ -15,12 +15,15 @@ from infra.clock_steps import level_steps, restarts
 from mavlink.tlog.log import Tlog
 from mavlink.tlog.scan import Ints
 
-__all__ = ["ClockStep", "SenderClock", "sender_clocks"]
+__all__ = ["ClockStep", "SenderClock", "dated_by_senders", "sender_clocks"]
 
 _STEP_US = 2_000_000
 _AROUND = 200  # samples on either side of a step: late traffic is over by then
 _BACK_MS = 1001
 _WRAP_MS = 1 << 32
+_SYSTEM_TIME = 2
+_UNIX_FROM_US = 1_000_000_000_000_000
+"""Clocks that were never set begin in 1970."""
 _CHUNKS = 40
 
 
@@ -63,6 +66,33 @@ def sender_clocks(tlog: Tlog) -> tuple[SenderClock, ...]:
         for key in np.unique(sender)
         if np.count_nonzero(sender == key) >= 2
     )
+
+
+def dated_by_senders(tlog: Tlog) -> Ints:
+    """(n,) Unix µs of each record by the clocks of those senders that tell the date by SYSTEM_TIME; empty by none.
+
+    For logs without stamps. What carries no time has that of what was recorded around it.
+    """
+    index = tlog.index
+    dated, wire = tlog.columns(_SYSTEM_TIME)
+    unix_us, since_us = wire["time_unix_usec"].astype(np.int64), wire["time_boot_ms"].astype(np.int64) * 1000
+    rows, boot_ms = _boot_times(tlog)
+    t_us = np.zeros(rows.size, dtype=np.int64)
+    owner = index.system_id.astype(np.int64) << 8 | index.component_id
+    for sender in np.unique(owner[dated]).tolist():
+        told = (owner[dated] == sender) & (unix_us >= _UNIX_FROM_US) & (since_us > 0)
+        zero_us = (unix_us - since_us)[told]
+        # a sender that was restarted has several
+        if zero_us.size and np.ptp(zero_us) < _STEP_US:
+            its = owner[rows] == sender
+            t_us[its] = int(np.median(zero_us)) + 1000 * boot_ms[its]
+    rows, t_us = rows[t_us > 0], t_us[t_us > 0]
+    if not rows.size:
+        return np.empty(0, dtype=np.int64)
+    between = np.interp(np.arange(len(index)), rows, (np.maximum.accumulate(t_us) - t_us[0]).astype(np.float64))
+    found = np.rint(between).astype(np.int64) + t_us[0]
+    found[rows] = t_us
+    return found
 
 
 def _boot_times(tlog: Tlog) -> tuple[Ints, Ints]:

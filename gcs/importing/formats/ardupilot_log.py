@@ -15,6 +15,7 @@ from gcs.errors import ImportFileError
 from gcs.importing.formats.dataflash import DataflashTables, read_tables
 from gcs.importing.row_times import RowTimes, ascending, longest_level, row_times
 from gcs.importing.vehicle_log import (
+    M_PER_HDOP,
     AngleTrack,
     ImportNotes,
     PlaceTrack,
@@ -36,8 +37,6 @@ _MOST_WEEKS = 10_000
 _FIX_3D = 3
 _GAP_US = 2_000_000
 """Longest hole that is bridged where one record tells what another lacks."""
-_M_PER_HDOP = 1.5
-"""1σ of a single-frequency receiver at a dilution of 1."""
 _LATEST = 0.95
 """Quantile of the differences of GPS time and the log's: a record is written some time after the fix that it has."""
 _STEP_US = 2_000_000
@@ -58,11 +57,10 @@ def read_ardupilot(path: Path) -> VehicleLog:
     attitudes = _angles(tables.rows("ATT", "TimeUS", "Roll", "Pitch", "Yaw"), ("Roll", "Pitch", "Yaw"))
     heading = at_times(places.t_us, attitudes.t_us, attitudes.angles[:, 2], _GAP_US, turns=True)
     gimbal = _gimbal(tables)
-    found = [f"dataflash, {len(places)} positions of {what}", f"{len(attitudes)} attitudes"]
+    found = [f"{tables.what}, {len(places)} positions of {what}", f"{len(attitudes)} attitudes"]
     if len(gimbal):
         found.append(f"{len(gimbal)} attitudes of the gimbal")
     shift_us = zero_us or 0
-    left_out = {"damaged bytes": tables.damaged, "records beyond what is kept": tables.beyond}
     return VehicleLog(
         source=path.name,
         clock="own" if zero_us is None else "utc",
@@ -73,7 +71,7 @@ def read_ardupilot(path: Path) -> VehicleLog:
         notes=ImportNotes(
             found=tuple(found),
             assumed=(*contradictions, *notes.assumed),
-            skipped={**{name: count for name, count in left_out.items() if count}, **notes.skipped},
+            skipped={**tables.left_out, **notes.skipped},
         ),
     )
 
@@ -171,9 +169,7 @@ def _std_m(tables: DataflashTables) -> float:
         return float(np.median(accuracy["HAcc"][accuracy["HAcc"] > 0].astype(float)))
     fixes = _fixes(tables, "HDop")
     return (
-        _M_PER_HDOP * float(np.median(fixes["HDop"].astype(float)))
-        if fixes is not None and len(fixes)
-        else float("nan")
+        M_PER_HDOP * float(np.median(fixes["HDop"].astype(float))) if fixes is not None and len(fixes) else float("nan")
     )
 
 

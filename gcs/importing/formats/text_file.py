@@ -12,12 +12,13 @@ from typing import BinaryIO, TextIO
 from gcs.errors import ImportFileError
 from infra.files.safe_open import open_to_read
 
-__all__ = ["MOST_LINE_CHARS", "open_file", "text_lines"]
+__all__ = ["LOOKED_AT", "MOST_LINE_CHARS", "open_file", "text_lines"]
 
 MOST_LINE_CHARS = 4096
 """No line of a subtitle or table that is one is longer."""
 _MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
-_LOOKED_AT = 4096
+LOOKED_AT = 4096
+"""Bytes at the beginning of a file that tell what it is."""
 
 
 def open_file(path: Path) -> BinaryIO:
@@ -45,7 +46,7 @@ def text_lines(path: Path) -> Iterator[str]:
         ImportFileError: it cannot be opened.
     """
     with open_file(path) as raw:
-        head = raw.read(_LOOKED_AT)
+        head = raw.read(LOOKED_AT)
         encoding = next((name for mark, name in _MARKS if head.startswith(mark)), _guess(head))
     with os.fdopen(open_to_read(path), encoding=encoding, errors="replace") as file:
         yield from _lines(file)

@@ -23,15 +23,15 @@ from tests.support.imports.straight import (
 )
 
 WITHIN_M, WITHIN_DEG = 0.05, 0.5
-DATED = ("rover.csv", "rover.gpx", "rover.bin", "rover.ulg", "rover.tlog")
+DATED = tuple(f"rover.{suffix}" for suffix in ("csv", "gpx", "kml", "nmea", "bin", "log", "ulg", "tlog"))
 """Positions are on the clock of the date; of the others on that of the film."""
 FILM_TIMES_ARE_ITS_OWN = "messages"
 """Their times are those of the pictures: a film whose time stamps begin again is refused."""
-WRITTEN_BY_TIME = ("rover.bin", "rover.ulg")
+WRITTEN_BY_TIME = ("rover.bin", "rover.log", "rover.ulg")
 """Their times are broken in tests of their own."""
 SMOOTHED = ("film.srt", "siyi")
-WITH_BODY = tuple(name for name in READERS if name not in ("rover.gpx", *SMOOTHED))
-WITH_HEIGHT = ("rover.csv", "elapsed.csv", "rover.bin", "rover.tlog", "film.srt", "messages")
+WITH_BODY = tuple(name for name in READERS if name not in ("rover.gpx", "rover.kml", "rover.nmea", *SMOOTHED))
+WITH_HEIGHT = ("rover.csv", "elapsed.csv", "rover.bin", "rover.log", "rover.tlog", "film.srt", "messages")
 ALL_TIMES = [name for name in READERS if name not in (*WRITTEN_BY_TIME, FILM_TIMES_ARE_ITS_OWN)]
 rows = st.integers(12, N - 12)
 few = settings(max_examples=2, phases=[Phase.generate])

@@ -18,6 +18,7 @@ from tests.support.imports.film_writers import with_klv, with_sei, with_subtitle
 from tests.support.imports.flown import fly
 from tests.support.imports.log_writers import dataflash, gpx, pose_csv, positions_csv, ulog
 from tests.support.imports.srt_writers import LAYOUTS, srt
+from tests.support.imports.text_writers import dataflash_text, kml, nmea
 from vision.errors import VisionError
 
 NUMBERS = [
@@ -35,7 +36,7 @@ NUMBERS = [
     b"-91",
     b"1e18",
 ]
-TEXTS = ("srt", "csv", "gpx")
+TEXTS = ("srt", "csv", "gpx", "kml", "nmea", "log")
 SEEDS = range(25)
 
 
@@ -55,6 +56,9 @@ def samples(tmp_path_factory):
         "positions.csv": positions_csv(flown, (11, 12)).encode(),
         "pose.csv": pose_csv(flown).encode(),
         "rovers.gpx": gpx(flown, (11, 12)).encode(),
+        "rovers.kml": kml(flown, (11, 12)).encode(),
+        "rover.nmea": nmea(flown, 11).encode(),
+        "rover.log": dataflash_text(dataflash(flown, 11, gimbal_deg=(0.0, -45.0, 10.0))).encode(),
         "rover.bin": dataflash(flown, 11, gimbal_deg=(0.0, -45.0, 10.0)),
         "rover.ulg": ulog(flown, 11),
         "uav.tlog": (flown.session / "telemetry.tlog").read_bytes()[:40_000],
@@ -64,7 +68,20 @@ def samples(tmp_path_factory):
 
 NAMES = (
     *(f"{layout}.srt" for layout in LAYOUTS),
-    *("positions.csv", "pose.csv", "rovers.gpx", "rover.bin", "rover.ulg", "uav.tlog", "ts", "sei.mp4", "siyi.mkv"),
+    *(
+        "positions.csv",
+        "pose.csv",
+        "rovers.gpx",
+        "rovers.kml",
+        "rover.nmea",
+        "rover.log",
+        "rover.bin",
+        "rover.ulg",
+        "uav.tlog",
+        "ts",
+        "sei.mp4",
+        "siyi.mkv",
+    ),
 )
 
 
@@ -153,7 +170,7 @@ def test_whole_files_are_read_whole(name, samples, tmp_path):
     assert all(not log.notes.skipped for log in read(path))
 
 
-@pytest.mark.parametrize("suffix", ["srt", "csv", "gpx", "bin", "ulg"])
+@pytest.mark.parametrize("suffix", ["srt", "csv", "gpx", "kml", "nmea", "log", "bin", "ulg"])
 @pytest.mark.parametrize("data", [b"\0" * 100_000, b"\xff" * 100_000, b"1" * 1_000_000, b"\n" * 100_000, b"<" * 10_000])
 def test_long_nonsense(suffix, data, tmp_path):
     path = tmp_path / f"nonsense.{suffix}"

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs.errors import ImportFileError
 from gcs.importing.fleet_log import open_fleet
@@ -100,3 +101,32 @@ def test_a_vehicle_with_a_receiver_alone(tmp_path):
     (log,) = read_vehicle_logs(tmp_path / "rover.tlog")
     assert_path(log.places, T0)
     assert log.notes.found[0] == f"telemetry log, {STEPS} fixes of the receiver alone"
+
+
+def unstamped(path, *, dated=True, late_us=0):
+    """What a station wrote as it received it, without its clock, of rovers that were started at different times."""
+    with path.open("wb") as file:
+        for k in range(STEPS):
+            for system_id in (11, 12):
+                speaker, boot_ms = MavlinkEncoder(system_id), 60_000 * system_id + 200 * k
+                file.write(speaker.global_position_int(boot_ms, *path_of(k), 0.0, (2.0, 0.0, 0.0), 0.0))
+                if k % 5 == 0:
+                    unix_us = T0 + 200_000 * k + (late_us if k > STEPS // 2 else 0)
+                    clock = dialect.MAVLink_system_time_message(unix_us if dated else 0, boot_ms)
+                    file.write(speaker.heartbeat(kind=ROVER) + speaker.pack(clock))
+    return path
+
+
+@pytest.mark.parametrize("suffix", ["rlog", "raw", "tlog"])
+def test_a_log_without_stamps_has_the_vehicles_times(suffix, tmp_path):
+    for log in read_vehicle_logs(unstamped(tmp_path / f"fleet.{suffix}")):
+        assert_path(log.places, T0)
+        assert log.notes.assumed[0] == (
+            f"fleet.{suffix}: no time stamps in it: times are by the vehicles' own clocks (SYSTEM_TIME)"
+        )
+
+
+@pytest.mark.parametrize("trouble", [{"dated": False}, {"late_us": 3_600_000_000}])
+def test_a_log_without_stamps_whose_vehicles_know_no_date_is_refused(trouble, tmp_path):
+    with pytest.raises(ImportFileError, match="no vehicle tells the date"):
+        open_fleet(unstamped(tmp_path / "fleet.rlog", **trouble))

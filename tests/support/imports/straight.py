@@ -23,6 +23,7 @@ from mavlink.protocol.encoder import ROVER, MavlinkEncoder
 from tests.support.imports.film_writers import klv_set, siyi, telemetry
 from tests.support.imports.log_writers import dataflash, gpx, ulog
 from tests.support.imports.srt_writers import Spot, srt
+from tests.support.imports.text_writers import dataflash_text, kml, nmea
 
 N, STEP_US = 160, 250_000
 T0_US = 1_760_000_000_000_000
@@ -119,7 +120,10 @@ FILES = {
     "rover.csv": lambda drive: _table(drive, "time_us"),
     "elapsed.csv": lambda drive: _table(drive, "elapsed_s"),
     "rover.gpx": lambda drive: gpx(drive, (11,)),
+    "rover.kml": lambda drive: kml(drive, (11,)),
+    "rover.nmea": lambda drive: nmea(drive, 11),
     "rover.bin": lambda drive: dataflash(drive, 11),
+    "rover.log": lambda drive: dataflash_text(dataflash(drive, 11)),
     "rover.ulg": lambda drive: ulog(drive, 12),
     "rover.tlog": _tlog,
     "film.srt": lambda drive: srt("enterprise", list(drive.spots())),

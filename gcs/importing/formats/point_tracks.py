@@ -1,0 +1,176 @@
+"""Tracks that are points with times and places, whichever file has them: of one vehicle each."""
+
+from __future__ import annotations
+
+import math
+import re
+from array import array
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from gcs.errors import ImportFileError
+from gcs.importing.row_times import row_times
+from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog, whole_places
+from infra.plain_text import plain
+from infra.xml_text import ElementHandler, XmlRefusedError, read_elements
+
+__all__ = ["PointTracks", "number_of", "read_xml_tracks"]
+
+_MOST_POINTS = 1_000_000
+_MOST_TRACKS = 255
+_MOST_NAME = 200
+_COLUMNS = 8
+"""Of a point: Unix seconds, degrees, metres above the sea and above the take-off, 1σ in metres, m/s north and east."""
+_NUMBER = re.compile(r"(?<!\d)(\d{1,3})(?!.*\d)")
+_DATES = re.compile(r"\d{5,}|\d{1,4}(?:[-._:/T]\d{1,2}){2,}")
+"""Dates and times in a name: no number of a vehicle."""
+
+
+@dataclass(slots=True)
+class _PointTrack:
+    name: str = ""
+    columns: array[float] = field(default_factory=lambda: array("d"))
+
+
+class PointTracks:
+    """The tracks of a file as they are read."""
+
+    def __init__(self, path: Path, what: str) -> None:
+        self.skipped: Counter[str] = Counter()
+        self.assumed: dict[str, None] = {}
+        """In words, once each."""
+        self._path, self._what = path, what
+        self._tracks: list[_PointTrack] = []
+        self._open = _PointTrack()
+        self._count = 0
+
+    def __len__(self) -> int:
+        """How many points are kept."""
+        return sum(len(track.columns) for track in (*self._tracks, self._open)) // _COLUMNS
+
+    def name(self, text: str) -> None:
+        """What the track that is read is called."""
+        self._open.name = plain(text.strip()[:_MOST_NAME])
+
+    def add(
+        self,
+        unix_s: float,
+        place: tuple[float, float],
+        *,
+        alt_m: float = math.nan,
+        height_m: float = math.nan,
+        std_m: float = math.nan,
+        v_mps: tuple[float, float] = (math.nan, math.nan),
+    ) -> None:
+        """The track's next point; one without a time or a place is counted.
+
+        Args:
+            unix_s: NaN unknown.
+            place: latitude and longitude, degrees.
+            alt_m: above sea level.
+            height_m: above the take-off.
+            std_m: 1σ of the place per axis.
+            v_mps: velocity north and east.
+
+        Raises:
+            ImportFileError: there are too many.
+        """
+        self._count += 1
+        if self._count > _MOST_POINTS:
+            raise ImportFileError(f"{self._path}: more than {_MOST_POINTS} points; cut it where the flight ends")
+        if not (math.isfinite(unix_s) and unix_s >= 0.0):
+            self.skipped["points without a time"] += 1
+        elif not whole_places(np.array([place[0]]), np.array([place[1]]))[0]:
+            self.skipped["points that are no place"] += 1
+        else:
+            self._open.columns.extend((unix_s, *place, alt_m, height_m, std_m, *v_mps))
+
+    def end(self) -> None:
+        """The track that was read is whole.
+
+        Raises:
+            ImportFileError: there are too many.
+        """
+        if self._open.columns:
+            if len(self._tracks) >= _MOST_TRACKS:
+                raise ImportFileError(f"{self._path}: more than {_MOST_TRACKS} tracks")
+            self._tracks.append(self._open)
+        self._open = _PointTrack()
+
+    def logs(self) -> list[VehicleLog]:
+        """The vehicles: system ids are the last number in a track's name, 0 without one.
+
+        Raises:
+            ImportFileError: there is no point that can be used, or times are of no clock.
+        """
+        self.end()
+        found = list(self._logs())
+        if not found:
+            left_out = "".join(f"; {count} {reason}" for reason, count in self.skipped.items())
+            raise ImportFileError(f"{self._path}: no point with a place and a time in it{left_out}")
+        return found
+
+    def _logs(self) -> Iterator[VehicleLog]:
+        for track in self._tracks:
+            table = np.array(track.columns).reshape(-1, _COLUMNS)
+            source = f"{self._path.name} ({track.name})" if track.name else self._path.name
+            ordered = row_times(np.rint(table[:, 0] * 1e6).astype(np.int64), table[:, 1:3], source)
+            table, number = table[ordered.rows], _NUMBER.search(_DATES.sub("", track.name))
+            system_id = int(number.group(1)) if number else 0
+            std_m = table[:, 5][np.isfinite(table[:, 5])]
+            yield VehicleLog(
+                source=source,
+                clock="utc",
+                system_id=system_id if system_id <= 255 else 0,
+                places=PlaceTrack.of(
+                    ordered.t_us,
+                    table[:, 1],
+                    table[:, 2],
+                    alt_m=table[:, 3],
+                    height_m=table[:, 4],
+                    v_ned=np.column_stack([table[:, 6:8], np.full(len(table), np.nan)]),
+                    std_m=float(np.median(std_m)) if len(std_m) else math.nan,
+                ),
+                notes=ImportNotes(
+                    found=(f"{self._what}, {len(table)} points",),
+                    assumed=(*self.assumed, *ordered.assumed),
+                    skipped={**self.skipped, **ordered.skipped},
+                ),
+            )
+
+
+def read_xml_tracks(file: BinaryIO, tracks: PointTracks, ended: ElementHandler, where: str, most_text: int) -> None:
+    """Read tracks out of XML; a file that ends in the middle has those that are there.
+
+    Args:
+        file: of others.
+        tracks: what the handler fills.
+        ended: handler of elements.
+        where: names file and format in messages.
+        most_text: letters that are kept of an element.
+
+    Raises:
+        ImportFileError: it is not XML, or no XML of tracks.
+    """
+    try:
+        broken = read_elements(file, ended, most_text)
+    except XmlRefusedError as error:
+        raise ImportFileError(f"{where}: {error}") from None
+    if broken and not len(tracks):
+        raise ImportFileError(f"{where}: {broken}")
+    tracks.skipped["ends in the middle"] += bool(broken)
+    tracks.skipped = +tracks.skipped
+
+
+def number_of(text: str) -> float:
+    """A number, NaN where it is none."""
+    try:
+        value = float(text) if len(text) < 40 else math.nan
+    except ValueError:
+        return math.nan
+    return value if math.isfinite(value) else math.nan

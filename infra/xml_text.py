@@ -1,0 +1,78 @@
+"""XML of others, an element at a time: within bounds, and without entities, which may expand to any size."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import BinaryIO
+from xml.parsers import expat
+
+__all__ = ["MOST_DEPTH", "ElementHandler", "XmlRefusedError", "read_elements"]
+
+MOST_DEPTH = 64
+_CHUNK = 1 << 16
+
+ElementHandler = Callable[[Sequence[str], Mapping[str, str], str], None]
+"""Takes the names from the outermost element to this one, without prefixes, its attributes, and its own text."""
+
+
+class XmlRefusedError(ValueError):
+    """XML that no reader of ours has to do with: in one line."""
+
+
+class _Elements:
+    """Elements that are open."""
+
+    def __init__(self, ended: ElementHandler, most_text: int) -> None:
+        self._ended, self._most_text = ended, most_text
+        self._names: list[str] = []
+        self._attributes: list[dict[str, str]] = []
+        self._texts: list[str] = []
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        if len(self._names) >= MOST_DEPTH:
+            raise XmlRefusedError(f"it is nested more than {MOST_DEPTH} deep")
+        self._names.append(tag.rpartition(":")[2])
+        self._attributes.append(attributes)
+        self._texts.append("")
+
+    def text(self, data: str) -> None:
+        if len(self._texts[-1]) < self._most_text:
+            self._texts[-1] = (self._texts[-1] + data)[: self._most_text]
+
+    def end(self, _tag: str) -> None:
+        self._ended(self._names, self._attributes[-1], self._texts[-1])
+        self._names.pop()
+        self._attributes.pop()
+        self._texts.pop()
+
+    def refuse(self, *_: object) -> None:
+        raise XmlRefusedError("it has a document type definition, which is not read")
+
+
+def read_elements(file: BinaryIO, ended: ElementHandler, most_text: int) -> str:
+    """Call a handler at the end of each element.
+
+    Args:
+        file: bytes in any encoding that XML has.
+        ended: may raise whatever it likes but ``ValueError`` and ``LookupError``.
+        most_text: letters that are kept of each element.
+
+    Returns:
+        Why the document ends before its time, in one line; empty if it is whole.
+
+    Raises:
+        XmlRefusedError: it has a document type definition, or is nested too deeply.
+    """
+    elements, parser = _Elements(ended, most_text), expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = elements.start, elements.end
+    parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = elements.text, elements.refuse
+    parser.buffer_text = True
+    try:
+        while chunk := file.read(_CHUNK):
+            parser.Parse(chunk, False)
+        parser.Parse(b"", True)
+    except XmlRefusedError:
+        raise
+    except (expat.ExpatError, ValueError, LookupError) as error:
+        return " ".join(str(error).split())
+    return ""
