@@ -61,6 +61,9 @@ def import_flight(
     mount: Annotated[
         Literal["stabilized", "fixed", "gimbal"] | None, typer.Option(help="How the camera hangs; else as found.")
     ] = None,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Of each file: its clock, what was read, assumed and left out.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Write a session from a flight that others recorded: film, logs, tables."""
@@ -82,9 +85,7 @@ def import_flight(
     if as_json:
         print_json({**report.table(), "uav": report.uav_id, "ugv": list(report.ugv_ids), "folder": str(out)})
         return
-    rows = [*report.found, *(("assumed", text) for text in report.assumed)]
-    rows += [("left out", f"{count} of {reason}") for reason, count in report.left_out.items()]
-    print_table(("what", "how"), rows, head=False)
+    print_table(("what", "how"), report.explained() if explain else report.rows(), head=False)
     print_note(f"wrote {out}; next: gcs identify {out} -o {out}-names")
 
 

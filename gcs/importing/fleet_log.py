@@ -1,4 +1,4 @@
-"""A fleet's telemetry log as it is: who sends in it, and where the ground vehicles were."""
+"""Telemetry logs: who sends in one, where the vehicles were, and each of them as a vehicle's log."""
 
 from __future__ import annotations
 
@@ -13,15 +13,19 @@ from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.importing.messages import TlogRecord
-from gcs.importing.row_times import row_times
-from gcs.importing.vehicle_log import PlaceTrack, whole_places
+from gcs.importing.row_times import ascending, row_times
+from gcs.importing.vehicle_log import AngleTrack, ImportNotes, PlaceTrack, VehicleLog, in_order, whole_places
+from mavlink.estimation.gimbal import yaw_frame
+from mavlink.geodesy import euler_from_quaternion
 from mavlink.protocol.modes import is_aircraft, is_ground_vehicle, is_vehicle
 from mavlink.tlog.clocks import dated_by_senders, sender_clocks
 from mavlink.tlog.log import Tlog
 
-__all__ = ["FleetTlog", "open_fleet"]
+__all__ = ["FleetTlog", "open_fleet", "read_tlog_vehicles"]
 
-_HEARTBEAT, _GLOBAL_POSITION = 0, 33
+_HEARTBEAT, _GPS_RAW, _ATTITUDE, _GLOBAL_POSITION, _GIMBAL = 0, 24, 30, 33, 285
+_FIX_3D = 3
+_UNKNOWN_MM = 0xFFFFFFFF
 _UNKNOWN_SPEED = 32767
 _UNKNOWN_HEADING = 36000
 _MOST_SPEED = 1.25
@@ -43,6 +47,8 @@ class FleetTlog:
     aircraft: tuple[int, ...]
     """System ids by their heartbeats, ascending."""
     ground: tuple[int, ...]
+    clock: str
+    """In words, whose clock ``t_us`` is, and what shows that it is that of the flight."""
     tracks: Mapping[int, PlaceTrack]
     """Where these were, by system id, by arrival, Unix µs."""
     assumed: tuple[str, ...] = ()
@@ -86,7 +92,7 @@ def open_fleet(path: Path) -> FleetTlog:
         ImportFileError: its times are not those of the flight.
     """
     tlog = Tlog.open(path)
-    t_us, assumed = _on_one_clock(tlog)
+    t_us, clock, assumed = _on_one_clock(tlog)
     rows, wire = tlog.columns(_HEARTBEAT)
     kinds: dict[int, int] = {}
     autopilots: dict[int, int] = {}
@@ -100,6 +106,7 @@ def open_fleet(path: Path) -> FleetTlog:
         tlog=tlog,
         t_us=t_us,
         autopilots=autopilots,
+        clock=clock,
         assumed=assumed,
         aircraft=tuple(sorted(i for i, kind in kinds.items() if is_aircraft(kind))),
         ground=tuple(sorted(i for i, kind in kinds.items() if is_ground_vehicle(kind))),
@@ -146,8 +153,8 @@ def _track(fleet: FleetTlog, system_id: int) -> PlaceTrack:
     return places.select(whole_places(places.lat_deg, places.lon_deg))
 
 
-def _on_one_clock(tlog: Tlog) -> tuple[Ints, tuple[str, ...]]:
-    """Times of all records on the recorder's clock as it was for most of them, and in words where it was set.
+def _on_one_clock(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
+    """Times of all records on the recorder's clock as it was for most of them, in words which, and where it was set.
 
     That it was set is told by the vehicles' own clocks, which went on.
 
@@ -160,7 +167,7 @@ def _on_one_clock(tlog: Tlog) -> tuple[Ints, tuple[str, ...]]:
     clocks = sender_clocks(tlog)
     known = [clock for clock in clocks if np.isfinite(clock.speed)]
     if not known:
-        return t_us, ()
+        return t_us, "that of the station that recorded it; no vehicle's tells whether it is right", ()
     most = max(known, key=lambda clock: clock.samples)
     if not 1.0 / _MOST_SPEED < most.speed < _MOST_SPEED:
         raise ImportFileError(
@@ -181,17 +188,19 @@ def _on_one_clock(tlog: Tlog) -> tuple[Ints, tuple[str, ...]]:
         first = min(same, key=lambda other: other.row)
         ahead_us[first.row :] += round(step.by_s * 1e6)
         said.append(f"the recorder's clock was set by {step.by_s:+.1f} s at byte {first.offset}")
+    beside = f"the clock of system {most.system_id} runs {most.speed:.4f} times as fast"
+    clock = f"that of the station that recorded it: {beside}"
     if not said:
-        return t_us, ()
+        return t_us, clock, ()
     values, counts = np.unique(ahead_us, return_counts=True)
     kept_us = values[np.argmax(counts)]
     begins = int(tlog.index.offset[np.argmax(ahead_us == kept_us)])
     words = f"{tlog.path.name}: {', '.join(said)}: all times are on the clock that it has from byte {begins} on"
-    return t_us - ahead_us + kept_us, (words,)
+    return t_us - ahead_us + kept_us, clock, (words,)
 
 
-def _without_stamps(tlog: Tlog) -> tuple[Ints, tuple[str, ...]]:
-    """Times of a log that a station wrote as it received it, ``.rlog`` or ``.raw``.
+def _without_stamps(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
+    """As ``_on_one_clock``, of a log that a station wrote as it received it, ``.rlog`` or ``.raw``.
 
     Raises:
         ImportFileError: no vehicle tells the date.
@@ -202,4 +211,77 @@ def _without_stamps(tlog: Tlog) -> tuple[Ints, tuple[str, ...]]:
             f"{tlog.path}: its records have no time stamps, and no vehicle tells the date (SYSTEM_TIME); give the "
             ".tlog of the same flight"
         )
-    return t_us, (f"{tlog.path.name}: no time stamps in it: times are by the vehicles' own clocks (SYSTEM_TIME)",)
+    said = f"{tlog.path.name}: no time stamps in it: times are by the vehicles' own clocks (SYSTEM_TIME)"
+    return t_us, "the vehicles' own, by the dates that they tell", (said,)
+
+
+def read_tlog_vehicles(path: Path) -> list[VehicleLog]:
+    """The vehicles that report positions, by system id, on the clock of the station that recorded.
+
+    Raises:
+        ImportFileError: nobody reports one.
+        TlogError: it is no telemetry log.
+    """
+    fleet = open_fleet(path)
+    logs = [_vehicle_log(path, fleet, system_id) for system_id in sorted((*fleet.aircraft, *fleet.ground))]
+    logs = [log for log in logs if len(log.places)]
+    if not logs:
+        raise ImportFileError(f"{path}: no vehicle reports a position in it")
+    return logs
+
+
+def _vehicle_log(path: Path, fleet: FleetTlog, system_id: int) -> VehicleLog:
+    places, what = fleet.places(system_id), "positions"
+    if not len(places):
+        places, what = _fixes(fleet, system_id), "fixes of the receiver alone"
+    attitudes, gimbal = _attitudes(fleet, system_id), _gimbal(fleet, system_id)
+    found = (
+        f"telemetry log, {len(places)} {what}",
+        f"{len(attitudes)} attitudes",
+        f"{len(gimbal)} attitudes of the gimbal",
+    )
+    return VehicleLog(
+        source=path.name,
+        clock="utc",
+        dated=fleet.clock,
+        system_id=system_id,
+        places=replace(places.select(in_order(places.t_us)), std_m=_std_m(fleet, system_id)),
+        attitudes=attitudes,
+        gimbal=gimbal,
+        notes=ImportNotes(found=found[: 3 if len(gimbal) else 2], assumed=fleet.assumed, skipped=fleet.skipped),
+    )
+
+
+def _fixes(fleet: FleetTlog, system_id: int) -> PlaceTrack:
+    """By GPS_RAW_INT, of a vehicle that estimates no position."""
+    t_us, wire = fleet.columns(_GPS_RAW, system_id)
+    lat, lon = wire["lat"] * 1e-7, wire["lon"] * 1e-7
+    rows = np.flatnonzero((wire["fix_type"] >= _FIX_3D) & whole_places(lat, lon))
+    rows = rows[np.argsort(t_us[rows], kind="stable")]
+    return PlaceTrack.of(t_us[rows], lat[rows], lon[rows], alt_m=wire["alt"][rows] * 1e-3)
+
+
+def _std_m(fleet: FleetTlog, system_id: int) -> float:
+    """Median of what the receiver estimates, NaN where it does not."""
+    _, wire = fleet.columns(_GPS_RAW, system_id)
+    known = (wire["h_acc"] > 0) & (wire["h_acc"] < _UNKNOWN_MM)
+    return float(np.median(wire["h_acc"][known])) * 1e-3 if known.any() else float("nan")
+
+
+def _attitudes(fleet: FleetTlog, system_id: int) -> AngleTrack:
+    t_us, wire = fleet.columns(_ATTITUDE, system_id)
+    order = ascending(t_us)
+    angles = np.column_stack([wire[name].astype(float) for name in ("roll", "pitch", "yaw")])
+    return AngleTrack(t_us=t_us[order], angles=angles[order])
+
+
+def _gimbal(fleet: FleetTlog, system_id: int) -> AngleTrack:
+    """By GIMBAL_DEVICE_ATTITUDE_STATUS, in the frame of its first report."""
+    rows, wire = fleet.tlog.columns(_GIMBAL, system_id)
+    if not len(rows):
+        return AngleTrack.empty()
+    t_us = fleet.t_us[rows]
+    order = ascending(t_us)
+    angles = np.array([euler_from_quaternion(*q) for q in wire["q"][order].astype(float).tolist()]).reshape(-1, 3)
+    earth = yaw_frame(int(wire["flags"][0])) == "earth"
+    return AngleTrack(t_us=t_us[order], angles=angles, yaw_from="north" if earth else "nose")

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
@@ -17,6 +15,7 @@ from gcs.importing.clock_choice import searched_times
 from gcs.importing.film import ImportedFilm, open_film
 from gcs.importing.film_log import read_film_log
 from gcs.importing.ground_vehicles import LAST_ID, GroundVehicles, read_ground_vehicles
+from gcs.importing.import_report import ImportReport, source_accounts
 from gcs.importing.messages import TlogRecord, vehicle_records
 from gcs.importing.session_folder import write_imported
 from gcs.importing.smoothing import filled_in
@@ -26,7 +25,7 @@ from gcs.importing.vehicle_log import VehicleLog
 from gcs.mission.mission import Clock, Mission, MissionVehicle
 from mavlink.geodesy import separation_m
 
-__all__ = ["ImportOptions", "ImportReport", "import_flight"]
+__all__ = ["ImportOptions", "import_flight"]
 
 _FAR_M = 100_000.0
 """A UAV that is farther from its fleet than this is not above it."""
@@ -47,27 +46,6 @@ class ImportOptions:
     clock_within_s: float = math.inf
     """Largest offset that is searched, either way."""
     camera: CameraOptions = field(default_factory=CameraOptions)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ImportReport:
-    """What was found, assumed and left out."""
-
-    found: tuple[tuple[str, str], ...]
-    """Subject and text."""
-    assumed: tuple[str, ...]
-    left_out: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
-    """How many records, by file and reason."""
-    uav_id: int = 0
-    ugv_ids: tuple[int, ...] = ()
-
-    def table(self) -> dict[str, Any]:
-        """For session.toml and for programs."""
-        return {
-            "found": {subject: text for subject, text in self.found},
-            "assumed": list(self.assumed),
-            "left_out": dict(self.left_out),
-        }
 
 
 def import_flight(out: Path, options: ImportOptions) -> ImportReport:
@@ -209,25 +187,18 @@ def _report(
     timeline: FilmTimes,
     uav_id: int,
 ) -> ImportReport:
+    sources = source_accounts(film, fleet, uav, timeline)
     length_s = float(film.elapsed_us[-1]) * 1e-6
-    size = f"{film.width}×{film.height} px" + (f" ({film.shown_as})" if film.shown_as else "")
-    found = [("video", f"{film.path.name}: {len(film.elapsed_us)} frames of {size}, {length_s:.1f} s")]
+    found = [("video", f"{film.path.name}: {', '.join(sources[0].read)}, {length_s:.1f} s")]
     assumed = [*timeline.assumed, *chosen.assumed]
-    left_out: dict[str, int] = {}
     if uav is not None:
         found.append(("uav", f"{uav.source} as system {uav_id}: {', '.join(uav.notes.found)}"))
-        assumed += uav.notes.assumed
-        left_out |= {f"{uav.source}: {reason}": count for reason, count in uav.notes.skipped.items()}
-        assumed += _height_words(uav, fleet)
+        assumed += [*uav.notes.assumed, *_height_words(uav, fleet)]
         if not len(uav.attitudes):
             found.append(("attitude", "none: names rest on motion alone and take longer"))
     else:
         found.append(("uav", f"system {uav_id} of the telemetry"))
-    for system_id, log in fleet.logs.items():
-        found.append((f"ugv {system_id}", f"{log.source}: {', '.join(log.notes.found)}"))
-        left_out |= {f"{log.source}: {reason}": count for reason, count in log.notes.skipped.items()}
-    if fleet.tlog is not None:
-        left_out |= {f"{fleet.tlog.tlog.path.name}: {reason}": n for reason, n in fleet.tlog.skipped.items()}
+    found += [(f"ugv {i}", f"{log.source}: {', '.join(log.notes.found)}") for i, log in fleet.logs.items()]
     assumed += fleet.assumed
     count = sum(map(len, fleet.places.values()))
     found.append(("ugv", f"{len(fleet.places)} vehicles, {count} positions"))
@@ -235,7 +206,7 @@ def _report(
     return ImportReport(
         found=tuple(found),
         assumed=tuple(dict.fromkeys(assumed)),
-        left_out=left_out,
+        sources=sources,
         uav_id=uav_id,
         ugv_ids=tuple(sorted(fleet.places)),
     )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gcs.errors import ImportFileError
+from gcs.importing.fleet_log import read_tlog_vehicles
 from gcs.importing.formats.ardupilot_log import read_ardupilot
 from gcs.importing.formats.csv_table import read_csv
 from gcs.importing.formats.dataflash import is_dataflash
@@ -18,7 +19,6 @@ from gcs.importing.formats.px4_log import read_px4
 from gcs.importing.formats.subtitles import read_cues
 from gcs.importing.formats.text_file import LOOKED_AT, open_file
 from gcs.importing.plausible import plausible
-from gcs.importing.tlog_vehicles import read_tlog_vehicles
 from gcs.importing.vehicle_log import VehicleLog
 
 __all__ = ["FORMATS", "LogFormat", "read_vehicle_logs"]

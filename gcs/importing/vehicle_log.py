@@ -166,6 +166,8 @@ class VehicleLog:
     clock: LogClock
     places: PlaceTrack
     notes: ImportNotes
+    dated: str = ""
+    """In words, which clock that is, where the format does not tell."""
     zero_us: int = 0
     """Unix µs of time 0 by whatever the file says of it; 0 unknown. Of clock "utc" 0 is Unix time's own."""
     system_id: int = 0

@@ -11,7 +11,7 @@ import fcntl
 import os
 import secrets
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from importlib.metadata import version
@@ -68,6 +68,8 @@ class FlightNotes:
     """Rows that the disk did not take, by file."""
     refused: int | None = None
     """Records that were rejected; None: the flight was not ended in order."""
+    imported: tuple[tuple[str, str], ...] = ()
+    """What and how, of each file that an import read."""
     started_us: int = 0
     """When the flight began and ended, Unix µs; 0 unknown."""
     ended_us: int = 0
@@ -85,6 +87,7 @@ class FlightNotes:
             models=_values_of(str, table.get("models")),
             lost=_values_of(int, table.get("lost")),
             refused=refused if isinstance(refused, int) else None,
+            imported=tuple(_import_rows(table.get("imported"))),
             started_us=_unix_us(table.get("started")),
             ended_us=_unix_us(table.get("ended")),
         )
@@ -112,6 +115,20 @@ def _values_of(kind: type[Kind], table: object) -> dict[str, Kind]:
     if not isinstance(table, Mapping):
         return {}
     return {str(name): value for name, value in table.items() if isinstance(value, kind)}
+
+
+def _import_rows(table: object) -> Iterator[tuple[str, str]]:
+    """The account of an import, as it is printed."""
+    sources = table.get("sources") if isinstance(table, Mapping) else None
+    for each in sources if isinstance(sources, list) else []:
+        if isinstance(each, Mapping):
+            yield str(each.get("role", "")), str(each.get("name", ""))
+            for what in ("clock", "read", "assumed"):
+                told = each.get(what)
+                yield from (
+                    (what, text) for text in (told if isinstance(told, list) else [told]) if isinstance(text, str)
+                )
+            yield from (("left out", f"{n} {reason}") for reason, n in _values_of(int, each.get("left_out")).items())
 
 
 def mission_table(mission: Mission, notes: Mapping[str, Any]) -> str:

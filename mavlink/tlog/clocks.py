@@ -90,7 +90,7 @@ def dated_by_senders(tlog: Tlog) -> Ints:
     if not rows.size:
         return np.empty(0, dtype=np.int64)
     between = np.interp(np.arange(len(index)), rows, (np.maximum.accumulate(t_us) - t_us[0]).astype(np.float64))
-    found = np.rint(between).astype(np.int64) + t_us[0]
+    found: Ints = np.rint(between).astype(np.int64) + int(t_us[0])
     found[rows] = t_us
     return found
 

@@ -68,6 +68,7 @@ def report(
                 **{f"network, {what}": digest for what, digest in opened.notes.models.items()},
             },
             files={path.name: _digest(path) for path in [*_read_files(opened), *mission_files(opened.mission)]},
+            imported=opened.notes.imported,
         )
     finally:
         analysis.close()

@@ -64,6 +64,7 @@ def read_ardupilot(path: Path) -> VehicleLog:
     return VehicleLog(
         source=path.name,
         clock="own" if zero_us is None else "utc",
+        dated="" if zero_us is None else f"time since its start, with GPS time less {_LEAP_S} s beside it",
         system_id=_system_id(tables.rows("PARM", "Name", "Value")),
         places=replace(places, t_us=places.t_us + shift_us, heading=heading),
         attitudes=replace(attitudes, t_us=attitudes.t_us + shift_us),

@@ -90,6 +90,7 @@ def read_px4(path: Path) -> VehicleLog:
     return VehicleLog(
         source=path.name,
         clock="own" if zero_us is None else "utc",
+        dated="" if zero_us is None else "time since its start, with the receiver's UTC beside it",
         system_id=system_id,
         places=PlaceTrack.of(
             places.t_us + shift_us,

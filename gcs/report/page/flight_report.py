@@ -41,6 +41,8 @@ class Provenance:
     """Programs, options and networks, by what they are."""
     files: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 of each file that was read, by name."""
+    imported: Sequence[tuple[str, str]] = ()
+    """What and how, of the files of others that the recording was made from."""
 
 
 def flight_report(record: FlightSummary, stills: Stills, matched: Matched | None, about: Provenance) -> str:
@@ -129,4 +131,6 @@ def _lines(lines: Sequence[str]) -> str:
 
 def _made_of(about: Provenance) -> str:
     settings = table(("what", "which"), list(about.settings.items()), caption="Programs and options")
-    return settings + table(("file", "SHA-256"), list(about.files.items()), caption="Files that were read")
+    files = table(("file", "SHA-256"), list(about.files.items()), caption="Files that were read")
+    imported = table(("what", "how"), list(about.imported), caption="Files of others that the recording was made from")
+    return settings + files + (imported if about.imported else "")

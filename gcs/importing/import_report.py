@@ -1,0 +1,144 @@
+"""What an import found, assumed and left out: in all, and of each of the flight's files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from gcs.importing.film import ImportedFilm
+from gcs.importing.ground_vehicles import GroundVehicles
+from gcs.importing.timeline import FilmTimes
+from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog
+
+__all__ = ["ImportReport", "SourceAccount", "source_accounts"]
+
+_CLOCKS = {
+    "video": "that of the film",
+    "frame": "that of the film: its frames are numbered",
+    "utc": "Unix time as it stands in the file",
+    "own": "one of its own, of which no date is known",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SourceAccount:
+    """What was made of a file."""
+
+    role: str
+    """Such as ``uav`` or ``ugv 11``."""
+    name: str
+    clock: str
+    """In words: which clock its times are of, and what shows it."""
+    read: tuple[str, ...]
+    assumed: tuple[str, ...] = ()
+    left_out: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
+    """How many records, by reason."""
+
+    def table(self) -> dict[str, Any]:
+        """For session.toml and for programs."""
+        told = {"clock": self.clock, "read": list(self.read), "assumed": list(self.assumed)}
+        return {"role": self.role, "name": self.name, **told, "left_out": dict(self.left_out)}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportReport:
+    """What was found, assumed and left out."""
+
+    found: tuple[tuple[str, str], ...]
+    """Subject and text."""
+    assumed: tuple[str, ...]
+    sources: tuple[SourceAccount, ...]
+    uav_id: int = 0
+    ugv_ids: tuple[int, ...] = ()
+
+    @property
+    def left_out(self) -> dict[str, int]:
+        """How many records, by file and reason."""
+        return {f"{each.name}: {reason}": n for each in self.sources for reason, n in each.left_out.items()}
+
+    def table(self) -> dict[str, Any]:
+        """For session.toml and for programs."""
+        return {
+            "found": {subject: text for subject, text in self.found},
+            "assumed": list(self.assumed),
+            "left_out": self.left_out,
+            "sources": [each.table() for each in self.sources],
+        }
+
+    def rows(self) -> list[tuple[str, str]]:
+        """What and how, in short."""
+        rows = [*self.found, *(("assumed", text) for text in self.assumed)]
+        return rows + [("left out", f"{count} of {reason}") for reason, count in self.left_out.items()]
+
+    def explained(self) -> Iterator[tuple[str, str]]:
+        """What and how, file by file."""
+        told = set[str]()
+        for each in self.sources:
+            yield each.role, each.name
+            yield "  clock", each.clock
+            yield from (("  read", text) for text in each.read)
+            yield from (("  assumed", text) for text in each.assumed)
+            yield from (("  left out", f"{count} {reason}") for reason, count in each.left_out.items())
+            told |= {each.role, *each.assumed, *(f"{each.name}: {text}" for text in each.assumed)}
+        yield from ((subject, text) for subject, text in self.found if subject not in told)
+        yield from (("assumed", text) for text in self.assumed if text not in told)
+
+
+def source_accounts(
+    film: ImportedFilm, fleet: GroundVehicles, uav: VehicleLog | None, timeline: FilmTimes
+) -> tuple[SourceAccount, ...]:
+    """Of each file: the film, the UAV's log, those of ground vehicles, and the fleet's."""
+    length_s = float(film.elapsed_us[-1]) * 1e-6
+    video = SourceAccount(
+        role="video",
+        name=film.path.name,
+        clock=f"its own time stamps, {length_s:.1f} s; begins {_when(timeline.film_us)} UTC by {timeline.said}",
+        read=(f"{len(film.elapsed_us)} frames of {_size(film)}",),
+    )
+    accounts = [video]
+    if uav is not None:
+        accounts.append(_of_log("uav", uav, _against_film(uav.places, timeline.uav_shift_us - timeline.film_us)))
+    for system_id, log in fleet.logs.items():
+        accounts.append(_of_log(f"ugv {system_id}", log, _against_film(log.places, -timeline.film_us)))
+    if fleet.tlog is not None:
+        tlog = fleet.tlog
+        tracks = {i: track for i, track in tlog.tracks.items() if len(track) and i not in fleet.logs}
+        of_each = (f"system {i}: {_against_film(track, -timeline.film_us)}" for i, track in tracks.items())
+        notes = ImportNotes(assumed=tlog.assumed, skipped=tlog.skipped)
+        accounts.append(_account("fleet", tlog.tlog.path.name, tlog.clock, tuple(of_each), notes))
+    return tuple(accounts)
+
+
+def _of_log(role: str, log: VehicleLog, span: str) -> SourceAccount:
+    return _account(role, log.source, log.dated or _CLOCKS[log.clock], (", ".join(log.notes.found), span), log.notes)
+
+
+def _account(role: str, name: str, clock: str, read: tuple[str, ...], notes: ImportNotes) -> SourceAccount:
+    return SourceAccount(
+        role=role, name=name, clock=clock, read=read, assumed=notes.assumed, left_out=dict(notes.skipped)
+    )
+
+
+def _size(film: ImportedFilm) -> str:
+    return f"{film.width}×{film.height} px" + (f" ({film.shown_as})" if film.shown_as else "")
+
+
+def _against_film(places: PlaceTrack, shift_us: int) -> str:
+    """Positions beside the film's time."""
+    t_s = (places.t_us + shift_us) * 1e-6
+    if len(t_s) < 2:
+        return f"{len(t_s)} positions"
+    steps = np.diff(t_s)
+    return (
+        f"{len(t_s)} positions from {t_s[0]:+.1f} to {t_s[-1]:+.1f} s of the film, every {np.median(steps):.2f} s, the "
+        f"longest gap {steps.max():.1f} s"
+    )
+
+
+def _when(t_us: int) -> str:
+    return f"{datetime.fromtimestamp(t_us * 1e-6, UTC):%Y-%m-%d %H:%M:%S}"
