@@ -27,6 +27,11 @@ from mavlink.geodesy import separation_m
 
 __all__ = ["ImportOptions", "import_flight"]
 
+_APART_M = 15.0
+_APART = (
+    "the UAV took off {:+.0f} m from the fleet's median altitude: a hill, or one of them counts altitudes from the "
+    "ellipsoid and not from the sea"
+)
 _FAR_M = 100_000.0
 """A UAV that is farther from its fleet than this is not above it."""
 
@@ -222,8 +227,10 @@ def _not_in_mission(fleet: GroundVehicles, uav_id: int) -> str:
 
 def _height_words(uav: VehicleLog, fleet: GroundVehicles) -> list[str]:
     places = uav.places
-    if np.isfinite(places.alt_m).any() and np.isfinite(places.height_m).any():
-        return []
+    both = np.isfinite(places.alt_m) & np.isfinite(places.height_m)
+    if both.any():
+        above_m = float(np.median((places.alt_m - places.height_m)[both])) - fleet.ground_m
+        return [_APART.format(above_m)] if abs(above_m) > _APART_M else []
     if np.isnan(fleet.ground_m):
         return ["altitudes count from the UAV's take-off: no vehicle tells how high it is"]
     missing = "altitude" if np.isfinite(places.height_m).any() else "height above the ground"

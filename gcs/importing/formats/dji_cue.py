@@ -1,4 +1,4 @@
-"""One subtitle of a DJI drone: what its text says, in whichever of the published layouts it is.
+"""One subtitle of a DJI or Autel drone: what its text says, in whichever of the published layouts it is.
 
     keyed        [latitude: 41.4247] [longitude: 2.2341] [rel_alt: 15.1 abs_alt: 127.6] [gb_yaw: −12.3 gb_pitch: −45 …]
                  spelled ``longtitude`` by some; [altitude: …] alone by others; focal_len 24.00, or 240 in tenths
@@ -7,6 +7,7 @@
                  with HOME (lon, lat, altitude), F.PRY (…) of the body and G.PRY (…) of the gimbal, or RTK for GPS
     barometer    HOME(lon,lat) 2017.07.29 15:18:50 / GPS(lon,lat,satellites) BAROMETER:0.5
     metres       GPS(lat,lon,0.0M) BAROMETER:0.3M: with the unit the latitude comes first (Matrice 300)
+    letters      GPS(W: 109.339287, N: 40.768574, 2371.76m): an altitude above the sea in metres (Autel Evo II)
 
 Sources: the samples beside JuanIrache/DJI_SRT_Parser, and what users of other readers quote.
 """
@@ -28,6 +29,7 @@ _BAROMETER = re.compile(rf"\bBAROMETER\s*[:(]\s*({_NUMBER})", re.IGNORECASE)
 _HEIGHT = re.compile(rf"(?:^|[\s,])H:?\s?({_NUMBER})\s?m\b")
 _PLAIN = re.compile(r"[-+]?\d{1,9}(?:\.\d{1,12})?")
 _WITH_COMMAS = re.compile(r"[-+]?\d{1,9}(?:,\d{1,12})?")
+_LETTERED = re.compile(r"\b([NSEW]):?\s?(\d{1,9}(?:\.\d{1,12})?)", re.IGNORECASE)
 _METRES = re.compile(r"\d\s?m\s*$", re.IGNORECASE)
 _DATE = re.compile(
     r"\b(\d{4})[-./](\d{1,2})[-./](\d{1,2})[ T]+(\d{1,2}):(\d{1,2}):(\d{1,2})(?:[.,:](\d{1,3}))?(?:[.,](\d{1,3}))?"
@@ -98,6 +100,9 @@ def _positional(tuples: dict[str, str], text: str) -> DjiCue | None:
     values = _values(place)
     if len(values) < 2:
         return None
+    letters = {letter.upper(): value for letter, value in _LETTERED.findall(place)}
+    if letters.keys() & {"N", "S"} and letters.keys() & {"E", "W"}:
+        return _with_letters(letters, values, tuples, text)
     # the third number is how many satellites there are, or with the unit an altitude, which stays at 0
     metres = bool(_METRES.search(place))
     first, second = values[0], values[1]
@@ -115,6 +120,21 @@ def _positional(tuples: dict[str, str], text: str) -> DjiCue | None:
         decimals=min(_decimals(first), _decimals(second)),
         alt_m=home_alt + height,
         height_m=height,
+        gimbal_deg=_from_pry(gimbal),
+        body_deg=_from_pry(body),
+        unix_us=_unix_us(text),
+    )
+
+
+def _with_letters(letters: dict[str, str], values: list[str], tuples: dict[str, str], text: str) -> DjiCue:
+    lat, lon = letters.get("N") or f"-{letters['S']}", letters.get("E") or f"-{letters['W']}"
+    body, gimbal = (_values(tuples.get(name, "")) for name in ("F.PRY", "G.PRY"))
+    return DjiCue(
+        family="letters, with the gimbal's angles" if len(gimbal) == 3 else "letters",
+        lat_deg=_value(lat),
+        lon_deg=_value(lon),
+        decimals=min(_decimals(lat), _decimals(lon)),
+        alt_m=_value(values[2]) if len(values) == 3 else math.nan,
         gimbal_deg=_from_pry(gimbal),
         body_deg=_from_pry(body),
         unix_us=_unix_us(text),

@@ -42,14 +42,15 @@ def test_every_layout_tells_the_path(layout, quirk, tmp_path):
     else:
         log = read(tmp_path, srt(layout, SPOTS), "utf-16" if quirk else "utf-8")
     assert error_m(log) < FIXES_M.get(layout, 0.5)
-    height = log.places.alt_m if layout == "misspelt" else log.places.height_m
-    assert height == pytest.approx(45.0 if layout == "misspelt" else 30.0)
+    above_the_sea = layout in ("misspelt", "autel")
+    height = log.places.alt_m if above_the_sea else log.places.height_m
+    assert height == pytest.approx(45.0 if above_the_sea else 30.0)
     assert log.notes.found[0].startswith("DJI subtitles")
-    if layout in ("enterprise", "phantom_rtk"):
+    if layout in ("enterprise", "phantom_rtk", "autel"):
         assert np.degrees(log.gimbal.angles[5]) == pytest.approx((0.0, -60.0, 120.0))
     else:
         assert len(log.gimbal) == 0
-    assert len(log.attitudes) == (len(SPOTS) if layout == "phantom_rtk" else 0)
+    assert len(log.attitudes) == (len(SPOTS) if layout in ("phantom_rtk", "autel") else 0)
     dated = layout not in ("positional", "phantom_rtk")
     assert abs(log.zero_us - 1_700_000_000_000_000 * dated) < 1_000_000
 
