@@ -1,6 +1,8 @@
 """The account of an import: of each file its clock, what was read, assumed and left out."""
 
+import dataclasses
 import json
+import re
 import tomllib
 
 import pytest
@@ -41,8 +43,21 @@ def test_every_file_has_its_clock_and_what_was_made_of_it(words, tmp_path):
     assert "the clock of system" in told and "system 13: " in told and "system 11: " not in told
     # what is told of a file is not told again of all
     assert told.count("the date in its subtitles is UTC") == 1
+    assert "ellipsoid" not in told
     assert told.count("the camera looks straight down") == 1
     assert len(rows) < 50
+
+
+def test_altitudes_with_another_zero_than_the_fleets_are_told(tmp_path):
+    flown = fly(tmp_path, 20)
+    above_ellipsoid = [(t, dataclasses.replace(spot, alt=spot.alt + 47.0)) for t, spot in flown.spots()]
+    (tmp_path / "DJI.srt").write_text(srt("keyed", above_ellipsoid))
+    files = ("--video", flown.video, "--uav", tmp_path / "DJI.srt", "--tlog", flown.fleet)
+    code, told, _ = run_gcs("import", *files, "--fov", FOV_DEG, "--clock=+0", "-o", tmp_path / "s", "--json")
+    assert code == 0
+    (said,) = (words for words in json.loads(told)["assumed"] if "ellipsoid" in words)
+    above_m = float(re.search(r"took off ([-+]\d+) m", said).group(1))
+    assert above_m == pytest.approx(47.0, abs=2.0)
 
 
 def test_programs_and_the_session_have_the_same_account(words, tmp_path):
