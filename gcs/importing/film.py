@@ -11,13 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from infra.plain_text import plain
-from vision.video.frame_index import open_video
+from vision.video.frame_index import film_stream, first_picture, open_video
 from vision.video.video import VideoFile
 
 __all__ = ["ImportedFilm", "open_film"]
 
 _MODEL_TAGS = ("encoder", "model", "com.apple.quicktime.model", "com.android.model")
 _MOST_WORDS = 60
+_HDR = {16: "PQ", 18: "HLG"}
+"""Transfer characteristics of ITU-T H.273 that stand for more than a screen shows."""
 _LEAST_YEAR = 2005
 """Cameras whose clock was never set begin in 1904, 1970 or 2000."""
 
@@ -35,6 +37,8 @@ class ImportedFilm:
     """Width of a pixel by its height, as coded: pictures are shown drawn out by it."""
     shown_as: str = ""
     """In words, how its pictures are shown otherwise than they are coded; empty as coded."""
+    assumed: tuple[str, ...] = ()
+    """In words, what its pictures are taken for that they are not."""
     created_us: int
     """Unix µs as the container has it, 0 unknown."""
     model: str
@@ -51,6 +55,7 @@ def open_film(path: Path) -> ImportedFilm:
         elapsed_us, size = video.times_us, (video.width, video.height)
         aspect, shown_as = video.aspect, video.shown_as
     with closing(open_video(path)) as container:
+        transfer = _HDR.get(film_stream(container).codec_context.color_trc)
         tags = {name.lower(): value for name, value in container.metadata.items()}
     return ImportedFilm(
         path=path,
@@ -59,9 +64,22 @@ def open_film(path: Path) -> ImportedFilm:
         height=size[1],
         aspect=aspect,
         shown_as=shown_as,
+        assumed=_taken_for(path, transfer),
         created_us=_unix_us(tags.get("creation_time", "")),
         model=plain(next((tags[name] for name in _MODEL_TAGS if name in tags), ""))[:_MOST_WORDS],
     )
+
+
+def _taken_for(path: Path, transfer: str | None) -> tuple[str, ...]:
+    first, words = first_picture(path), []
+    if first is not None and first.interlaced_frame:
+        words.append(
+            f"{path.name} is interlaced: every other line of a picture is of half a picture's time later, and is taken "
+            "to be of its time; what moves fast has combed edges"
+        )
+    if transfer:
+        words.append(f"{path.name} is HDR ({transfer}): pictures are taken as coded, paler than players show them")
+    return tuple(words)
 
 
 def _unix_us(text: str) -> int:

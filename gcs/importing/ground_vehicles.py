@@ -11,12 +11,19 @@ import numpy as np
 from gcs.errors import ImportFileError
 from gcs.importing.fleet_log import FleetTlog, open_fleet
 from gcs.importing.messages import TlogRecord, vehicle_records
+from gcs.importing.plausible import metres
 from gcs.importing.sources import read_vehicle_logs
 from gcs.importing.vehicle_log import PlaceTrack, VehicleLog
 
-__all__ = ["LAST_ID", "GroundVehicles", "read_ground_vehicles"]
+__all__ = ["LAST_ID", "GroundVehicles", "clock_words", "read_ground_vehicles"]
 
 LAST_ID = 255
+_SEARCH_US, _SEARCH_STEP_US = 3_000_000, 20_000
+_LEAST_AHEAD_US = 100_000
+_LEAST_SHARED, _LEAST_WAY_M = 10, 5.0
+"""Fewer positions, or of a vehicle that hardly moved, tell no offset."""
+_CLEARLY, _ON_EACH_OTHER_M = 2.0, 1.0
+"""An offset counts if with it the paths are so many times closer, and this close: else it is another vehicle's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +36,9 @@ class GroundVehicles:
     """Their telemetry log, where there is one."""
     logs: Mapping[int, VehicleLog]
     """Those that are in no telemetry log, by system id."""
+
+    told: tuple[str, ...] = ()
+    """In words, of vehicles that are in a log and in the telemetry."""
 
     @property
     def span_us(self) -> tuple[int, int]:
@@ -47,7 +57,8 @@ class GroundVehicles:
     def assumed(self) -> tuple[str, ...]:
         """What was assumed of them, with the file where there is one for each."""
         of_tlog = self.tlog.assumed if self.tlog is not None else ()
-        return (*of_tlog, *(f"{log.source}: {words}" for log in self.logs.values() for words in log.notes.assumed))
+        of_logs = (f"{log.source}: {words}" for log in self.logs.values() for words in log.notes.assumed)
+        return (*of_tlog, *of_logs, *self.told)
 
     @property
     def middle(self) -> tuple[float, float]:
@@ -106,7 +117,47 @@ def read_ground_vehicles(tlog: Path | None, ugv: Sequence[str]) -> GroundVehicle
     places = {i: track for i, track in places.items() if len(track)}
     if not places:
         raise ImportFileError(f"{tlog}: no ground vehicle reports a position in it")
-    return GroundVehicles(places=dict(sorted(places.items())), tlog=fleet, logs=dict(sorted(logs.items())))
+    both = {i: log for i, log in logs.items() if fleet is not None and i in fleet.tracks}
+    told = [words for i, log in both.items() if fleet is not None for words in clock_words(log, fleet.places(i))]
+    return GroundVehicles(
+        places=dict(sorted(places.items())), tlog=fleet, logs=dict(sorted(logs.items())), told=tuple(told)
+    )
+
+
+def clock_words(log: VehicleLog, telemetry: PlaceTrack) -> tuple[str, ...]:
+    """By how much a log's clock is ahead of the telemetry of the same vehicle, in words where it is.
+
+    Both are of one path: the offset is that with which they lie on each other.
+
+    Args:
+        log: on Unix time.
+        telemetry: on the clock of the station.
+    """
+    first_us, last_us = int(log.places.t_us[0]) + _SEARCH_US, int(log.places.t_us[-1]) - _SEARCH_US
+    shared = telemetry.select((telemetry.t_us > first_us) & (telemetry.t_us < last_us))
+    if len(shared) < _LEAST_SHARED:
+        return ()
+    at_m = metres(
+        np.column_stack([np.r_[log.places.lat_deg, shared.lat_deg], np.r_[log.places.lon_deg, shared.lon_deg]])
+    )
+    path_m, wanted_m = at_m[: len(log.places)], at_m[len(log.places) :]
+    if np.ptp(wanted_m, axis=0).max() < _LEAST_WAY_M:
+        return ()
+
+    def apart_m(ahead_us: int) -> float:
+        t_us = shared.t_us + ahead_us - first_us
+        found = [np.interp(t_us, log.places.t_us - first_us, path_m[:, axis]) for axis in (0, 1)]
+        return float(np.median(np.hypot(*(np.column_stack(found) - wanted_m).T)))
+
+    offsets = range(-_SEARCH_US, _SEARCH_US + 1, _SEARCH_STEP_US)
+    best_us = min(offsets, key=apart_m)
+    now_m, then_m = apart_m(0), apart_m(best_us)
+    if abs(best_us) < _LEAST_AHEAD_US or then_m > _ON_EACH_OTHER_M or now_m < _CLEARLY * then_m:
+        return ()
+    return (
+        f"{log.source}: its clock is {best_us * 1e-6:+.2f} s ahead of the telemetry of the same vehicle: they are "
+        f"{now_m:.1f} m apart, with that {then_m:.1f} m; the log counts",
+    )
 
 
 def _numbered(word: str) -> list[tuple[int, VehicleLog]]:

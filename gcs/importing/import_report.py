@@ -99,6 +99,7 @@ def source_accounts(
         name=film.path.name,
         clock=f"its own time stamps, {length_s:.1f} s; begins {_when(timeline.film_us)} UTC by {timeline.said}",
         read=(f"{len(film.elapsed_us)} frames of {_size(film)}",),
+        assumed=film.assumed,
     )
     accounts = [video]
     if uav is not None:

@@ -14,7 +14,7 @@ from gcs.importing.camera_choice import CameraOptions, ChosenCamera, choose_came
 from gcs.importing.clock_choice import searched_times
 from gcs.importing.film import ImportedFilm, open_film
 from gcs.importing.film_log import read_film_log
-from gcs.importing.ground_vehicles import LAST_ID, GroundVehicles, read_ground_vehicles
+from gcs.importing.ground_vehicles import LAST_ID, GroundVehicles, clock_words, read_ground_vehicles
 from gcs.importing.import_report import ImportReport, source_accounts
 from gcs.importing.messages import TlogRecord, vehicle_records
 from gcs.importing.session_folder import write_imported
@@ -87,7 +87,7 @@ def import_flight(out: Path, options: ImportOptions) -> ImportReport:
     report = _report(film, fleet, uav, chosen, timeline, uav_id)
     unused = (("not read", "; ".join(unread)), ("not in the mission", _not_in_mission(fleet, uav_id)))
     found = (*report.found, *((subject, text) for subject, text in unused if text))
-    report = replace(report, found=found, assumed=(*report.assumed, *swapped, *partly))
+    report = replace(report, found=found, assumed=(*report.assumed, *swapped, *partly, *_uav_clock(uav, fleet)))
     streams = fleet.streams()
     if uav is not None:
         streams.append(_uav_records(uav, uav_id, fleet, timeline))
@@ -100,6 +100,13 @@ def _uav_log(options: ImportOptions, *, coarse: bool) -> tuple[VehicleLog | None
     if options.uav is None or options.uav == options.video:
         return read_film_log(options.video, coarse=coarse or options.uav is not None)
     return _one_log(options.uav), ()
+
+
+def _uav_clock(uav: VehicleLog | None, fleet: GroundVehicles) -> list[str]:
+    """In words, where the UAV is in the telemetry too, at other times."""
+    if uav is None or uav.clock != "utc" or fleet.tlog is None:
+        return []
+    return [words for i in fleet.aircraft for words in clock_words(uav, fleet.tlog.places(i))]
 
 
 def _uav_records(
@@ -195,7 +202,7 @@ def _report(
     sources = source_accounts(film, fleet, uav, timeline)
     length_s = float(film.elapsed_us[-1]) * 1e-6
     found = [("video", f"{film.path.name}: {', '.join(sources[0].read)}, {length_s:.1f} s")]
-    assumed = [*timeline.assumed, *chosen.assumed]
+    assumed = [*film.assumed, *timeline.assumed, *chosen.assumed]
     if uav is not None:
         found.append(("uav", f"{uav.source} as system {uav_id}: {', '.join(uav.notes.found)}"))
         assumed += [*uav.notes.assumed, *_height_words(uav, fleet)]

@@ -31,6 +31,7 @@ __all__ = [
     "bgr",
     "coded_packets",
     "film_stream",
+    "first_picture",
     "open_video",
     "read_index",
     "reason",
@@ -155,8 +156,7 @@ def _picture(path: Path, stream: VideoStream) -> tuple[int, int, int, float, str
     coded = stream.codec_context
     width, height = coded.width, coded.height
     # how a picture is turned is told with a decoded one
-    with closing(open_video(path)) as container:
-        first = _first_frame(container, film_stream(container))
+    first = first_picture(path)
     turns = round(first.rotation / 90.0) % 4 if first is not None else 0
     aspect = float(stream.sample_aspect_ratio or coded.sample_aspect_ratio or 1.0)
     aspect = aspect if _LEAST_ASPECT < aspect < 1.0 / _LEAST_ASPECT else 1.0
@@ -171,6 +171,12 @@ def _picture(path: Path, stream: VideoStream) -> tuple[int, int, int, float, str
         width, height = height, width
     said = f"coded {coded.width}×{coded.height} px, {', '.join(words)}" if words else ""
     return width, height, turns, aspect, said
+
+
+def first_picture(path: Path) -> VideoFrame | None:
+    """The first picture of a file as it is decoded; None where none is."""
+    with closing(open_video(path)) as container:
+        return _first_frame(container, film_stream(container))
 
 
 def _first_frame(container: InputContainer, stream: VideoStream) -> VideoFrame | None:

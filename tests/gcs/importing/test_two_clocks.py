@@ -1,0 +1,44 @@
+"""A vehicle that is in a log of its own and in the telemetry, with clocks that contradict each other."""
+
+import re
+
+import numpy as np
+import pytest
+
+from gcs.importing.ground_vehicles import clock_words
+from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog
+
+T_S = np.arange(0.0, 60.0, 0.2)
+
+
+def track(t_s, moved=1.0, off_deg=0.0, noise_m=0.0):
+    """On a winding path at 2 m/s, of which the times are late or early."""
+    noise = np.random.default_rng(1).normal(0.0, noise_m / 111_320.0, (2, len(t_s)))
+    north, east = 20.0 * np.sin(t_s / 10.0), 2.0 * t_s
+    lat = 47.1 + off_deg + moved * north / 111_320.0 + noise[0]
+    return PlaceTrack.of(np.rint(1.76e15 + T_S[: len(t_s)] * 1e6).astype(np.int64), lat, 8.1 + moved * east / 75_800.0)
+
+
+def log_of(places):
+    return VehicleLog(source="r11.bin", clock="utc", places=places, notes=ImportNotes())
+
+
+@pytest.mark.parametrize("ahead_s", [-1.1, -0.3, 0.14, 0.5, 1.1])
+def test_how_far_a_clock_is_ahead_is_told(ahead_s):
+    # what the log dates t was at t − ahead
+    (said,) = clock_words(log_of(track(T_S - ahead_s)), track(T_S, noise_m=0.1))
+    assert said.startswith("r11.bin: its clock is")
+    assert float(re.search(r"is ([-+][\d.]+) s ahead", said).group(1)) == pytest.approx(ahead_s, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    "telemetry",
+    [
+        track(T_S - 0.05),  # less than can be told of arrival
+        track(T_S - 0.5, moved=0.01),  # who stands tells nothing
+        track(T_S - 0.5, off_deg=0.01),  # another vehicle
+        track(T_S[:5]),
+    ],
+)
+def test_nothing_is_told_where_nothing_shows(telemetry):
+    assert clock_words(log_of(track(T_S) if np.ptp(telemetry.lat_deg) > 1e-5 else track(T_S, 0.01)), telemetry) == ()
