@@ -19,12 +19,14 @@ from av.video.stream import VideoStream as CodedStream
 
 from vision.stream.source import Source
 
-__all__ = ["ByteStream", "has_no_stamps"]
+__all__ = ["Arrivals", "ByteStream", "has_no_stamps"]
 
 Packets: TypeAlias = "Iterator[Packet[CodedStream]]"
 
 TICK_HZ = 1_000_000
 _AT_ONCE = {"probesize": "32", "analyzeduration": "0"}
+_MOST_ARRIVALS = 1 << 16
+"""Pieces of a connection of which none was a picture's: a minute at a thousand datagrams a second."""
 _PARTS, _JPEG, _START_CODES = b"--", b"\xff\xd8\xff", (b"\0\0\1", b"\0\0\0\1")
 """What multipart MJPEG, a bare JPEG and raw video begin with."""
 
@@ -32,6 +34,28 @@ _PARTS, _JPEG, _START_CODES = b"--", b"\xff\xd8\xff", (b"\0\0\1", b"\0\0\0\1")
 def has_no_stamps(container: av.container.InputContainer) -> bool:
     """Whether the time stamps of a container's packets are FFmpeg's own."""
     return Flags.no_timestamps in Flags(container.format.flags)
+
+
+class Arrivals:
+    """When the bytes of a connection came, by their offset in it."""
+
+    def __init__(self) -> None:
+        self._end = 0
+        self._came: deque[tuple[int, float]] = deque(maxlen=_MOST_ARRIVALS)
+
+    def add(self, size: int, at_s: float) -> None:
+        """So many more bytes came at a Unix time."""
+        self._end += size
+        self._came.append((self._end, at_s))
+
+    def of(self, offset: int | None) -> float:
+        """When the byte at an offset came, which is asked for in order; of an unknown one the last.
+
+        A container hands a picture out when the next one came, and perhaps the one after that.
+        """
+        while offset is not None and len(self._came) > 1 and self._came[0][0] <= offset:
+            self._came.popleft()
+        return self._came[0 if offset is not None else -1][1]
 
 
 class ByteStream:
@@ -49,8 +73,8 @@ class ByteStream:
         options = dict(source.options) | _AT_ONCE
         self._container = av.open(source.address, format="data", options=options, timeout=timeout)
         self._chunks = self._container.demux()
-        self._rest, self._end = b"", 0
-        self._came: deque[tuple[int, float]] = deque()
+        self._rest = b""
+        self.arrivals = Arrivals()
 
     def begins_without_stamps(self) -> bool:
         """Whether the first bytes look like pictures one after the other."""
@@ -67,7 +91,7 @@ class ByteStream:
         """Packets with the time at which their first byte came, Unix µs, instead of their time stamps."""
         last = 0
         for packet in packets:
-            self.arrival_s = self._came_s(packet.pos)
+            self.arrival_s = self.arrivals.of(packet.pos)
             last = max(round(self.arrival_s * TICK_HZ), last + 1)
             packet.pts = packet.dts = last
             packet.time_base = Fraction(1, TICK_HZ)
@@ -79,12 +103,5 @@ class ByteStream:
 
     def _receive(self) -> bytes:
         self._rest = bytes(next(self._chunks, b""))
-        self._end += len(self._rest)
-        self._came.append((self._end, time.time()))
+        self.arrivals.add(len(self._rest), time.time())
         return self._rest
-
-    def _came_s(self, offset: int | None) -> float:
-        """When the byte at an offset came; of an unknown one the last."""
-        while offset is not None and len(self._came) > 1 and self._came[0][0] <= offset:
-            self._came.popleft()
-        return self._came[0 if offset is not None else -1][1]

@@ -22,7 +22,7 @@ from av.video.stream import VideoStream as CodedStream
 
 from vision.errors import VideoError
 from vision.stream.byte_stream import TICK_HZ as ARRIVAL_HZ
-from vision.stream.byte_stream import ByteStream, has_no_stamps
+from vision.stream.byte_stream import Arrivals, ByteStream, has_no_stamps
 from vision.stream.exposure_times import Exposures, klv_time_s, sei_time_s, sender_report
 from vision.stream.messages import Sender
 from vision.stream.port import Port
@@ -63,8 +63,8 @@ class Input:
     """Unit of the packets' time stamps."""
     packets: Packets
     container: InputContainer
-    arrival_s: Callable[[], float] = time.time
-    """Unix time at which the packet that came out last came in."""
+    arrival_s: Callable[[Packet[CodedStream]], float] = lambda _: time.time()
+    """Unix time at which a packet came in, asked for as it comes out."""
     live: Callable[[], bool] = lambda: True
     """False once nothing more comes and only what was held back is handed out."""
     shown: Callable[[], None] = lambda: None
@@ -131,8 +131,10 @@ def _open_line(source: Source) -> Input | None:
         line.close()
         raise
     if not has_no_stamps(opened.container):
-        return opened
-    return replace(opened, tick_s=1 / ARRIVAL_HZ, packets=line.dated(opened.packets), arrival_s=lambda: line.arrival_s)
+        return replace(opened, arrival_s=lambda packet: line.arrivals.of(packet.pos))
+    return replace(
+        opened, tick_s=1 / ARRIVAL_HZ, packets=line.dated(opened.packets), arrival_s=lambda _: line.arrival_s
+    )
 
 
 def datagrams(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | None:
@@ -150,7 +152,8 @@ def datagrams(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | 
         return None
     if trial.kind == "rtp":
         return _rtp(source, port, trial.codec)
-    return _of_port(port, _mpegts(source, _Bytes(port)))
+    file = _Bytes(port)
+    return replace(_of_port(port, _mpegts(source, file)), arrival_s=lambda packet: file.arrivals.of(packet.pos))
 
 
 def _undecodable(source: Source, sender: Sender, rtp: bool) -> str:
@@ -166,7 +169,7 @@ def _undecodable(source: Source, sender: Sender, rtp: bool) -> str:
 
 
 def _of_port(port: Port, opened: Input) -> Input:
-    return replace(opened, arrival_s=lambda: port.arrival_s, live=lambda: port.live, shown=port.senders.shown)
+    return replace(opened, arrival_s=lambda _: port.arrival_s, live=lambda: port.live, shown=port.senders.shown)
 
 
 def _patience_s(source: Source) -> float:
@@ -252,6 +255,7 @@ class _Bytes:
     def __init__(self, port: Port) -> None:
         self._port = port
         self._rest = b""
+        self.arrivals = Arrivals()
 
     def read(self, size: int) -> bytes:
         """At most ``size`` bytes, none at the end."""
@@ -260,6 +264,7 @@ class _Bytes:
             if not data:
                 return b""
             self._rest = mpegts_payload(data)
+            self.arrivals.add(len(self._rest), self._port.arrival_s)
         piece, self._rest = self._rest[:size], self._rest[size:]
         return piece
 

@@ -201,7 +201,7 @@ class _OpenStream:
             while self._reader.go_on() and (wait_s := due_s - time.monotonic()) > 0:
                 self._reader.report_alive()
                 time.sleep(min(wait_s, 0.1))
-        return self._source.arrival_s()
+        return self._source.arrival_s(packet)
 
     def _settle(self, packets: list[tuple[Coded, float]]) -> None:
         """Learn the arrivals of packets that came together, then use the packets."""

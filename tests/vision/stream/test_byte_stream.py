@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from tests.support.ports import free_port
-from tests.support.video_senders import HEIGHT, WIDTH, image, number_of
+from tests.support.video_senders import HEIGHT, WIDTH, coded, image, number_of
 from tests.support.waiting import until
 from vision.stream import byte_stream
-from vision.stream.connection import open_input
+from vision.stream.connection import datagrams, open_input
 from vision.stream.source import parse_source
 from vision.stream.stream import VideoStream
 from vision.video.video import VideoFile
@@ -79,12 +79,51 @@ def test_pictures_without_time_stamps_are_dated_by_when_they_came(kind, pieces, 
     opened = open_input(parse_source(address))
     came_s = []
     with contextlib.suppress(av.FFmpegError):  # it ends in the middle of a part
-        came_s += ((packet.pts * opened.tick_s, opened.arrival_s()) for packet in opened.packets if packet.size)
+        came_s += ((packet.pts * opened.tick_s, opened.arrival_s(packet)) for packet in opened.packets if packet.size)
     opened.close()
     assert len(came_s) >= N - 2, "a part whose end does not come is none"
     for k, times in enumerate(came_s[:N]):
         assert times == pytest.approx((T0_S + k * STEP_S,) * 2, abs=2e-3)
     assert now_s[0] == -1.0
+
+
+class TakingTurns:
+    """Where datagrams of each of N frames come from, and the time at which the last one came."""
+
+    def __init__(self):
+        self.arrival_s, self.live = 0.0, True
+        self.senders = SimpleNamespace(shown=lambda: None)
+        self._datagrams = ((k, data) for k, frame in enumerate(coded(N)) for data in frame)
+
+    def wait(self):
+        return SimpleNamespace(kind="mpegts")
+
+    def read(self):
+        number, data = next(self._datagrams, (0, b""))
+        self.arrival_s = T0_S + number * STEP_S
+        return data
+
+    def demux(self):
+        while data := self.read():
+            yield data
+
+    def close(self):
+        self.live = False
+
+
+@pytest.mark.parametrize("by", ["datagrams", "tcp"])
+def test_pictures_of_a_transport_stream_came_when_their_first_bytes_did(by, monkeypatch):
+    """Not when the container handed them out, which is with the picture after the next one."""
+    line = TakingTurns()
+    if by == "tcp":
+        monkeypatch.setattr(byte_stream, "av", SimpleNamespace(open=lambda *_, **__: line))
+        monkeypatch.setattr(byte_stream, "time", SimpleNamespace(time=lambda: line.arrival_s))
+        opened = open_input(parse_source("tcp://10.0.0.2:5000"))
+    else:
+        opened = datagrams(parse_source("udp://:5600"), line, lambda: True)
+    came_s = [opened.arrival_s(packet) for packet in opened.packets if packet.size]
+    opened.close()
+    assert came_s == pytest.approx(T0_S + STEP_S * np.arange(N), abs=1e-6)
 
 
 def serve_pictures(listener, password):
