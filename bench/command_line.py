@@ -1,4 +1,4 @@
-"""What the benchmarks that ``gcs bench`` runs have in common on the command line."""
+"""What benchmarks have in common on the command line."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def parser_of(suite: str, description: str, quick: str) -> argparse.ArgumentPars
         description: what is measured.
         quick: what ``--quick`` leaves out.
     """
-    parser = argparse.ArgumentParser(prog=f"gcs bench {suite}", description=description)
+    parser = argparse.ArgumentParser(prog=f"python -m bench.{suite}", description=description)
     parser.add_argument("--quick", action="store_true", help=quick)
     parser.add_argument("--out", type=Path, default=RESULTS / suite, help="folder of the results (%(default)s)")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")

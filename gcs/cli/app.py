@@ -17,6 +17,7 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from gcs.cli.output.console import LogLevel, PlainStream, errors_as_exit_codes, hide_secrets, print_lines, start_log
+from gcs.errors import GcsError
 
 __all__ = ["app", "main"]
 
@@ -39,7 +40,6 @@ _COMMANDS: dict[str, str] = {
     "sim from-tracks": "Put telemetry under an annotated film, as a session with truth.",
     "doctor": "Show what this machine has for a flight, and what to mend.",
     "demo": "Replay the bundled recording.",
-    "bench": "Run a benchmark.",
 }
 """The line of ``--help`` for each: to print it no command is imported."""
 _GROUPS = ("tlog", "keys")
@@ -54,7 +54,8 @@ _MODULES = {
     "train-detector": "detectors.train_detector",
 }
 """In ``gcs.cli``, of commands whose module has another name; the function has the module's last one."""
-_PASSED_ON = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
+_MOVED = {"bench": "benchmarks are run in a checkout now: python -m bench.{rest}"}
+"""What earlier releases had, with what to type now."""
 
 
 class _CommandTable(TyperGroup):
@@ -67,6 +68,8 @@ class _CommandTable(TyperGroup):
         return list(_COMMANDS)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:  # noqa: ANN401
+        if args and args[0] in _MOVED:
+            raise GcsError(_MOVED[args[0]].format(rest=" ".join(args[1:]) or "NAME"))
         two = " ".join(args[:2])
         return super().resolve_command(ctx, [two, *args[2:]] if two in _COMMANDS else args)
 
@@ -78,9 +81,7 @@ class _CommandTable(TyperGroup):
         if cmd_name in _GROUPS:
             return get_command(module.app)
         single = typer.Typer(add_completion=False, rich_markup_mode=None)
-        single.command(cmd_name, context_settings=_PASSED_ON if cmd_name == "bench" else None)(
-            getattr(module, name.rpartition(".")[2])
-        )
+        single.command(cmd_name)(getattr(module, name.rpartition(".")[2]))
         return get_command(single)
 
     def format_commands(self, ctx: object, formatter: Any) -> None:  # noqa: ANN401

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from gcs.cli.app import app
 from gcs.cli.output.console import print_json
+from tests.support.command_line import run_gcs
 
 HEAVY = ("numpy", "pyarrow", "fsspec", "distributed", "cv2", "av", "onnxruntime", "textual", "pymavlink", "scipy")
 
@@ -22,10 +23,17 @@ def test_help_names_every_command_and_loads_none():
     done = subprocess.run(
         [sys.executable, "-c", script, "--help"], capture_output=True, text=True, check=True, timeout=60
     )
-    text, _, modules = done.stdout.rpartition("\n  bench ")
+    text, _, modules = done.stdout.rpartition("\n  demo ")
     assert "\n  fly " in text
     assert "\n  keys " in text
     assert not set(HEAVY) & set(modules.split())
+
+
+@pytest.mark.parametrize(("words", "new"), [(["bench"], "bench.NAME"), (["bench", "field", "-x"], "bench.field -x")])
+def test_a_command_that_moved_answers_with_what_to_type_now(words, new):
+    code, _, stderr = run_gcs(*words)
+    assert code == 2
+    assert stderr == f"gcs: benchmarks are run in a checkout now: python -m {new}\n"
 
 
 @pytest.mark.parametrize(

@@ -45,7 +45,7 @@ def test_every_command_with_json_is_documented():
         *("fly", "identify", "demo", "score", "tlog info", "tlog check", "keys list", "keys check"),
         *("doctor", "calibrate", "eval-detector", "import", "batch", "sim", "sim from-tracks"),
     }
-    for command in (*able, "bench"):
+    for command in able:
         assert documented(command)
 
 
