@@ -1,4 +1,4 @@
-"""MOTChallenge's folders: what TrackEval reads, and the figures that it gave (bench/interop/mot_trackeval.py)."""
+"""MOTChallenge's folders: what TrackEval reads, and the figures that it gave (bench/results/interop/mot.md)."""
 
 from configparser import ConfigParser
 from dataclasses import replace
