@@ -5,12 +5,12 @@ from __future__ import annotations
 import asyncio
 import json
 import subprocess
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-from bench.batch.command import GCS_WORDS
 from bench.statements.boxes import (
     Claim,
     check_agreement,
@@ -37,6 +37,7 @@ from gcs.session.session import open_session
 
 __all__ = ["PLACES", "Falsehood", "check_flight"]
 
+GCS_WORDS = (sys.executable, "-c", "from gcs.cli.app import main; main()")
 SCREENS = 40
 """Screens of each flight that are drawn."""
 Found = Iterator[tuple[int, Iterable[tuple[Said | Claim, str]]]]

@@ -20,8 +20,6 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-__all__ = ["SlowTerminal"]
-
 STEP_S = 0.005
 QUESTIONS = {b"\x1b[5n": b"\x1b[0n", b"\x1b[c": b"\x1b[?64;1;2;6;22c", b"\x1b[?2026$p": b"\x1b[?2026;2$y"}
 """What is asked of this terminal, and what it replies."""

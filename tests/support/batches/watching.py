@@ -10,10 +10,8 @@ from pathlib import Path
 
 import psutil
 
-from bench.batch.command import GCS_WORDS
 from gcs.batch.stores import ASIDE
-
-__all__ = ["WAIT_S", "WatchedBatch", "is_over", "stopped_writer", "workers_of"]
+from tests.support.command_line import GCS
 
 WAIT_S = 120.0
 LONGEST_S = 3600.0
@@ -77,7 +75,7 @@ class WatchedBatch:
 
     def __init__(self, *words: object) -> None:
         self.process = subprocess.Popen(
-            [*GCS_WORDS, "batch", *map(str, words)],
+            [*GCS, "batch", *map(str, words)],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

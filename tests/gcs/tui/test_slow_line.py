@@ -8,8 +8,8 @@ import time
 
 import pytest
 
-from bench.slow_line.terminal import SlowTerminal
 from tests.support.bundled import ROOT
+from tests.support.slow_terminal import SlowTerminal
 from tests.support.waiting import until
 
 SCRIPT = """

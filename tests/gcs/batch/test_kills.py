@@ -7,13 +7,9 @@ import sys
 import duckdb
 import psutil
 
-from bench.batch.watching import WatchedBatch, is_over, stopped_writer, workers_of
-from tests.support.batches.results import (
-    records,
-    single_run,
-    tables,
-)
+from tests.support.batches.results import records, single_run, tables
 from tests.support.batches.short_flights import short_flights
+from tests.support.batches.watching import WatchedBatch, is_over, stopped_writer, workers_of
 from tests.support.bundled import SWARM
 from tests.support.command_line import run_gcs
 from tests.support.ports import free_port
@@ -38,6 +34,20 @@ def test_one_killed_worker_costs_an_attempt_and_no_flight(tmp_path):
     attempts = dict(duckdb.sql(f"select attempts, flight from '{out}/flights.parquet'").fetchall())
     assert attempts.keys() == {1, 2}
     assert "its worker died (signal 9)" in (out / "logs" / f"{attempts[2]}.log").read_text()
+
+
+def test_a_killed_batch_is_gone_on_with(tmp_path):
+    flights, out = short_flights(tmp_path / "flights", 2, frames=40), tmp_path / "out"
+    with WatchedBatch(*flights, "-o", out, "-j", 1) as batch:
+        assert until(lambda: records(out) == 1)
+        stopped_writer(batch.pid, out)
+        batch.kill()
+    code, stdout, _ = run_gcs("batch", *flights, "-o", out, "-j", "1")
+    assert code == 0
+    assert "1 of them before" in stdout
+    assert each_once(out) == (each_once(out)[0], {"a": 1, "b": 1})
+    assert tables(out) == {flight.name: single_run(flight) for flight in flights}
+    assert not list((out / ".aside").iterdir())
 
 
 def test_a_flight_that_takes_too_long_costs_nothing_else(tmp_path):
