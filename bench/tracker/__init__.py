@@ -1,1 +1,0 @@
-"""Trackers side by side on the same simulated traffic: scenes, peers, scores."""
