@@ -1,5 +1,7 @@
-# make demo: the main job on the bundled recording.   make test: all tests.   make check: what CI checks.
+# make demo: the main job on the bundled recording.   make check: what to run before a commit.
+# make test: the tests, in minutes.   make test-slow: whole flights, fuzzers, kills.   make test-all: both.
 # make coverage: all tests, and which lines they run.   make docs: the pages and the API reference as a site, in site/.
+# make bench-all: every benchmark that holds a promise, for hours; make bench-field: one of them. Into bench-results/.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -7,19 +9,30 @@ READY := $(VENV)/ready
 # Tests wait much of their time, so there are more processes than cores; each keeps its arithmetic to one core. They start
 # others by the dozen, so compiled modules are kept.
 TEST_PROCESSES ?= 6
+PYTEST = OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= \
+	$(BIN)/python -m pytest -q --numprocesses $(TEST_PROCESSES) --dist worksteal $(PYTEST_OPTIONS)
+# What docs/reliability.md, docs/identity.md and the README rest on, and what lists wrong names, words and screens.
+BENCHES := paper latency field recorded again attacks statements screens screens.speed soak video.video_stream \
+	$(addprefix fuzz.,logs datagrams streams missions readers) \
+	$(addprefix receiving.,flood flood_claims ingest_cost kills screen_flood signing_speed tlog_speed)
 
-.PHONY: demo test coverage check lint types layers docs lock clean
+.PHONY: demo test test-slow test-all coverage check lint types layers docs bench-all lock clean
 
 demo: $(READY)
 	$(BIN)/gcs demo
 
 test: $(READY)
-	OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= \
-		$(BIN)/python -m pytest -q --numprocesses $(TEST_PROCESSES) --dist worksteal $(PYTEST_OPTIONS)
+	$(PYTEST) -m "not slow"
+
+test-slow: $(READY)
+	$(PYTEST) -m slow
+
+test-all: $(READY)
+	$(PYTEST)
 
 # Takes two and a half times the processor of the tests alone.
 coverage: $(READY)
-	$(MAKE) test PYTEST_OPTIONS="--cov"
+	$(MAKE) test-all PYTEST_OPTIONS="--cov"
 
 check: lint types layers test
 
@@ -36,6 +49,12 @@ layers: $(READY)
 docs: $(READY)
 	$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements-docs.lock
 	$(BIN)/python -m mkdocs build --strict --quiet
+
+bench-all: $(addprefix bench-,$(BENCHES))
+
+# bench-fuzz.logs is python -m bench.fuzz logs; the others are modules.
+bench-%: $(READY)
+	$(BIN)/python -m bench.$(patsubst fuzz.%,fuzz %,$*) $(if $(filter recorded,$*),sitl_logs) $(BENCH_OPTIONS)
 
 # The pinned set, by hash; the project itself on top, in place.
 $(READY): requirements.lock pyproject.toml

@@ -39,3 +39,14 @@ def test_the_changelog_has_this_version_in_the_form_that_the_release_looks_for()
     assert all(re.fullmatch(r" - \d{4}-\d\d-\d\d", date) for _, date in versions[1:])
     kinds = {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
     assert set(re.findall(r"^### (.*)$", text, re.MULTILINE)) <= kinds
+
+
+def test_every_week_runs_what_bench_all_runs():
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8").replace("\\\n", " ")
+    words = re.search(r"^BENCHES := (.*)$", makefile, re.MULTILINE)[1]
+    words = re.sub(r"\$\(addprefix (\w+\.),(.*?)\)", lambda m: " ".join(m[1] + word for word in m[2].split()), words)
+    weekly = (ROOT / ".github" / "workflows" / "weekly.yml").read_text(encoding="utf-8")
+    assert re.findall(r"^ +- ([\w.]+)$", weekly, re.MULTILINE) == words.split()
+    for name in words.split():
+        path = ROOT / "bench" / ("fuzz" if name.startswith("fuzz.") else name.replace(".", "/"))
+        assert path.with_suffix(".py").is_file() or (path / "__main__.py").is_file(), name
