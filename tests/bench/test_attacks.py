@@ -207,6 +207,7 @@ def test_results_are_kept_and_compared(tmp_path):
     assert "1 of 2 cases held." in text and "alarm 1.2 s" in text
 
 
+@pytest.mark.slow
 def test_a_real_flight_is_heard_told_and_ended(station):
     """The whole path in one flight: what is sent is recorded to the packet, told, and not hidden by three bytes."""
     port = free_port(socket.SOCK_STREAM)

@@ -5,6 +5,8 @@ import pytest
 from bench.fuzz.readers import PLACES, READERS, ReaderScore, fuzz_places, fuzz_readers
 from tests.support.bundled import ROOT
 
+pytestmark = pytest.mark.slow
+
 GOOD = ROOT / "tests" / "corpus" / "readers"
 SEEDS = range(2)
 

@@ -4,6 +4,8 @@ import pytest
 
 from bench.importing.__main__ import rows_of
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("kind", ["straight", "winding"])
 def test_four_decimals_cost_no_names(kind):

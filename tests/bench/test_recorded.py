@@ -12,6 +12,8 @@ from sim.session import write_session
 from sim.world.presets import nominal
 from sim.world.scenario import ScenarioDetector, ScenarioFlight, Targets
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):

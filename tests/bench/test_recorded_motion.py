@@ -24,6 +24,8 @@ from sim.world.scenario import (
 )
 from vision.motion.image_motion import ImageMotion
 
+pytestmark = pytest.mark.slow
+
 # no attitude is reported, so that nothing but the pixels tells how the camera turns
 SHAKING = replace(
     nominal(3),

@@ -39,7 +39,10 @@ FLIGHTS = {
 }
 
 
-@pytest.fixture(scope="module", params=list(FLIGHTS))
+FIRST, *MORE = FLIGHTS
+
+
+@pytest.fixture(scope="module", params=[FIRST, *(pytest.param(name, marks=pytest.mark.slow) for name in MORE)])
 def flown(request, tmp_path_factory):
     """A session folder and the faults in it."""
     faults = FLIGHTS[request.param]
@@ -91,6 +94,7 @@ def test_every_frame_has_one_snapshot(flown):
     assert all(len(snapshot.vehicles) == 1 + len(SCENARIO.ugv_ids) for snapshot in shown)
 
 
+@pytest.mark.slow
 def test_who_signed_in_flight_has_signed_in_a_replay(tmp_path):
     folder = fly(tmp_path / "flown", replace(SCENARIO, duration_s=2.0), InjectedFaults(signed=True))
     *_, last = Analysis(open_session(folder)).snapshots()
@@ -98,6 +102,7 @@ def test_who_signed_in_flight_has_signed_in_a_replay(tmp_path):
     assert last.vehicles[1].bad_signature > 0
 
 
+@pytest.mark.slow
 def test_a_packet_that_cannot_be_worked_on_costs_no_replay(tmp_path, monkeypatch):
     def feed(self, packet):
         if packet.message_id == 0:
@@ -116,6 +121,7 @@ def test_a_packet_that_cannot_be_worked_on_costs_no_replay(tmp_path, monkeypatch
         assert sum("a fault of this program was passed over" in text for text in events) == 1
 
 
+@pytest.mark.slow
 def test_after_a_restart_the_fleet_is_named_again(tmp_path):
     """Also where the recording keeps no order and frames are missing in between."""
     folder = fly(tmp_path / "flown", SCENARIO, InjectedFaults(restart=(3.0, 5.5), no_video=((3.0, 6.0),)))
@@ -143,6 +149,7 @@ def old(sizeless, tmp_path):
     return Path(shutil.copytree(sizeless, tmp_path / "old"))
 
 
+@pytest.mark.slow
 def test_frames_of_unknown_size_are_measured_by_the_reports(old, tmp_path, capsys):
     named = identify_into(open_session(old), tmp_path / "again").named
     said = complaints(capsys)
@@ -155,6 +162,7 @@ def test_frames_of_unknown_size_are_measured_by_the_reports(old, tmp_path, capsy
     assert named and sum(again.get(box) == name for box, name in live.items()) > 0.97 * len(live)
 
 
+@pytest.mark.slow
 def test_boxes_that_fit_no_size_are_of_another_flight(old, tmp_path, capsys):
     boxes = rows(old / "detections.csv")
     for row in boxes:
@@ -170,6 +178,7 @@ def test_boxes_that_fit_no_size_are_of_another_flight(old, tmp_path, capsys):
     assert "video and telemetry do not match" in (tmp_path / "again" / "events.jsonl").read_text()
 
 
+@pytest.mark.slow
 def test_where_nothing_tells_the_size_nobody_is_named(old, tmp_path, capsys):
     detections = old / "detections.csv"
     header, *boxes = detections.read_text().splitlines(keepends=True)
@@ -181,6 +190,7 @@ def test_where_nothing_tells_the_size_nobody_is_named(old, tmp_path, capsys):
     assert identify_into(open_session(old, frame_size=(640, 360)), tmp_path / "told").named
 
 
+@pytest.mark.slow
 def test_a_size_that_cannot_be_is_refused(old, tmp_path):
     with pytest.raises(SessionError, match="outside frames of 320×180"):
         identify_into(open_session(old, frame_size=(320, 180)), tmp_path / "again")
@@ -217,6 +227,7 @@ def test_what_a_recording_lacks_is_said(tmp_path, capsys):
     assert f"the flight rejected {len(refused) - 1} records" in said
 
 
+@pytest.mark.slow
 def test_what_the_operator_stated_is_stated_again_at_the_same_frame(tmp_path, monkeypatch):
     """A wrong name, none of ours, a name confirmed and one withdrawn."""
 

@@ -238,6 +238,7 @@ def flown(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_a_replay_shows_what_the_operator_saw(flown):
     replay = Replay(open_session(flown))
     try:

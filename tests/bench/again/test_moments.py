@@ -64,6 +64,7 @@ def test_a_replay_is_the_flight_snapshot_by_snapshot(flown):
     assert any("silent" in alarm.key for snapshot in hole for alarm in snapshot.alarms)
 
 
+@pytest.mark.slow
 def test_without_the_flights_order_the_hole_is_one_too(flown, tmp_path):
     analysis = by_time(flown[0], tmp_path)
     moments = list(analysis.moments())
@@ -77,6 +78,7 @@ def test_without_the_flights_order_the_hole_is_one_too(flown, tmp_path):
     assert middle.frame_us == int(analysis.times_us[middle.frame]) < SCENARIO.start_us + 5 * S
 
 
+@pytest.mark.slow
 def test_moments_between_change_no_name(flown, tmp_path):
     analysis = by_time(flown[0], tmp_path)
     names = {
@@ -90,6 +92,7 @@ def test_moments_between_change_no_name(flown, tmp_path):
     assert repr(shown) == repr(names) and any(names.values())
 
 
+@pytest.mark.slow
 def test_provisional_names_are_told_as_such_and_come_at_once(flown, tmp_path):
     for analysis in (Analysis(open_session(flown[0])), by_time(flown[0], tmp_path)):
         final = dict(analysis.moments())
@@ -138,6 +141,7 @@ def test_an_hour_of_a_flight_takes_little_memory(flown):
     assert len(shown) > 200 and kept / len(shown) < 3000
 
 
+@pytest.mark.slow
 def test_a_replay_lasts_as_long_as_the_flight(flown, tmp_path):
     analysis = by_time(flown[0], tmp_path)
     toml = tmp_path / "by time" / "session.toml"

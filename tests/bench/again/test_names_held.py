@@ -28,7 +28,13 @@ def boxed(snapshot):
     return {row.system_id: (row.standing, row.track_id) for row in snapshot.vehicles if row.track_id}
 
 
-@pytest.mark.parametrize(("fps", "faults"), [(1.0, HOLE), (2.0, HOLE), (5.0, HOLE), (10.0, HOLE), (5.0, FAILS)])
+SLOW = [
+    pytest.param(fps, faults, marks=pytest.mark.slow)
+    for fps, faults in ((1.0, HOLE), (5.0, HOLE), (10.0, HOLE), (5.0, FAILS))
+]
+
+
+@pytest.mark.parametrize(("fps", "faults"), [(2.0, HOLE), *SLOW])
 def test_names_do_not_strobe(tmp_path, fps, faults):
     _, shown = flown(tmp_path, fps, faults)
     looked = None
@@ -50,6 +56,7 @@ def test_names_do_not_strobe(tmp_path, fps, faults):
     assert {row.standing for row in shown[-1].vehicles if row.track_id} == {"confirmed"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("fps", "faults"), [(2.0, HOLE), (5.0, LATE), (10.0, InjectedFaults(step=(7.0, 3600.0)))])
 def test_no_clock_goes_back(tmp_path, fps, faults):
     _, shown = flown(tmp_path, fps, faults)
@@ -57,6 +64,7 @@ def test_no_clock_goes_back(tmp_path, fps, faults):
     assert all(before.now_us <= now.now_us for before, now in pairwise(shown))
 
 
+@pytest.mark.slow
 def test_time_between_frames_is_not_ahead_of_the_next_frame(tmp_path):
     """By more than transports delay one frame more than another; frames are dated half a second before they come."""
     _, shown = flown(tmp_path, 2.0, InjectedFaults(late_stamp_s=-0.5))
@@ -65,11 +73,13 @@ def test_time_between_frames_is_not_ahead_of_the_next_frame(tmp_path):
     assert all(before.t_us - now.t_us < 0.08e6 for before, now in pairwise(shown))
 
 
+@pytest.mark.slow
 def test_a_clock_that_was_set_back_is_followed(tmp_path):
     _, shown = flown(tmp_path, 5.0, InjectedFaults(step=(7.0, -3600.0), no_video=((6.0, 9.0),)), duration_s=9.0)
     assert shown[-1].now_us < shown[0].now_us
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("faults", [HOLE, FAILS])
 def test_held_boxes_are_logged_once(tmp_path, faults):
     folder, shown = flown(tmp_path, 5.0, faults)
@@ -78,6 +88,7 @@ def test_held_boxes_are_logged_once(tmp_path, faults):
     assert [(row["time_us"], row["frame"]) for row in rows] == seen
 
 
+@pytest.mark.slow
 def test_the_name_of_a_vehicle_that_is_contested_meanwhile_is_not_held(tmp_path):
     _, shown = flown(tmp_path, 5.0, InjectedFaults(no_video=((7.0, 11.0),), impostor=(6.5, 13.0)))
     contested = [now for now in shown if any(row.contested for row in now.vehicles)]
@@ -87,6 +98,7 @@ def test_the_name_of_a_vehicle_that_is_contested_meanwhile_is_not_held(tmp_path)
         assert not doubted & {box.system_id for box in now.boxes}
 
 
+@pytest.mark.slow
 def test_alarms_neither_come_nor_go_by_holding(tmp_path):
     _, shown = flown(tmp_path, 2.0, InjectedFaults())
     raised = {alarm.key for now in shown for alarm in now.alarms}

@@ -17,6 +17,8 @@ from tests.support.bundled import swarm_session, with_packets
 from tests.support.command_line import run_gcs
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.slow
+
 S = 1_000_000
 SECONDS, LOST_S = 14.0, 8.5
 FLIGHTS = {

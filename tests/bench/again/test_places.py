@@ -17,6 +17,8 @@ from tests.support.fake_station import make_snapshot
 from tests.support.snapshots import boxes
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.slow
+
 S = 1_000_000
 SCENARIO = replace(nominal(3), ground=ScenarioGround(kind="curved", vehicles=4, spacing_m=8.0), duration_s=16.0)
 END_US = SCENARIO.start_us + 15 * S

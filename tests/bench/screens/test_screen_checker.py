@@ -10,6 +10,8 @@ from bench.screens.flights import Script, fly
 from bench.screens.station import VIEWS, shots
 from gcs.snapshot import Alarm
 
+pytestmark = pytest.mark.slow
+
 SIZE = (160, 48)
 S = 1_000_000
 

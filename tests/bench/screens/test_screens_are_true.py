@@ -9,6 +9,8 @@ from bench.screens.checker import check_screens
 from bench.screens.flights import Script, fly
 from bench.screens.scripts import NAMES, SIZES
 
+pytestmark = pytest.mark.slow
+
 LOOKS = 30
 """Screens of each size: five of every view."""
 FLIGHTS = (

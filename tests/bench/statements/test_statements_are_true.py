@@ -18,6 +18,8 @@ from bench.statements.rows import check_alarms, check_missing_alarms, check_row
 from bench.statements.sentences import Said, check_sentence, match_sentence
 from sim.world.scenario import ScenarioFault
 
+pytestmark = pytest.mark.slow
+
 S = 1_000_000
 PLACES = ("events", "turns", "identity", "exports", "screens", "roll call")
 FLIGHTS = (

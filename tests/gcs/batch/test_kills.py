@@ -6,6 +6,7 @@ import sys
 
 import duckdb
 import psutil
+import pytest
 
 from tests.support.batches.results import records, single_run, tables
 from tests.support.batches.short_flights import short_flights
@@ -14,6 +15,8 @@ from tests.support.bundled import SWARM
 from tests.support.command_line import run_gcs
 from tests.support.ports import free_port
 from tests.support.waiting import until
+
+pytestmark = pytest.mark.slow
 
 DASK = (sys.executable, "-m", "dask")
 

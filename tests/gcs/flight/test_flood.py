@@ -36,6 +36,7 @@ def flood(number, hz=1000.0):
         yield Packet(t_us, voice.frame(t_us, TEXT, k % 8, words))
 
 
+@pytest.mark.slow
 def test_a_thousand_texts_a_second_cost_no_memory_and_none_is_lost(pipeline, tmp_path):
     tlog, log = TlogWriter(tmp_path / "telemetry.tlog"), EventLog(tmp_path / "events.jsonl")
     told = 0

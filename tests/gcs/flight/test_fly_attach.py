@@ -53,6 +53,7 @@ def share_of_a_core(pid):
     return (sum(process.cpu_times()[:2]) - before_s) / (time.monotonic() - began_s)
 
 
+@pytest.mark.slow
 def test_a_flight_is_taken_up_again_left_and_ended_from_other_terminals(begin, tmp_path):
     flight = begin(Terminal, tmp_path, controls=False)
     flight.read_until(b"NAME")
@@ -81,6 +82,7 @@ def test_a_flight_is_taken_up_again_left_and_ended_from_other_terminals(begin, t
     assert list(socket_folder().iterdir()) == []
 
 
+@pytest.mark.slow
 def test_leaving_a_lent_screen_leaves_the_flight_and_a_killed_flight_the_terminal(begin, tmp_path):
     flight = begin(Terminal, tmp_path, "--headless", controls=False)
     flight.read_until(b"gcs fly --attach")

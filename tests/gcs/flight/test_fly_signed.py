@@ -154,6 +154,7 @@ def driving(system_id, **options):
     return vehicle
 
 
+@pytest.mark.slow
 def test_a_fleet_that_has_long_been_driving_is_believed_at_once_and_after_a_kill(place):
     told, untold = driving(11), driving(12, system_time=False)
     place.start()
@@ -226,6 +227,7 @@ def test_an_operator_believes_a_held_vehicle_by_a_key_and_a_second_one(tmp_path)
         StreamJournal(tmp_path / "keys").close(needed=False)
 
 
+@pytest.mark.slow
 def test_a_uav_that_is_held_is_asked_where_this_station_may_speak(place):
     """Only a living autopilot raises its timestamps to the one in our heartbeat."""
     uav = driving(1, system_time=False)

@@ -119,6 +119,7 @@ def test_a_screen_that_is_left_ends_no_flight_and_its_marks_are_kept(tmp_path, m
     assert (mark.t_us, mark.text, mark.system_id) == (1_795_170_792_000_000, "take-off", 11)
 
 
+@pytest.mark.slow
 def test_errors_that_go_to_a_file_leave_the_screen_where_it_is(begin, tmp_path):
     with (tmp_path / "errors.txt").open("wb") as errors:
         terminal = begin(errors=errors)
@@ -131,6 +132,7 @@ def test_errors_that_go_to_a_file_leave_the_screen_where_it_is(begin, tmp_path):
     assert b"\x1b" not in (tmp_path / "errors.txt").read_bytes(), "no screen in it"
 
 
+@pytest.mark.slow
 def test_what_goes_to_a_file_stays_there_when_the_terminal_is_gone(begin, tmp_path):
     with (tmp_path / "errors.txt").open("wb") as errors:
         terminal = begin("--headless", errors=errors)

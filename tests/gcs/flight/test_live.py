@@ -190,6 +190,7 @@ def oldest(flight, package):
     return min(filter(runs_it, psutil.Process(flight.pid).children(recursive=True)), key=psutil.Process.create_time)
 
 
+@pytest.mark.slow
 def test_a_flight_whose_processes_were_killed_is_the_same_again(field, tmp_path):
     told = {
         "mavlink.ingest": "another process took over",
@@ -208,6 +209,7 @@ def test_a_flight_whose_processes_were_killed_is_the_same_again(field, tmp_path)
     same_again(field.session, tmp_path / "again")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("after_s", [3.0, 4.3])
 def test_a_kill_loses_at_most_the_last_second(field, after_s):
     with field.flying():

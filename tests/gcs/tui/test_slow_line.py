@@ -12,6 +12,8 @@ from tests.support.bundled import ROOT
 from tests.support.slow_terminal import SlowTerminal
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.slow
+
 SCRIPT = """
 import itertools, os, sys, threading
 from dataclasses import replace
