@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/ready
 # Tests wait much of their time, so there are more processes than cores; each keeps its arithmetic to one core. They start
 # others by the dozen, so compiled modules are kept.
-TEST_PROCESSES ?= 6
+TEST_PROCESSES ?= 4
 PYTEST = OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= \
 	$(BIN)/python -m pytest -q --numprocesses $(TEST_PROCESSES) --dist worksteal $(PYTEST_OPTIONS)
 # What docs/reliability.md, docs/identity.md and the README rest on, and what lists wrong names, words and screens.

@@ -22,6 +22,17 @@ for _name in (*VARIABLES, "FORCE_COLOR"):
     os.environ.pop(_name, None)
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """``slow_but_first`` marks every case of a test but its first as slow."""
+    begun = set()
+    for item in items:
+        if item.get_closest_marker("slow_but_first"):
+            if (test := item.nodeid.partition("[")[0]) in begun:
+                item.add_marker("slow")
+            begun.add(test)
+
+
 @pytest.fixture
 def sender():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:

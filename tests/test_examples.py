@@ -50,19 +50,19 @@ def test_telemetry_falls_on_the_vehicles(run, tmp_path):
 
 
 @pytest.fixture
-def half_minute(tmp_path):
-    return shortened(SWARM, tmp_path / "session", 300)
+def quarter_minute(tmp_path):
+    return shortened(SWARM, tmp_path / "session", 150)
 
 
-def test_an_export_of_ones_own(run, half_minute, tmp_path):
-    run("own_export.py", half_minute, tmp_path / "seen.txt")
+def test_an_export_of_ones_own(run, quarter_minute, tmp_path):
+    run("own_export.py", quarter_minute, tmp_path / "seen.txt")
     lines = (tmp_path / "seen.txt").read_text(encoding="utf-8").splitlines()
     assert len(lines) > 100
     with pytest.raises(FileExistsError):
-        run("own_export.py", half_minute, tmp_path / "seen.txt")
+        run("own_export.py", quarter_minute, tmp_path / "seen.txt")
 
 
-def test_a_flight_frame_by_frame(run, half_minute):
-    text = run("fold_frame_by_frame.py", half_minute)
+def test_a_flight_frame_by_frame(run, quarter_minute):
+    text = run("fold_frame_by_frame.py", quarter_minute)
     named = float(re.search(r"([\d.]+) of 6 vehicles named", text)[1])
     assert named > 4.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
-from tests.support.bundled import swarm_session
+from tests.support.bundled import SWARM, shortened
 
 MACOS = """
 import sys
@@ -44,7 +44,7 @@ def python(script, *words):
 
 
 def test_macos_imports_everything_and_replays(tmp_path):
-    code, stdout, stderr = python(MACOS, swarm_session(tmp_path), tmp_path / "out")
+    code, stdout, stderr = python(MACOS, shortened(SWARM, tmp_path / "session", 60), tmp_path / "out")
     assert code == 0, stderr
     assert "6 of 6 vehicles named" in stdout
 

@@ -63,6 +63,7 @@ def easy_scene():
     return scene_of(EASY)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(("number", "hard"), VERSIONS)
 def test_every_kind_of_session_can_be_made_and_twice_alike(number, hard):
     for seed in seeds_of(number, hard, "tune"):
@@ -75,6 +76,7 @@ def test_every_kind_of_session_can_be_made_and_twice_alike(number, hard):
     assert scenario_of(number, hard, first) != scenario_of(number, hard, first + len(seeds_of(number, hard, "tune")))
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(("number", "hard"), [v for v in VERSIONS if v[0] not in (11, 13)])
 def test_the_last_kind_of_every_family_can_be_played(number, hard):
     scenario = scenario_of(number, hard, seeds_of(number, hard, "report")[-1])
@@ -102,6 +104,7 @@ def test_there_are_goals_for_all_families_in_both_versions():
         assert set(goal.only + goal.without) <= set(FAMILIES[goal.family].version(goal.hard).labels)
 
 
+@pytest.mark.slow
 def test_all_methods_are_right_where_it_is_easy(easy_scene):
     answers = [*by_windows(easy_scene).items(), ("mean residual", mean_residual(easy_scene))]
     assert [name for name, _ in answers] == [*METHODS, "mean residual"]
@@ -230,6 +233,7 @@ def test_the_tables_name_what_was_missed(tmp_path):
     assert (tmp_path / "reliability.csv").read_text().startswith("version,from,to,boxes,mean_confidence,share_right\n")
 
 
+@pytest.mark.slow
 def test_a_short_session_is_played_by_the_product_and_the_others():
     one = play(Task(family=1, hard=False, seed=0, duration_s=3.0))
     assert len(one.cpu_ms) == 30
@@ -276,6 +280,7 @@ def test_films_of_another_flight_have_a_table_and_a_goal():
     assert "FPER 98.50 < 99.9" in text
 
 
+@pytest.mark.slow
 def test_motion_is_seen_in_drawn_frames_where_a_kind_asks_for_pixels(tmp_path):
     asked = [(n, h, s) for n, h in VERSIONS for s in seeds_of(n, h, "tune") if has_pixels(n, h, s)]
     assert {n for n, _, _ in asked} == {16}
@@ -293,6 +298,7 @@ def test_motion_is_seen_in_drawn_frames_where_a_kind_asks_for_pixels(tmp_path):
     assert float(rows[2]["h13"]) == pytest.approx((H / H[2, 2])[0, 2], abs=6.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "seconds"), [((21, False, 2), 20.0), ((3, True, 400), 24.0)], ids=["within seconds", "in close traffic"]
 )
@@ -305,6 +311,7 @@ def test_errors_that_wander_are_not_a_film_of_another_flight(tmp_path, kind, sec
     assert math.isinf(played.mismatch_s)
 
 
+@pytest.mark.slow
 def test_boxes_that_are_less_sure_than_reports_are_named_too(tmp_path):
     """Far away at a slant, a box tells its vehicle's place worse than its last reports foresee the next."""
     slanted = tilted(-25.0)
@@ -318,6 +325,7 @@ def test_boxes_that_are_less_sure_than_reports_are_named_too(tmp_path):
     assert math.isinf(played.mismatch_s)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind",
     [(22, False, 5), (22, True, 3), (22, True, 6), (23, False, 0), (23, False, 5), (23, True, 3)],

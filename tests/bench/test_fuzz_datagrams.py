@@ -16,12 +16,14 @@ CORPUS = sorted((ROOT / "tests" / "corpus" / "datagram").iterdir())
 KNOWN_V2 = [f for f in frame_pool(carried=False) if f[0] == 0xFD and not f[2] and f[7:10] != b"\x61\xea\0"][:1000]
 
 
+@pytest.mark.slow
 def test_no_datagram_raises():
     score = fuzz_datagrams(7, 6000)
     assert score.failures == []
     assert score.datagrams == 6000 and score.frames > 3000 and score.notices > 0
 
 
+@pytest.mark.slow
 @given(datagrams=st.lists(st.binary(max_size=300), max_size=8), step_us=st.integers(-(10**9), 10**9))
 @settings(max_examples=60, deadline=None)
 def test_any_bytes_in_any_order(datagrams, step_us):
@@ -31,6 +33,7 @@ def test_any_bytes_in_any_order(datagrams, step_us):
     listener.fleet.at(listener.t_us)
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 2**32), payload=st.binary(min_size=1, max_size=40))
 @settings(max_examples=80, deadline=None)
 def test_wild_contents_behind_right_checksums(seed, payload):
@@ -70,6 +73,7 @@ THEIRS_LOSE = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", INPUTS)
 def test_no_undamaged_frame_of_a_stream_is_lost(name):
     parts = INPUTS[name](KNOWN_V2, random.Random(1))

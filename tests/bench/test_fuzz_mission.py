@@ -43,18 +43,21 @@ def test_the_file_to_start_from_is_good(tmp_path):
     assert load_mission(path).ugv_ids == (11, 12)
 
 
+@pytest.mark.slow
 def test_drawn_files_are_taken_or_refused():
     score = fuzz_missions(range(400), TABLE)
     assert [line for line in score.failures if not line.startswith(OPEN_ERRORS)] == []
     assert score.refused > 200
 
 
+@pytest.mark.slow
 @given(section=st.sampled_from(sorted(TABLE)), value=values)
 @settings(max_examples=150, deadline=None)
 def test_any_value_for_a_section(section, value):
     refused_or_taken({**TABLE, section: value})
 
 
+@pytest.mark.slow
 @given(data=st.data(), value=values)
 @settings(max_examples=200, deadline=None)
 def test_any_value_for_a_key(data, value):
@@ -63,6 +66,7 @@ def test_any_value_for_a_key(data, value):
     refused_or_taken({**TABLE, section: {**TABLE[section], key: value}})
 
 
+@pytest.mark.slow
 @given(text=st.text(max_size=200))
 @settings(max_examples=100, deadline=None)
 def test_any_text_is_taken_or_refused(text, tmp_path_factory):

@@ -25,6 +25,7 @@ def scores():
     return fuzz_logs(range(100_000, 100_000 + LOGS))
 
 
+@pytest.mark.slow
 def test_no_undamaged_record_is_lost_and_all_have_their_time(scores):
     total = scores["all"]
     assert total.logs == LOGS and total.whole > 50_000
@@ -32,16 +33,19 @@ def test_no_undamaged_record_is_lost_and_all_have_their_time(scores):
     assert (total.lost, total.wrong_times, total.wrong_counts) == (0, 0, 0)
 
 
+@pytest.mark.slow
 def test_damage_is_reported_to_the_byte(scores):
     total = scores["all"]
     assert total.damaged_bytes > 100_000
     assert (total.false_bytes, total.missed_bytes) == (0, 0)
 
 
+@pytest.mark.slow
 def test_phantoms_are_fewer_than_one_in_ten_thousand(scores):
     assert scores["all"].phantoms + scores["all"].unknown_phantoms <= 1e-4 * scores["all"].whole
 
 
+@pytest.mark.slow
 def test_every_damage_layout_and_clock_was_tried(scores):
     assert set(DAMAGES) <= set(scores)
     assert sum(kind.startswith("layout: ") for kind in scores) == 5
@@ -112,6 +116,7 @@ def test_hostile_logs_do_not_take_long_loops():
         assert index.counts.size_bytes == len(data)
 
 
+@pytest.mark.slow
 def test_a_section_of_the_results_replaces_itself(scores, tmp_path):
     path = tmp_path / "fuzz.md"
     for title, text in (("Logs", "old"), ("Streams", "kept"), ("Logs", logs_text(scores))):

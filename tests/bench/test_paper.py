@@ -104,18 +104,21 @@ def test_windows_in_which_boxes_come_or_go_are_left_out():
 # methods
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["projection", "TTS", "mean residual", "identifier", "least squares, true places"])
 def test_without_noise_everybody_is_found(cut, name):
     right = sum(np.sum(METHODS[name](w, QUIET).vehicle == w.vehicle) for w in cut)
     assert right >= 11
 
 
+@pytest.mark.slow
 def test_the_identifier_does_without_yaw_and_headings_and_stands_noise(cut):
     noise = ConditionNoise(position_m=2.0, topology=2.0, report_every=2)
     for name in ("identifier, yaw unknown", "identifier, no headings"):
         assert np.sum(METHODS[name](cut[0], noise).vehicle == cut[0].vehicle) >= 5
 
 
+@pytest.mark.slow
 def test_who_the_reports_come_from_is_what_decides(cut):
     w, order = cut[0], np.array([1, 2, 3, 4, 5, 0, 6])
     swapped = replace(w, p_enu=w.p_enu[:, order], heading=w.heading[:, order])
@@ -123,6 +126,7 @@ def test_who_the_reports_come_from_is_what_decides(cut):
     assert order[said].tolist() == w.vehicle.tolist()
 
 
+@pytest.mark.slow
 def test_fusion_names_every_box_with_a_mass(cut):
     answer = METHODS["fusion"](cut[0], ConditionNoise(position_m=1.0, topology=1.0))
     assert (answer.vehicle >= 0).all() and (answer.confidence > 1.0 / 7.0).all()
@@ -200,6 +204,7 @@ def test_a_condition_counts_boxes_and_lists_what_was_missed():
     assert len(misses) == wrong
 
 
+@pytest.mark.slow
 def test_the_continuous_identifier_is_asked_on_every_frame():
     noise, flights = ConditionNoise(position_m=0.0, topology=0.0), (short(field(1)),)
     condition = Condition(
@@ -307,6 +312,7 @@ def test_vehicles_are_hidden_where_they_turn():
     assert hidden[145, 0] and 10 <= hidden.sum() <= 24
 
 
+@pytest.mark.slow
 def test_every_keeper_follows_a_flight():
     what = walk(short(paper_road("curved", 0.0, 1), 2.0))
     for track, make in KEEPERS.values():

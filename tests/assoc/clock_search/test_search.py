@@ -13,6 +13,7 @@ from tests.support.films.clock_film import FilmedFleet, without
 ANY = (-90_000.0, 90_000.0)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("ahead_s", [0.0, 0.3, 3.0, -30.0, 600.0, 3600.0, -7200.0])
 def test_offset_is_found_in_an_hour_of_reports(ahead_s):
     fleet = FilmedFleet(ahead_s=ahead_s)
@@ -23,6 +24,7 @@ def test_offset_is_found_in_an_hour_of_reports(ahead_s):
     assert found.runner_up.evidence < 0.65 * found.best.evidence
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     ("fleet", "film", "path"),
     [
@@ -63,6 +65,7 @@ def test_vehicles_that_do_the_same_again_and_again_are_refused_with_both_times()
         assert abs((fit.offset_s - 50.0 + 60.0) % 120.0 - 60.0) < 0.3
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
 def test_nothing_is_found_where_the_time_of_the_film_is_not_in_the_log(seed):
     fleet = FilmedFleet(seed=seed)

@@ -33,6 +33,7 @@ def spoofed(reports, since_us, rng, spread_m=0.3, late_s=0.0):
     return replace(reports, p_enu=p, v_enu=v, heading=heading)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("seed", range(3))
 def test_a_vehicle_that_takes_anothers_place_takes_no_name(seed):
     identifier, fleet, rng = Identifier(IDS), convoy(seed), np.random.default_rng(seed)
@@ -50,6 +51,7 @@ def test_a_vehicle_that_takes_anothers_place_takes_no_name(seed):
     assert answer.system_id[[0, 3]].tolist() == [11, 14]
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("spread_m", [0.0, 0.3], ids=["the same noise", "noise of its own"])
 @pytest.mark.parametrize("seed", range(3))
 def test_of_two_that_report_one_place_from_the_start_neither_is_named(seed, spread_m):
@@ -80,6 +82,7 @@ def test_of_two_that_report_one_place_the_one_that_is_not_late_can_be_named():
     assert np.mean(named[40:]) > 0.25
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("seed", range(3))
 def test_neighbours_of_whom_one_is_not_detected_are_not_accused(seed):
     """Vehicle 1 drives 4 m from vehicle 2 and has no box for half of the time."""

@@ -42,6 +42,7 @@ def test_all_assignments_are_summed(tracks):
     assert log_assignments(odds, tracks) == pytest.approx(np.log(total))
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("seed", range(4))
 def test_the_film_of_another_fleet_is_named_nowhere(seed):
     film = Fleet(seed=seed + 10, n=7, spacing_m=7.0, strangers=((4.0, 9.0),))
@@ -52,6 +53,7 @@ def test_the_film_of_another_fleet_is_named_nowhere(seed):
     assert not any(answer.conflict for answer in answers), "nobody is accused for it"
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("seed", range(4))
 def test_the_film_of_the_fleet_itself_is_named_in_its_first_frames(seed):
     fleet = Fleet(seed=seed)
@@ -185,6 +187,7 @@ def test_video_that_is_dated_late_by_seconds_fits_once_the_vehicles_have_moved()
     assert abs(identifier.pose_correction[7] - 3.0) < 0.3
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("turned_deg", [90.0, 180.0, -90.0])
 def test_a_camera_mounted_turned_is_found_in_the_first_frames(turned_deg):
     fleet, identifier, rng = Fleet(seed=3, n=4), Identifier(IDS), np.random.default_rng(2)

@@ -82,6 +82,7 @@ def test_swapped_tracks_are_found_out():
     assert np.all(said(answers, 8.0) == IDS)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("seed", range(1, 4))
 def test_tracks_that_come_out_of_the_dark_exchanged_are_not_trusted(seed):
     identifier, fleet = Identifier(IDS), Fleet(spacing_m=5.0, seed=seed)
@@ -138,6 +139,7 @@ def test_a_predicted_track_gives_its_name_to_the_new_one():
     assert answer.system_id.tolist() == [*IDS, 0]
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("t", [0.8, 1.5, 4.0])
 @pytest.mark.parametrize("away_m", [3.0, 4.0])
 def test_a_stranger_does_not_take_the_name_of_a_box_missed_for_a_moment(t, away_m):
@@ -179,6 +181,7 @@ def test_a_stranger_at_the_side_does_not_become_a_vehicle_that_is_hidden():
         assert t < 1.0 or answer.system_id[4] == 0, t
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("seed", range(1, 4))
 @pytest.mark.parametrize("gone_s", [1.0, 2.0])
 def test_a_follower_does_not_get_the_name_of_a_vehicle_that_left_the_image(gone_s, seed):

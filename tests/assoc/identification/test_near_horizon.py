@@ -105,6 +105,7 @@ def test_names_stay_at_ten_frames_a_second():
     assert lost == 0
 
 
+@pytest.mark.slow
 def test_no_ship_of_another_place_is_surely_named():
     who, share = np.array([1, 4, 6]), []
     for seed in range(6):

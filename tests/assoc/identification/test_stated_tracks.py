@@ -61,6 +61,7 @@ def test_a_right_statement_names_at_once():
     assert filmed.run(10)[-1] == {1: 11, 2: 12, 3: 13, 4: 14}
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("seconds", [1.0, 12.0])
 def test_a_wrong_statement_costs_others_their_names_for_a_few_seconds_at_most(seconds):
     filmed = Filmed(Fleet(n=4))

@@ -213,6 +213,7 @@ def test_the_answer_does_not_depend_on_the_block(n_rl, n_im, monkeypatch):
         assert (parts.votes, parts.hypotheses) == (whole.votes, whole.hypotheses)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("side", ["tracks", "vehicles"])
 @pytest.mark.parametrize("seed", range(5))
 def test_of_equal_hypotheses_one_wins_with_their_error(side, seed):

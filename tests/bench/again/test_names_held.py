@@ -28,13 +28,8 @@ def boxed(snapshot):
     return {row.system_id: (row.standing, row.track_id) for row in snapshot.vehicles if row.track_id}
 
 
-SLOW = [
-    pytest.param(fps, faults, marks=pytest.mark.slow)
-    for fps, faults in ((1.0, HOLE), (5.0, HOLE), (10.0, HOLE), (5.0, FAILS))
-]
-
-
-@pytest.mark.parametrize(("fps", "faults"), [(2.0, HOLE), *SLOW])
+@pytest.mark.slow_but_first
+@pytest.mark.parametrize(("fps", "faults"), [(2.0, HOLE), (1.0, HOLE), (5.0, HOLE), (10.0, HOLE), (5.0, FAILS)])
 def test_names_do_not_strobe(tmp_path, fps, faults):
     _, shown = flown(tmp_path, fps, faults)
     looked = None

@@ -40,6 +40,7 @@ def test_names_the_swarm_and_is_right(named):
     assert score["fper"] >= 0.95
 
 
+@pytest.mark.slow
 def test_same_input_same_bytes(tmp_path):
     session = swarm_session(tmp_path)
     assert run_gcs("identify", session, "-o", tmp_path / "here")[0] == 0
@@ -221,6 +222,7 @@ def test_what_others_wrote_in_a_session_gives_the_terminal_no_orders(tmp_path):
     assert all(character.isprintable() or character == "\n" for character in stdout + stderr)
 
 
+@pytest.mark.slow
 def test_vehicles_that_never_report_stay_unnamed(tmp_path):
     kept = tmp_path / "kept.tlog"
     assert run_gcs("tlog", "cut", SWARM / "telemetry.tlog", kept, "--system", "1")[0] == 0

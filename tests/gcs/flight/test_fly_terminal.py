@@ -31,6 +31,7 @@ def begin(tmp_path):
             terminal.process.wait()
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(("extra", "shown"), [((), b"NAME"), (("--headless",), b"stop with Ctrl-C")])
 def test_a_flight_goes_on_when_its_terminal_is_closed(begin, extra, shown):
     terminal = begin(*extra)

@@ -47,6 +47,7 @@ def test_what_no_track_takes_is_shown_only_where_it_counts(folders):
     assert min(box.score for box in shown if box.track_id) < 0.3
 
 
+@pytest.mark.slow
 def test_the_mission_says_from_which_score_boxes_count(folders, tmp_path):
     session = open_session(folders / "weak")
     assert session.mission is not None

@@ -56,12 +56,14 @@ def test_a_film_that_is_dated_wrong_beside_uav_and_fleet(flown, tmp_path):
     assert times.uav_shift_us == 0
 
 
+@pytest.mark.slow
 def test_a_fleet_that_is_dated_wrong_beside_film_and_uav(flown, tmp_path):
     times, first_us = searched(flown, tmp_path, fleet_later_s=250.0)
     assert abs(times.film_us - first_us - 250_000_000) < 200_000
     assert abs(times.uav_shift_us - 250_000_000) < 200_000
 
 
+@pytest.mark.slow
 def test_what_was_tried_is_told_where_neither_fits(flown, tmp_path):
     with pytest.raises(ImportFileError, match=r"\(the UAV's clock was taken to be the fleet's, then the film's\)$"):
         searched(flown, tmp_path, fleet_later_s=250.0, within_s=20.0)

@@ -41,6 +41,7 @@ def flight(folder, *, later_s=0.0, uav_too=False, without=()):
     return film, FilmedFleetLogs(mission=session.mission, uav=uav, uav_with_fleet=uav_too, fleet=moved)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("later_s", [0.0, 0.3, 3.0, -600.0, 7200.0])
 def test_real_autopilots_with_a_clock_that_is_off(later_s):
     film, logs = flight(SWARM, later_s=later_s)
@@ -49,11 +50,13 @@ def test_real_autopilots_with_a_clock_that_is_off(later_s):
     assert found.said.startswith(f"{found.ahead_s:+.2f} s, found by how the fleet fits the film")
 
 
+@pytest.mark.slow
 def test_a_video_with_another_clock_than_uav_and_fleet():
     film, logs = flight(SWARM, later_s=-47.0, uav_too=True)
     assert abs(find_fleet_clock([film], logs, ANY).ahead_s + 47.0) < 0.15
 
 
+@pytest.mark.slow
 def test_a_uav_that_tells_no_attitude(tmp_path):
     blind = replace(nominal(6), duration_s=30.0, attitude=ScenarioAttitude(missing=True))
     write_session(blind, tmp_path / "blind")
@@ -61,12 +64,14 @@ def test_a_uav_that_tells_no_attitude(tmp_path):
     assert abs(find_fleet_clock([film], logs, ANY).ahead_s - 12.5) < 0.2
 
 
+@pytest.mark.slow
 def test_a_heading_that_is_unknown_and_turns_is_not_guessed_with():
     film, logs = flight(SWARM, without=(30, 285))
     with pytest.raises(ImportFileError, match="--clock"):
         find_fleet_clock([film], logs, ANY)
 
 
+@pytest.mark.slow
 def test_a_part_in_which_nothing_is_seen_is_passed_over():
     film, logs = flight(SWARM, later_s=5.0)
     empty = FilmBoxes(t_us=np.empty(0, np.int64), boxes=(), size=film.size)

@@ -138,6 +138,7 @@ def read(path):
     return read_vehicle_logs(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_whatever_a_file_holds(name, samples, tmp_path):
     told = refused = 0

@@ -70,6 +70,7 @@ def test_a_dji_drone_above_rovers(flown, right, tmp_path):
     assert result.wrong_sure_s == 0.0
 
 
+@pytest.mark.slow
 def test_a_logged_uav_above_logged_rovers(flown, right, tmp_path):
     (tmp_path / "uav.bin").write_bytes(dataflash(flown, 1))
     ugv = []
@@ -97,6 +98,7 @@ def test_a_logged_uav_above_logged_rovers(flown, right, tmp_path):
     assert right_of(tmp_path / "session", flown, tmp_path).right >= right - LOST
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("kind", ["positions.csv", "positions.gpx"])
 def test_tables_of_poses_and_positions(kind, flown, right, tmp_path):
     (tmp_path / "pose.csv").write_text(pose_csv(flown))
@@ -133,6 +135,7 @@ def test_ground_vehicles_that_cannot_be_told_apart(ugv, words, flown, tmp_path, 
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("kind", ["klv", "sei", "siyi", "dji"])
 def test_telemetry_inside_the_film(kind, flown, right, tmp_path):
     write = {
@@ -156,6 +159,7 @@ def test_telemetry_inside_the_film(kind, flown, right, tmp_path):
     assert right_of(tmp_path / "session", flown, tmp_path).right >= right - LOST
 
 
+@pytest.mark.slow
 def test_the_gimbal_of_an_enterprise_drone_gives_the_heading(flown, right, tmp_path):
     subtitles, session = tmp_path / "DJI_0001.SRT", tmp_path / "session"
     subtitles.write_text(srt("enterprise", flown.spots()))
@@ -223,6 +227,7 @@ def shifted_subtitles(flown, folder, later_s):
     return subtitles
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("later_s", [3.0, 7200.0])
 def test_a_clock_that_is_off_is_found_in_the_film(later_s, longer, tmp_path):
     subtitles, session = shifted_subtitles(longer, tmp_path, later_s), tmp_path / "session"
@@ -236,6 +241,7 @@ def test_a_clock_that_is_off_is_found_in_the_film(later_s, longer, tmp_path):
     assert result.wrong_sure_s == 0.0
 
 
+@pytest.mark.slow
 def test_a_clock_is_not_searched_beyond_what_is_allowed(longer, tmp_path):
     subtitles = shifted_subtitles(longer, tmp_path, 600.0)
     words = import_words(longer, tmp_path / "session", "--uav", subtitles, "--clock-within", "60")

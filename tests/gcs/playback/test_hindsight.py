@@ -160,6 +160,7 @@ def test_recordings_that_no_flight_of_ours_kept_are_named_by_hindsight(tmp_path)
     assert score["hindsight"].ece < score["seen"].ece
 
 
+@pytest.mark.slow
 def test_a_film_of_another_fleet_gets_no_sure_name(tmp_path):
     """On a screen the first seconds can look alike; afterwards it is known that they were not."""
     for name, seed in (("one", 3), ("other", 4)):

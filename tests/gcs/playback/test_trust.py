@@ -43,6 +43,7 @@ def test_deranged_ids_take_the_names_with_them(tmp_path):
     assert np.mean(rows[1] == moved) > 0.99
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("gnss", "ground", "right"),
     [

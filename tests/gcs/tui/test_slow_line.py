@@ -12,8 +12,6 @@ from tests.support.bundled import ROOT
 from tests.support.slow_terminal import SlowTerminal
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.slow
-
 SCRIPT = """
 import itertools, os, sys, threading
 from dataclasses import replace
@@ -66,6 +64,7 @@ def end_of(terminal, folder) -> tuple[str, str, int, list[str]]:
     return code, left, int(reads), threads
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("replies", [True, False])
 def test_pictures_that_a_slow_line_cannot_carry_are_dropped_and_keys_are_answered(begin, tmp_path, replies):
     # a line without replies is one whose far end takes no more than it shows
@@ -83,6 +82,7 @@ def test_pictures_that_a_slow_line_cannot_carry_are_dropped_and_keys_are_answere
     assert end_of(terminal, tmp_path)[:2] == ("0", "True")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["closed", "hung up"])
 def test_the_screens_end_with_their_terminal(begin, tmp_path, how):
     terminal = begin("noise", controls=how == "hung up")
@@ -94,6 +94,7 @@ def test_the_screens_end_with_their_terminal(begin, tmp_path, how):
     assert threads == [], "nobody reads or writes there any more"
 
 
+@pytest.mark.slow
 def test_late_replies_are_no_keys(begin, tmp_path):
     terminal = begin(replies=False)
     terminal.wait_for(b"UGV-17")
@@ -112,6 +113,7 @@ def test_late_replies_are_no_keys(begin, tmp_path):
     assert end_of(terminal, tmp_path)[:2] == ("0", "True")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay_s", [0.06, 0.25])
 def test_a_key_at_the_start_and_replies_on_images_that_come_late_open_nothing(begin, tmp_path, delay_s):
     terminal = begin(graphics="auto", delay_s=delay_s, environment={"VTE_VERSION": "7600"})

@@ -14,6 +14,8 @@ from sim.training.crops import MAX_BOXES, SIDE, _random_view, crop, labels, seen
 from sim.training.placing import random_bodies
 from sim.world.view import OCCLUDER, UGV, Bodies, CameraView, Scene, ray_ground
 
+pytestmark = pytest.mark.slow
+
 
 def camera(height=40.0, size=(640, 360), focal=400.0):
     return CameraView(

@@ -61,6 +61,7 @@ def car_px(height):
     return CAR_M * FOCAL / height
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("height", [30.0, 60.0, 110.0, 180.0])
 def test_the_length_of_cars_is_found_at_any_height(renderer, detector, height):
     image = renderer.draw(camera(height), traffic(12, persons=5), 1)
@@ -81,6 +82,7 @@ def test_empty_ground_tells_nothing(renderer, detector):
         assert finish(detector.examine(renderer.draw(camera(height), traffic(0, persons=6), 3))) is None
 
 
+@pytest.mark.slow
 def test_a_still_of_unknown_ground_resolution_is_seen_as_well_as_one_that_is_known(renderer, detector):
     height = 190.0
     image = renderer.draw(camera(height), traffic(20), 4)
@@ -95,6 +97,7 @@ def seen(finder, images, start_us=0):
     return [finder.gsd_m(image, start_us + k * FRAME_US, None) for k, image in enumerate(images)]
 
 
+@pytest.mark.slow
 def test_a_film_keeps_its_scale_over_empty_ground_and_follows_a_zoom(renderer, detector):
     near, far, empty = (
         renderer.draw(camera(height), traffic(cars), 5) for height, cars in ((50.0, 8), (120.0, 12), (50.0, 0))
@@ -127,6 +130,7 @@ def test_known_ground_resolution_is_passed_on_and_nothing_is_examined(detector):
     assert ScaleFinder(None).gsd_m(Untouchable(), 0, None) is None  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_the_same_frames_give_the_same_scales(renderer, detector):
     film = [renderer.draw(camera(80.0), traffic(8), 7)] * 6 + [renderer.draw(camera(40.0), traffic(8), 8)] * 3
     assert seen(ScaleFinder(detector), film) == seen(ScaleFinder(detector), film)

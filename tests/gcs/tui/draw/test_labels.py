@@ -100,7 +100,8 @@ def curved_road(tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize("flight", ["swarm", "curved-road"])
+@pytest.mark.slow_but_first
+@pytest.mark.parametrize("flight", ["curved-road", "swarm"])
 def test_no_name_is_damaged_in_a_whole_flight(flight, tmp_path):
     analysis = Analysis(open_session(SWARM if flight == "swarm" else curved_road(tmp_path)))
     before = dict.fromkeys(SIZES)

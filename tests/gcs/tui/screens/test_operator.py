@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
+import pytest
 
 from gcs.report.overlay import draw
 from gcs.tui.keys import BINDINGS
@@ -105,6 +106,7 @@ async def test_leaving_a_flight_is_asked_and_a_second_q_ends_it():
     assert app.left
 
 
+@pytest.mark.slow
 async def test_no_key_alone_speaks_to_the_uav_or_ends_the_flight(tmp_path, monkeypatch):
     """Nor with enter behind it: what is sent takes a y to a question."""
     monkeypatch.chdir(tmp_path)  # some keys offer to save a file
