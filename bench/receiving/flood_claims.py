@@ -26,7 +26,7 @@ from pathlib import Path
 
 from bench.ports import free_port
 from bench.receiving.senders import fleet_frames, send_fleet, send_flood
-from infra.files.segments import segments
+from infra.files.segment import segments
 from infra.markdown import markdown_table
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.signing.keys import Key, write_key

@@ -11,7 +11,7 @@ from pathlib import Path
 from gcs.batch.addresses import is_pattern, is_remote, last_part, local_path, remote_files, store_errors
 from gcs.errors import BatchError
 from infra.files.safe_open import read_small
-from infra.files.segments import segments
+from infra.files.segment import segments
 from infra.secrets import concealed, hide
 from infra.session_format import LOG
 

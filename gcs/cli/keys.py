@@ -18,7 +18,7 @@ from gcs.cli.output.tables import print_table
 from gcs.errors import ConfigError
 from gcs.mission.mission import user_keys
 from gcs.session.log import SessionLog
-from infra.files.segments import segments
+from infra.files.segment import segments
 from infra.session_format import LOG, REFUSED
 from mavlink.errors import SigningError
 from mavlink.protocol.packet import Auth

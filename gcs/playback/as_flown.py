@@ -20,7 +20,7 @@ from gcs.health.alarms import rank, urgency
 from gcs.playback.opened_session import OpenedSession
 from gcs.session.event_log import read_events
 from gcs.snapshot import Alarm, Event
-from infra.files.segments import segments
+from infra.files.segment import segments
 from infra.session_format import EVENTS
 
 __all__ = ["FlownAlarm", "FlownReports"]

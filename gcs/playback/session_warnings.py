@@ -8,7 +8,7 @@ import numpy as np
 
 from gcs.playback.opened_session import OpenedSession
 from gcs.session.metadata import PROGRAM
-from infra.files.segments import segments
+from infra.files.segment import segments
 
 __all__ = ["session_warnings"]
 

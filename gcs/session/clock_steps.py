@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.session.tables import read_table
-from infra.files.segments import segments
+from infra.files.segment import segments
 from infra.session_format import CLOCK
 from mavlink.tlog.clocks import sender_clocks
 from mavlink.tlog.log import Tlog

@@ -17,7 +17,7 @@ import msgspec
 from gcs.session.line_file import Lines, open_new
 from gcs.snapshot import NAN, Event, Level, Statement
 from infra.files.safe_open import open_to_append, open_to_read
-from infra.files.segments import segments
+from infra.files.segment import segments
 from infra.plain_text import plain
 from infra.session_format import EVENTS, MARKS
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.session.tables import read_table
-from infra.files.segments import segments
+from infra.files.segment import segments
 from infra.session_format import FOLDS, UNFOLDED
 
 __all__ = ["NO_FRAME", "FoldOrder", "FoldTurn", "unfolded_row"]

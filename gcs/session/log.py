@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gcs.session.clock_steps import ClockSteps, close_leaps, infer_steps
 from gcs.session.sender_table import RecordSenders
 from gcs.session.tables import read_table
-from infra.files.segments import segments
+from infra.files.segment import segments
 from infra.session_format import CLOCK, FRAMES, LOG, REFUSED, SENDERS, TableFormat
 from mavlink.errors import TlogError
 from mavlink.protocol.packet import Auth, Packet

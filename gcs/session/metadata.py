@@ -23,7 +23,7 @@ from gcs.errors import SessionError
 from gcs.mission.mission import NO_KEYS, Mission
 from gcs.session.log import SessionLog
 from infra.files.safe_open import create, open_folder, open_to_read
-from infra.files.segments import segments
+from infra.files.segment import segments
 from infra.session_format import LOG, METADATA
 from infra.toml_tables import MOST_TOML_BYTES, parse_toml, toml_text
 from mavlink.errors import TlogError

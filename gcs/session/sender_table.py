@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from infra.files.safe_open import open_to_read
-from infra.files.segments import segments
+from infra.files.segment import segments
 from infra.plain_text import from_cell
 from infra.session_format import SENDERS
 

@@ -19,7 +19,7 @@ from gcs.errors import ConfigError, SessionError
 from gcs.mission.mission import Mission, load_mission, load_table
 from gcs.session.metadata import FlightNotes
 from infra.files.safe_open import open_to_read
-from infra.files.segments import segments
+from infra.files.segment import segments
 from infra.session_format import DETECTIONS, FOLDS, FRAMES, IDENTITY, LOG, METADATA, MOTION, TRUTH
 
 __all__ = ["Session", "create_folder", "open_session"]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gcs.errors import SessionError
 from infra.files.safe_open import open_to_read
-from infra.files.segments import segments
+from infra.files.segment import segments
 from infra.session_format import TableFormat
 
 __all__ = ["Table", "read_table"]

@@ -24,8 +24,7 @@ from pathlib import Path
 
 from infra.files.disk import OS_DISK, Disk
 from infra.files.record_state import RecordState
-from infra.files.segment import Segment
-from infra.files.segments import segment_path
+from infra.files.segment import Segment, segment_path
 from infra.files.write_buffer import Chunk, WriteBuffer
 
 __all__ = ["RAM_BYTES", "AppendFile"]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from infra.files.append import AppendFile
 from infra.files.journal import PIECE_BYTES, Journal, Piece
-from infra.files.segments import segments
+from infra.files.segment import segments
 
 __all__ = ["HANG_S", "JournalWriter"]
 

@@ -5,7 +5,7 @@ import socket
 import time
 from pathlib import Path
 
-from infra.files.segments import segments
+from infra.files.segment import segments
 from infra.wall_clock import now_us
 from mavlink.errors import LinkError
 from mavlink.links.base import Link, LinkOptions

@@ -21,7 +21,7 @@ from gcs.session.session import open_session
 from gcs.session.tables import read_table
 from gcs.snapshot import Box, Event, Health, Snapshot
 from infra.files.record_state import RecordState, overall
-from infra.files.segments import segments
+from infra.files.segment import segments
 from infra.session_format import IDENTITY
 from mavlink.protocol.packet import Packet
 from tests.support.faulty_disk import FaultyDisk, HangingDisk, WholeRecorder, delete

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from infra.files import append
 from infra.files.append import AppendFile, _Mode
-from infra.files.segments import segment_path, segments
+from infra.files.segment import segment_path, segments
 from infra.files.write_buffer import WriteBuffer
 from tests.support.faulty_disk import FaultyDisk
 from tests.support.waiting import until

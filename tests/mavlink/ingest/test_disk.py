@@ -8,7 +8,7 @@ import threading
 import pytest
 
 from infra.files.journal import Journal, make_journal
-from infra.files.segments import segments
+from infra.files.segment import segments
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.tlog.writer import TlogWriter

@@ -11,7 +11,7 @@ from collections import Counter
 
 import pytest
 
-from infra.files.segments import segments
+from infra.files.segment import segments
 from mavlink.ingest.plan import Signing
 from mavlink.links.udp import LEAST_BUFFER_BYTES
 from mavlink.protocol.encoder import MavlinkEncoder

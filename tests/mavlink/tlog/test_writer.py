@@ -11,7 +11,7 @@ import pytest
 
 from infra.files.append import AppendFile
 from infra.files.record_state import RecordState, overall
-from infra.files.segments import segments
+from infra.files.segment import segments
 from mavlink.errors import TlogError
 from mavlink.protocol.packet import Auth
 from mavlink.tlog.writer import TlogWriter
