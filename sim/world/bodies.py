@@ -113,7 +113,7 @@ def _round_ring(x0: float, x1: float, y0: float, y1: float, dx: float, dy: float
     ]
 
 
-def _pair(
+def pair(
     x: tuple[float, float], at: float, half: float, z: tuple[float, float], color: Color, layer: int
 ) -> list[Block]:
     """The same small block at the left and at the right."""
@@ -122,7 +122,7 @@ def _pair(
 
 def _wheels(axles: tuple[float, ...], half_length: float, half_width: float, top: float) -> list[Block]:
     at = 0.5 - half_width
-    return [w for x in axles for w in _pair((x - half_length, x + half_length), at, half_width, (0.0, top), TYRE, 0)]
+    return [w for x in axles for w in pair((x - half_length, x + half_length), at, half_width, (0.0, top), TYRE, 0)]
 
 
 def rover(
@@ -152,8 +152,8 @@ def rover(
     blocks += [
         Block(x=(-0.46, hull), y=(-0.36, 0.36), z=(0.2, 0.62), taper=(0.03, 0.03, 0.03)),
         Block(x=(hull, 0.46), y=(-0.24, 0.24), z=(0.2, 0.52), taper=(0.0, 0.04, 0.03), top=DARK, front=GLASS),
-        *_pair((0.44, 0.5), 0.2, 0.07, (0.35, 0.55), WHITE, 1),
-        *_pair((-0.5, -0.46), 0.24, 0.08, (0.4, 0.62), RED, 1),
+        *pair((0.44, 0.5), 0.2, 0.07, (0.35, 0.55), WHITE, 1),
+        *pair((-0.5, -0.46), 0.24, 0.08, (0.4, 0.62), RED, 1),
         Block(x=(-0.43, -0.43 + cargo), y=(-0.29, 0.29), z=(0.62, 0.82), top=cargo_color, sides=DARK, layer=1),
         Block(
             x=(hull - 0.16, hull - 0.04),
@@ -183,11 +183,11 @@ def tracked(*, deck: Color = STEEL, turret: bool = True, belt: float = 0.15) -> 
     """
     at, inner = 0.5 - 0.5 * belt, 0.49 - belt
     blocks = [
-        *_pair((-0.5, 0.5), at, 0.5 * belt, (0.0, 0.55), TYRE, 0),
+        *pair((-0.5, 0.5), at, 0.5 * belt, (0.0, 0.55), TYRE, 0),
         Block(x=(-0.47, 0.46), y=(-inner, inner), z=(0.15, 0.6), taper=(0.02, 0.16, 0.0), front=DARK),
         Block(x=(-0.42, 0.2), y=(-0.8 * inner, 0.8 * inner), z=(0.6, 0.64), top=deck, sides=DARK, layer=1),
-        *_pair((0.3, 0.36), 0.6 * inner, 0.05, (0.55, 0.66), WHITE, 2),
-        *_pair((-0.46, -0.43), 0.6 * inner, 0.06, (0.6, 0.66), RED, 2),
+        *pair((0.3, 0.36), 0.6 * inner, 0.05, (0.55, 0.66), WHITE, 2),
+        *pair((-0.46, -0.43), 0.6 * inner, 0.06, (0.6, 0.66), RED, 2),
     ]
     if turret:
         blocks += [
@@ -221,9 +221,9 @@ def car(
         Block(x=(-0.5, 0.5), y=(-0.47, 0.47), z=(0.15, 0.58), taper=(0.015, 0.03, 0.03)),
         Block(x=(-0.5 + boot, 0.5 - bonnet), y=(-0.44, 0.44), z=(0.58, 1.0), taper=(rear_screen, screen, 0.09),
               top=roof, sides=glass, layer=1),
-        *_pair((0.46, 0.495), 0.33, 0.09, (0.42, 0.585), WHITE, 1),
-        *_pair((-0.497, -0.475), 0.34, 0.09, (0.45, 0.585), RED, 1),
-        *_pair((0.5 - bonnet - 0.1, 0.5 - bonnet - 0.06), 0.48, 0.045, (0.55, 0.68), PAINT, 1),
+        *pair((0.46, 0.495), 0.33, 0.09, (0.42, 0.585), WHITE, 1),
+        *pair((-0.497, -0.475), 0.34, 0.09, (0.45, 0.585), RED, 1),
+        *pair((0.5 - bonnet - 0.1, 0.5 - bonnet - 0.06), 0.48, 0.045, (0.55, 0.68), PAINT, 1),
     )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from sim.world.bodies import AMBER, DARK, GLASS, PAINT, RED, STEEL, TYRE, WHITE, Block, Color, Model
+from sim.world.bodies import AMBER, DARK, GLASS, PAINT, RED, STEEL, TYRE, WHITE, Block, Color, Model, pair
 
 __all__ = ["articulated_bus", "bus", "lorry", "passenger", "pickup_truck", "trailer", "trailer_truck", "van_body"]
 
@@ -42,18 +42,14 @@ def _slab(
     return Block(x=x, y=y, z=(z, z + 0.01), top=color, sides=color, layer=layer, corner=(0.4 * corner, corner))
 
 
-def _sides(x: tuple[float, float], at: float, half: float, z: tuple[float, float], color: Color, layer: int) -> Blocks:
-    return [Block(x=x, y=(s * at - half, s * at + half), z=z, top=color, sides=color, layer=layer) for s in (-1.0, 1.0)]
-
-
 def _lights(rng: np.random.Generator, z: float, layer: int = 1) -> Blocks:
     """Head and tail lamps."""
     front = shade((WHITE, STEEL, GLASS)[int(rng.integers(3))], rng)
     rear = shade(RED if rng.random() < 0.6 else (40.0, 30.0, 110.0), rng)
     at, half = rng.uniform(0.3, 0.38), rng.uniform(0.05, 0.1)
     return [
-        *_sides((0.45, 0.485), at, half, (z - 0.12, z + 0.004), front, layer),
-        *_sides((-0.49, -0.47), at, half, (z - 0.12, z + 0.004), rear, layer),
+        *pair((0.45, 0.485), at, half, (z - 0.12, z + 0.004), front, layer),
+        *pair((-0.49, -0.47), at, half, (z - 0.12, z + 0.004), rear, layer),
     ]
 
 
@@ -61,7 +57,7 @@ def _wheels(rng: np.random.Generator, out: float = 0.48) -> Blocks:
     return [
         wheel
         for x in (-0.31, 0.32)
-        for wheel in _sides((x - 0.075, x + 0.075), out - 0.06, 0.06, (0.0, 0.4), shade(TYRE, rng), 0)
+        for wheel in pair((x - 0.075, x + 0.075), out - 0.06, 0.06, (0.0, 0.4), shade(TYRE, rng), 0)
     ]
 
 
@@ -89,7 +85,7 @@ def passenger(rng: np.random.Generator, shape: str) -> Model:
         *_lights(rng, waist),
     ]  # fmt: skip
     mirror = front - 0.4 * screen
-    blocks += _sides((mirror, mirror + 0.035), 0.47, 0.028, (waist, waist + 0.1), PAINT, 1)
+    blocks += pair((mirror, mirror + 0.035), 0.47, 0.028, (waist, waist + 0.1), PAINT, 1)
     return Model.of(*blocks, *_roof_fittings(rng, (tail + rear, front - screen), belt - tumble))
 
 
@@ -112,7 +108,7 @@ def _roof_fittings(rng: np.random.Generator, x: tuple[float, float], half: float
         blocks.append(_slab(glass, (-0.85 * half, 0.85 * half), 1.0, _glass(rng), 3))
     elif kind < 0.52:
         rail = shade((STEEL, DARK, WHITE)[int(rng.integers(3))], rng)
-        blocks += _sides((rear, front), 0.88 * half, 0.025, (1.0, 1.03), rail, 3)
+        blocks += pair((rear, front), 0.88 * half, 0.025, (1.0, 1.03), rail, 3)
     elif kind < 0.57:
         box = shade((DARK, STEEL, WHITE)[int(rng.integers(3))], rng)
         load = Block(x=(rear, front - 0.3 * length), y=(-0.6 * half, 0.6 * half), z=(1.0, 1.15),
@@ -205,8 +201,8 @@ def trailer(rng: np.random.Generator) -> Model:
     dark = shade(DARK, rng)
     tyre = shade(TYRE, rng)
     return Model.of(
-        *_sides((-0.42, -0.2), 0.42, 0.06, (0.0, 0.3), tyre, 0),
-        *_sides((0.22, 0.24), 0.35, 0.04, (0.0, 0.3), dark, 0),
+        *pair((-0.42, -0.2), 0.42, 0.06, (0.0, 0.3), tyre, 0),
+        *pair((0.22, 0.24), 0.35, 0.04, (0.0, 0.3), dark, 0),
         Block(x=(-0.5, 0.48), y=(-0.3, 0.3), z=(0.2, 0.3), top=dark, sides=dark),
         *_cargo(rng, -0.5, 0.5),
     )
@@ -220,7 +216,7 @@ def articulated_bus(rng: np.random.Generator) -> Model:
     ends = np.linspace(-0.5, 0.5, cars + 1)
     blocks = [
         Block(x=(-0.48, 0.48), y=(-0.45, 0.45), z=(0.1, 0.93), top=joint_color, sides=joint_color),
-        *_sides((0.483, 0.493), 0.52, 0.03, (0.7, 0.9), shade(DARK, rng), 2),
+        *pair((0.483, 0.493), 0.52, 0.03, (0.7, 0.9), shade(DARK, rng), 2),
     ]
     for rear, front in pairwise(ends):
         x = (rear + (0.5 * joint if rear > -0.5 else 0.0), front - (0.5 * joint if front < 0.5 else 0.0))
@@ -240,7 +236,7 @@ def _cabin(rng: np.random.Generator, rear: float, nose: float, height: float) ->
     blocks = [
         Block(x=(rear, 0.5 - nose), y=(-0.46, 0.46), z=(0.3, height), taper=(0.0, rng.uniform(0.015, 0.06), 0.04),
               corner=(0.015, 0.1), top=paint(rng.uniform(0.9, 1.1)), front=glass, layer=1),
-        *_sides((0.46 - nose, 0.48 - nose), 0.48, 0.03, (0.4, 0.6), shade(DARK, rng), 1),
+        *pair((0.46 - nose, 0.48 - nose), 0.48, 0.03, (0.4, 0.6), shade(DARK, rng), 1),
     ]  # fmt: skip
     if nose > 0.02:
         blocks.append(Block(x=(0.5 - nose, 0.5), y=(-0.44, 0.44), z=(0.3, 0.5), corner=(0.02, 0.15), layer=1))
@@ -259,7 +255,7 @@ def _cargo(rng: np.random.Generator, rear: float, front: float) -> Blocks:
         blocks = [Block(x=(rear, front), y=(-0.49, 0.49), z=(0.3, 1.0), taper=(0.0, 0.0, 0.005), corner=(0.004, 0.01),
                         top=color, sides=color, layer=2)]  # fmt: skip
         edge = shade(STEEL, rng)
-        blocks += _sides((rear, front), 0.475, 0.012, (1.0, 1.005), edge, 3)
+        blocks += pair((rear, front), 0.475, 0.012, (1.0, 1.005), edge, 3)
         if rng.random() < 0.5:
             ribs = np.linspace(rear + 0.03, front - 0.03, int(rng.integers(4, 12)))
             rib = tuple(rng.uniform(0.8, 0.95) * c for c in color)
@@ -284,7 +280,7 @@ def bus(rng: np.random.Generator) -> Model:
         Block(x=(-0.5, 0.5), y=(-0.49, 0.49), z=(0.1, 0.5), corner=(0.012, 0.06)),
         Block(x=(-0.5, 0.5), y=(-0.49, 0.49), z=(0.5, 0.97), taper=(0.004, rng.uniform(0.005, 0.03), 0.03),
               corner=(0.015, 0.08), top=top, sides=glass, layer=1),
-        *_sides((0.475, 0.49), 0.52, 0.03, (0.7, 0.9), shade(DARK, rng), 2),
+        *pair((0.475, 0.49), 0.52, 0.03, (0.7, 0.9), shade(DARK, rng), 2),
     ]  # fmt: skip
     for _ in range(int(rng.integers(1, 5))):
         middle, half, wide = rng.uniform(-0.4, 0.35), rng.uniform(0.015, 0.09), rng.uniform(0.12, 0.38)
