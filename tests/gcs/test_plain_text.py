@@ -39,7 +39,7 @@ NAMES = {
 def named_badly(tmp_path_factory):
     """The bundled telemetry with names that somebody else chose, identified in a folder of his choice too."""
     tmp_path = tmp_path_factory.mktemp("names")
-    folder = swarm_session(tmp_path)
+    folder = swarm_session(tmp_path, frames=60)
     table = tomllib.loads((folder / "session.toml").read_text())
     for vehicle in table["ugv"]:
         vehicle["name"] = NAMES[vehicle["system_id"]]

@@ -43,21 +43,23 @@ def shortened(session: Path, folder: Path, frames: int) -> Path:
 def swarm_session(
     tmp_path: Path,
     *,
+    frames: int = 150,
     without: Iterable[str] = (),
     toml: Callable[[str], str] = str,
     tlog: Callable[[bytes], bytes] = bytes,
 ) -> Path:
-    """The first 15 seconds of pictures of the swarm, with all its telemetry.
+    """The beginning of the swarm, 15 seconds of pictures or fewer, with its telemetry up to then.
 
     Args:
         tmp_path: where the session's folder is made.
+        frames: so many, ten a second.
         without: files that are left out.
         toml: what becomes of session.toml.
         tlog: what becomes of the telemetry.
     """
-    folder = shortened(SWARM, tmp_path / "session", 150)
+    folder = shortened(SWARM, tmp_path / "session", frames)
     (folder / "session.toml").write_text(toml((SWARM / "session.toml").read_text()))
-    (folder / "telemetry.tlog").write_bytes(tlog((SWARM / "telemetry.tlog").read_bytes()))
+    (folder / "telemetry.tlog").write_bytes(tlog((folder / "telemetry.tlog").read_bytes()))
     for name in without:
         (folder / name).unlink()
     return folder

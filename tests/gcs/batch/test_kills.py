@@ -16,8 +16,6 @@ from tests.support.command_line import run_gcs
 from tests.support.ports import free_port
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.slow
-
 DASK = (sys.executable, "-m", "dask")
 
 
@@ -28,6 +26,7 @@ def each_once(out):
     return dict(rows), dict(listed)
 
 
+@pytest.mark.slow
 def test_one_killed_worker_costs_an_attempt_and_no_flight(tmp_path):
     flights, out = short_flights(tmp_path / "flights", 2, frames=40), tmp_path / "out"
     with WatchedBatch(*flights, "-o", out, "-j", 1) as batch:
@@ -39,6 +38,7 @@ def test_one_killed_worker_costs_an_attempt_and_no_flight(tmp_path):
     assert "its worker died (signal 9)" in (out / "logs" / f"{attempts[2]}.log").read_text()
 
 
+@pytest.mark.slow
 def test_a_killed_batch_is_gone_on_with(tmp_path):
     flights, out = short_flights(tmp_path / "flights", 2, frames=40), tmp_path / "out"
     with WatchedBatch(*flights, "-o", out, "-j", 1) as batch:
@@ -53,6 +53,7 @@ def test_a_killed_batch_is_gone_on_with(tmp_path):
     assert not list((out / ".aside").iterdir())
 
 
+@pytest.mark.slow
 def test_a_flight_that_takes_too_long_costs_nothing_else(tmp_path):
     flights, out = short_flights(tmp_path / "flights", 2, frames=40), tmp_path / "out"
     with WatchedBatch(*flights, "-o", out, "-j", 1, "--retries", 0, "--timeout", 30) as batch:
@@ -64,6 +65,7 @@ def test_a_flight_that_takes_too_long_costs_nothing_else(tmp_path):
     assert len(tables(out)) == 1
 
 
+@pytest.mark.slow
 def test_a_flight_that_needs_too_much_memory_is_told(tmp_path):
     out = tmp_path / "out"
     code, _, stderr = run_gcs("batch", SWARM, "-o", out, "-j", "2", "--retries", "0", "--memory", "0.1")
@@ -72,6 +74,7 @@ def test_a_flight_that_needs_too_much_memory_is_told(tmp_path):
     assert not tables(out)
 
 
+@pytest.mark.slow
 def test_two_batches_do_not_write_into_one_folder(tmp_path):
     flights, out = short_flights(tmp_path / "flights", 1, frames=40), tmp_path / "out"
     with WatchedBatch(*flights, "-o", out) as batch:
@@ -103,7 +106,7 @@ class DaskProcess:
 
 
 def test_a_worker_of_a_cluster_joins_late_and_another_is_killed(tmp_path):
-    flights, out = short_flights(tmp_path / "flights", 5, frames=40), tmp_path / "out"
+    flights, out = short_flights(tmp_path / "flights", 3, frames=30), tmp_path / "out"
     address = f"tcp://127.0.0.1:{(port := free_port())}"
     place = ("--host", "127.0.0.1", "--dashboard-address", "127.0.0.1:0")
     running = [DaskProcess(tmp_path / "scheduler.log", "scheduler", *place, "--port", port)]
@@ -128,7 +131,7 @@ def test_a_worker_of_a_cluster_joins_late_and_another_is_killed(tmp_path):
     assert tables(out) == {flight.name: single_run(flight) for flight in flights}
     rows, listed = each_once(out)
     assert listed == dict.fromkeys(rows, 1)
-    assert len(rows) == 5
+    assert len(rows) == 3
 
 
 def test_a_cluster_that_is_not_there(tmp_path):

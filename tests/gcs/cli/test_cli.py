@@ -188,7 +188,7 @@ def test_a_port_in_use(tmp_path):
 
 
 def test_a_truncated_log_still_names(tmp_path):
-    folder = swarm_session(tmp_path, tlog=lambda b: b[: len(b) // 2 + 3])
+    folder = swarm_session(tmp_path, tlog=lambda b: b[: len(b) * 3 // 4 + 3])
     code, stdout, stderr = run_gcs("identify", folder, "-o", tmp_path / "o")
     assert code == 0
     assert "6 of 6 vehicles named" in stdout
@@ -264,7 +264,7 @@ def test_other_errors_of_the_system_are_faults_of_the_program():
 def test_logs_where_it_is_asked_to(tmp_path):
     out, log = tmp_path / "out", tmp_path / "gcs.log"
     code, _, stderr = run_gcs_process(
-        "--log-level", "debug", "--log-file", log, "identify", swarm_session(tmp_path), "-o", out
+        "--log-level", "debug", "--log-file", log, "identify", swarm_session(tmp_path, frames=30), "-o", out
     )
     assert code == 0, stderr
     assert "gcs.session.event_log" in log.read_text()

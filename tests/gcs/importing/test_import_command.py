@@ -70,7 +70,6 @@ def test_a_dji_drone_above_rovers(flown, right, tmp_path):
     assert result.wrong_sure_s == 0.0
 
 
-@pytest.mark.slow
 def test_a_logged_uav_above_logged_rovers(flown, right, tmp_path):
     (tmp_path / "uav.bin").write_bytes(dataflash(flown, 1))
     ugv = []
