@@ -39,7 +39,7 @@ def test_a_log_becomes_arrays(run):
 
 
 def test_boxes_of_anybodys_detector_get_names(run, tmp_path):
-    text = run("own_detector.py", shortened(CURVED_ROAD, tmp_path / "session", 70))
+    text = run("own_detector.py", shortened(CURVED_ROAD, tmp_path / "session", 30))
     assert len(re.findall(r": \d{2,} boxes", text)) >= 3, text
 
 
@@ -50,19 +50,19 @@ def test_telemetry_falls_on_the_vehicles(run, tmp_path):
 
 
 @pytest.fixture
-def quarter_minute(tmp_path):
-    return shortened(SWARM, tmp_path / "session", 150)
+def ten_seconds(tmp_path):
+    return shortened(SWARM, tmp_path / "session", 100)
 
 
-def test_an_export_of_ones_own(run, quarter_minute, tmp_path):
-    run("own_export.py", quarter_minute, tmp_path / "seen.txt")
+def test_an_export_of_ones_own(run, ten_seconds, tmp_path):
+    run("own_export.py", ten_seconds, tmp_path / "seen.txt")
     lines = (tmp_path / "seen.txt").read_text(encoding="utf-8").splitlines()
-    assert len(lines) > 100
+    assert len(lines) > 30
     with pytest.raises(FileExistsError):
-        run("own_export.py", quarter_minute, tmp_path / "seen.txt")
+        run("own_export.py", ten_seconds, tmp_path / "seen.txt")
 
 
-def test_a_flight_frame_by_frame(run, quarter_minute):
-    text = run("fold_frame_by_frame.py", quarter_minute)
+def test_a_flight_frame_by_frame(run, ten_seconds):
+    text = run("fold_frame_by_frame.py", ten_seconds)
     named = float(re.search(r"([\d.]+) of 6 vehicles named", text)[1])
     assert named > 4.0

@@ -50,3 +50,7 @@ def test_every_week_runs_what_bench_all_runs():
     for name in words.split():
         path = ROOT / "bench" / ("fuzz" if name.startswith("fuzz.") else name.replace(".", "/"))
         assert path.with_suffix(".py").is_file() or (path / "__main__.py").is_file(), name
+
+
+def test_ci_runs_what_make_test_leaves_out():
+    assert "\nmake test\nmake test-slow\n" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")

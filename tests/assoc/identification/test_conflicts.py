@@ -33,7 +33,7 @@ def spoofed(reports, since_us, rng, spread_m=0.3, late_s=0.0):
     return replace(reports, p_enu=p, v_enu=v, heading=heading)
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_a_vehicle_that_takes_anothers_place_takes_no_name(seed):
     identifier, fleet, rng = Identifier(IDS), convoy(seed), np.random.default_rng(seed)

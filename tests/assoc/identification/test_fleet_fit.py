@@ -62,6 +62,7 @@ def test_the_film_of_the_fleet_itself_is_named_in_its_first_frames(seed):
     assert min(fits[5:]) > 0.99
 
 
+@pytest.mark.slow
 def test_names_go_when_the_film_becomes_another_and_come_back_with_the_right_one():
     fleet, other, identifier = Fleet(seed=1), Fleet(seed=8, n=6, spacing_m=5.0), Identifier(IDS)
     other.start = other.start[:, ::-1] + (2.0, 5.0)
@@ -107,6 +108,7 @@ def test_a_known_camera_that_fits_no_longer_is_doubted_within_seconds():
     assert fit.probability < 0.5
 
 
+@pytest.mark.slow
 def test_a_camera_without_a_gimbal_is_doubted_later_than_one_that_is_steady():
     def named_s(**view):
         """How long the names stay on the other film, seconds."""

@@ -81,6 +81,7 @@ def named(reporting, filmed, who, seconds, yaw_deg=2.0, tilt_deg=-0.8):
     return *np.moveaxis(np.array(answers), 1, 0), identifier
 
 
+@pytest.mark.slow
 def test_ships_are_named_by_their_directions():
     who, share = np.array([1, 4, 6]), []
     for seed in range(6):
