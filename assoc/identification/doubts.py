@@ -1,7 +1,7 @@
 """Why an answer is less sure than its evidence alone makes it.
 
 After joint hypotheses have given the marginals of each track, steps lower what else is known to go wrong, in the order
-of :class:`AnswerDoubt`: to 6 at each update, the others in each frame. Each takes and returns marginals whose rows add
+of :class:`AnswerDoubt`: to 7 at each update, the others in each frame. Each takes and returns marginals whose rows add
 up to 1.
 """
 
@@ -34,19 +34,21 @@ class AnswerDoubt(IntEnum):
     """A neighbour stands so near that receivers' errors exchange the two, or a stranger does."""
     UNPROVEN = 4
     """The vehicles have not driven like their boxes for long enough yet."""
-    MISSING = 5
+    WANDERING = 5
+    """Receivers err in ways too fast for how vehicles drive to tell anything, so that places alone name them."""
+    MISSING = 6
     """One of ours is not accounted for, so that the box may not be a stranger's."""
-    UNSTEADY = 6
+    UNSTEADY = 7
     """It has not been as probable for two seconds yet."""
-    COMMON_BOX = 7
+    COMMON_BOX = 8
     """The box is probably round two vehicles."""
-    COASTING = 8
+    COASTING = 9
     """The track is predicted, and one that is seen has the name."""
-    OWN_WORD = 9
+    OWN_WORD = 10
     """The vehicle doubts its own position."""
-    CONTESTED = 10
+    CONTESTED = 11
     """Several senders use the vehicle's id, or the UAV's."""
-    CONTRADICTED = 11
+    CONTRADICTED = 12
     """The vehicle reports to be elsewhere."""
 
 

@@ -272,7 +272,8 @@ class Estimator:
             found=self._found.share,
         )
         told = told.after(AnswerDoubt.PLACE, self._strangers.limit(t, history.track_id[live], by_place, odds, stated))
-        told = told.after(AnswerDoubt.UNPROVEN, self.fit.shown(told.p, stated))
+        unsure = AnswerDoubt.WANDERING if self.by_place else AnswerDoubt.UNPROVEN
+        told = told.after(unsure, self.fit.shown(told.p, stated))
         told = self._told(t, context, best, told, elsewhere, places)
         return UpdateResult(live, told.p, told.doubt, review.vehicles)
 

@@ -262,6 +262,7 @@ SENTENCES: Mapping[str, Check] = {
     "another vehicle reports the same place": _so,
     "another vehicle stands too near to tell by place alone": _so,
     "vehicles have not driven like their boxes for long enough yet": _so,
+    "positions err too fast: vehicles are told apart by place alone": _so,
     "not as sure for two seconds yet": _so,
     "its box is probably round two vehicles": _so,
     "its box is predicted, and one that is seen has the name": _so,

@@ -26,6 +26,7 @@ _WORDS = {
     AnswerDoubt.DOUBLE: "another vehicle reports the same place",
     AnswerDoubt.PLACE: "another vehicle stands too near to tell by place alone",
     AnswerDoubt.UNPROVEN: "vehicles have not driven like their boxes for long enough yet",
+    AnswerDoubt.WANDERING: "positions err too fast: vehicles are told apart by place alone",
     AnswerDoubt.MISSING: "a vehicle of ours is not accounted for",
     AnswerDoubt.UNSTEADY: "not as sure for two seconds yet",
     AnswerDoubt.COMMON_BOX: "its box is probably round two vehicles",

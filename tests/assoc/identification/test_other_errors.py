@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from assoc.identification.doubts import AnswerDoubt
 from assoc.identification.identifier import Identifier
 from tests.support.assoc_scene import T0_US, Fleet, play
 
@@ -50,6 +51,7 @@ def test_errors_that_go_round_in_ten_seconds_cost_no_names(seed):
     assert right > 0.95
     assert wrong == 0.0
     assert sure < 0.9
+    assert set(answers[-1][1].doubt.tolist()) == {AnswerDoubt.WANDERING}
     assert identifier.fit_probability > 0.9
 
 
