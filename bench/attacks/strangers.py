@@ -167,20 +167,31 @@ def _run(words: list[str], folder: Path) -> tuple[int | None, float, float, str]
     )
     os.close(terminal)
     resource.prlimit(process.pid, resource.RLIMIT_AS, (LIMIT_BYTES, LIMIT_BYTES))
-    said, code, took_s, used = b"", None, 0.0, None
-    while used is None:
+    said, code, took_s, over, megabytes = b"", None, 0.0, False, 0.0
+    while not over:
+        megabytes = _peak_mb(process.pid) or megabytes
         took_s = time.monotonic() - began_s
         if select.select([keeper], [], [], 0.1)[0]:
             with contextlib.suppress(OSError):
                 said += os.read(keeper, 65536)
-        pid, status, counted = os.wait4(process.pid, os.WNOHANG)
+        pid, status = os.waitpid(process.pid, os.WNOHANG)
         if pid:
-            code, used = os.waitstatus_to_exitcode(status), counted
+            code, over = os.waitstatus_to_exitcode(status), True
         elif took_s > SCREENS_S and b"\x1b[?1049h" in said:
             process.send_signal(signal.SIGTERM)
         if not pid and took_s > MOST_S:
             os.kill(process.pid, signal.SIGKILL)
-            _, _, used = os.wait4(process.pid, 0)
+            os.waitpid(process.pid, 0)
+            over = True
     process.returncode = code if code is not None else -signal.SIGKILL
     os.close(keeper)
-    return code, took_s, used.ru_maxrss / 1e3, said.decode(errors="replace")
+    return code, took_s, megabytes, said.decode(errors="replace")
+
+
+def _peak_mb(pid: int) -> float:
+    """Most memory that a process has had since it began its program, MB; 0 once it is over.
+
+    What wait4 counts has that of the process it was forked from.
+    """
+    words = Path(f"/proc/{pid}/status").read_text(encoding="utf-8").split()
+    return int(words[words.index("VmHWM:") + 1]) * 1.024e-3 if "VmHWM:" in words else 0.0

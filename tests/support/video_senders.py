@@ -56,6 +56,26 @@ def write_clip(path, pts_ms, *, gop=12, bframes=2):
     return path
 
 
+def pictures(n, codec, pixels, **options):
+    """The first n pictures, each as coded alone."""
+    encoder = av.CodecContext.create(codec, "w")
+    encoder.width, encoder.height, encoder.pix_fmt = WIDTH, HEIGHT, pixels
+    encoder.time_base, encoder.framerate, encoder.gop_size = Fraction(1, 25), Fraction(25), 10
+    encoder.options = options
+    for number in range(n):
+        frame = av.VideoFrame.from_ndarray(image(number), format="bgr24").reformat(format=pixels)
+        frame.pts = number
+        yield b"".join(bytes(packet) for packet in encoder.encode(frame))
+
+
+def mjpeg(n, length):
+    """Parts of a multipart stream, with the boundary behind each picture, as cameras and small scripts write it."""
+    for number, data in enumerate(pictures(n, "mjpeg", "yuvj420p")):
+        head = f"Content-Length: {len(data)}\r\n" if length else ""
+        begin = b"" if number else b"--frame\r\n"
+        yield begin + f"Content-Type: image/jpeg\r\n{head}\r\n".encode() + data + b"\r\n--frame\r\n"
+
+
 class _Sink:
     def __init__(self):
         self.data = b""

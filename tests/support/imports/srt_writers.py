@@ -88,7 +88,7 @@ def phantom_rtk(n: int, s: Spot) -> str:
 
 def autel(n: int, s: Spot) -> str:
     """Evo II: letters for hemispheres, an altitude above the sea."""
-    lat, lon = f"{'NS'[s.lat < 0.0]}: {abs(s.lat):.6f}", f"{'EW'[s.lon < 0.0]}: {abs(s.lon):.6f}"
+    lat, lon = f"{'NS'[int(s.lat < 0.0)]}: {abs(s.lat):.6f}", f"{'EW'[int(s.lon < 0.0)]}: {abs(s.lon):.6f}"
     return (
         f"HOME({lon}, {lat}) {s.date('%Y-%m-%d %H:%M:%S')}\nGPS({lon}, {lat}, {s.alt:.2f}m)\n"
         f"HDR ISO:100 Shutter:1/1000 EV: 0 F-NUM:2.8\n"

@@ -6,7 +6,6 @@ import base64
 import contextlib
 import socket
 import threading
-from fractions import Fraction
 from types import SimpleNamespace
 
 import av
@@ -14,7 +13,7 @@ import numpy as np
 import pytest
 
 from tests.support.ports import free_port
-from tests.support.video_senders import HEIGHT, WIDTH, coded, image, number_of
+from tests.support.video_senders import HEIGHT, WIDTH, coded, image, mjpeg, number_of, pictures
 from tests.support.waiting import until
 from vision.stream import byte_stream
 from vision.stream.connection import datagrams, open_input
@@ -25,34 +24,15 @@ from vision.video.video import VideoFile
 N, STEP_S, T0_S = 40, 0.1, 1_790_000_000.0
 
 
-def pictures(codec, pixels, **options):
-    encoder = av.CodecContext.create(codec, "w")
-    encoder.width, encoder.height, encoder.pix_fmt = WIDTH, HEIGHT, pixels
-    encoder.time_base, encoder.framerate, encoder.gop_size = Fraction(1, 25), Fraction(25), 10
-    encoder.options = options
-    for number in range(N):
-        frame = av.VideoFrame.from_ndarray(image(number), format="bgr24").reformat(format=pixels)
-        frame.pts = number
-        yield b"".join(bytes(packet) for packet in encoder.encode(frame))
-
-
-def mjpeg(length):
-    """Parts of a multipart stream, with the boundary behind each picture, as cameras and small scripts write it."""
-    for number, data in enumerate(pictures("mjpeg", "yuvj420p")):
-        head = f"Content-Length: {len(data)}\r\n" if length else ""
-        begin = b"" if number else b"--frame\r\n"
-        yield begin + f"Content-Type: image/jpeg\r\n{head}\r\n".encode() + data + b"\r\n--frame\r\n"
-
-
 def h264():
     yield from pictures(
-        "libx264", "yuv420p", preset="ultrafast", tune="zerolatency", **{"x264-params": "bframes=0:repeat-headers=1"}
+        N, "libx264", "yuv420p", preset="ultrafast", tune="zerolatency", **{"x264-params": "bframes=0:repeat-headers=1"}
     )
 
 
 SENDERS = {
-    "mjpeg": ("http://10.0.0.2/", lambda: mjpeg(True)),
-    "mjpeg without lengths": ("http://10.0.0.2/", lambda: mjpeg(False)),
+    "mjpeg": ("http://10.0.0.2/", lambda: mjpeg(N, True)),
+    "mjpeg without lengths": ("http://10.0.0.2/", lambda: mjpeg(N, False)),
     "h264": ("tcp://10.0.0.2:5000", h264),
 }
 
@@ -137,7 +117,7 @@ def serve_pictures(listener, password):
                     client.sendall(b'HTTP/1.1 401 Unauthorized\r\nWWW-Authenticate: Basic realm="x"\r\n\r\n')
                     continue
                 client.sendall(b"HTTP/1.1 200 OK\r\nContent-Type: multipart/x-mixed-replace;boundary=frame\r\n\r\n")
-                for part in mjpeg(True):
+                for part in mjpeg(N, True):
                     client.sendall(part)
 
 

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from tests.vision.stream.test_byte_stream import mjpeg
+from tests.support.video_senders import mjpeg
 from vision.errors import VideoError
 from vision.stream.connection import open_input
 from vision.stream.source import parse_source
@@ -64,7 +64,7 @@ def test_no_other_host_and_no_file_is_opened_for_a_server_that_says_so(other, go
 
 
 def test_what_moved_on_the_same_host_is_followed_with_its_password():
-    parts = b"".join(mjpeg(True))
+    parts = b"".join(mjpeg(40, True))
 
     def answer(asked):
         return PICTURES + parts if "GET /new " in asked else FOUND.format("/new").encode()
