@@ -105,6 +105,7 @@ class DaskProcess:
         self._log.close()
 
 
+@pytest.mark.slow
 def test_a_worker_of_a_cluster_joins_late_and_another_is_killed(tmp_path):
     flights, out = short_flights(tmp_path / "flights", 3, frames=30), tmp_path / "out"
     address = f"tcp://127.0.0.1:{(port := free_port())}"

@@ -4,6 +4,7 @@ import csv
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from gcs.playback.analysis import Analysis
 from gcs.playback.hindsight import by_hindsight
@@ -19,6 +20,7 @@ BEGIN_S, END_S, FRAMES = 25, 33, 250
 VICTIM, OTHER = 4, 6
 
 
+@pytest.mark.slow
 def test_no_name_comes_out_of_quarantine(tmp_path):
     """For a while another rover also speaks as the victim."""
     start_us = int(Tlog.open(SWARM / "telemetry.tlog").index.t_us[0])

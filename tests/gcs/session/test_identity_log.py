@@ -123,6 +123,7 @@ def test_the_list_of_formats_says_what_opens_them(tmp_path):
     assert [row.split()[0] for row in rows[1:]] == list(FORMATS)
 
 
+@pytest.mark.slow
 def test_frames_can_be_thinned(tmp_path):
     code, _, told = run_gcs("export", CURVED_ROAD, "-o", tmp_path / "o.csv", "--every", "100")
     assert (code, told.splitlines()[-1]) == (0, f"gcs: 4 frames written to {tmp_path / 'o.csv'}")

@@ -18,6 +18,7 @@ def letters_on(app) -> str:
     return "".join(segment.text for row in app.screen._compositor.render_strips() for segment in row)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("text", HOSTILE)
 async def test_text_from_the_air_is_only_text(text, capsys):
     station = hostile_station(text)

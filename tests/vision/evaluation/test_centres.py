@@ -112,6 +112,7 @@ def test_a_better_detector_is_surely_better_and_one_is_as_good_as_itself():
     assert all(d.interval == (0.0, 0.0) for d in compare(good, good, truth, 0.3))
 
 
+@pytest.mark.slow
 def test_the_interval_mostly_holds_the_true_difference():
     held = 0
     for seed in range(25):

@@ -100,7 +100,7 @@ def curved_road(tmp_path):
     return tmp_path
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize("flight", ["curved-road", "swarm"])
 def test_no_name_is_damaged_in_a_whole_flight(flight, tmp_path):
     analysis = Analysis(open_session(SWARM if flight == "swarm" else curved_road(tmp_path)))
