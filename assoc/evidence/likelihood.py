@@ -64,7 +64,7 @@ _AREA_PER_HEIGHT2, _LEAST_AREA_M2, _MOST_AREA_M2 = 2.0, 50.0, 5e4
 _LOG_2PI = float(np.log(2.0 * np.pi))
 """ln 2π, of the normal density."""
 PLACE_TAU_S = 7.0
-"""How often a residual whose size alone counts is drawn anew, seconds."""
+"""Time after which a residual counts as another one where its size alone counts, not its course, seconds."""
 _PLACE_VAR = 1.5**2
 """Its variance, m²."""
 _LOG_CLOSE, _LOG_FAR, _FARTHER = float(np.log(0.9)), float(np.log(0.1)), 9.0
@@ -92,7 +92,7 @@ class Noise:
     in_view_bonus: FloatArray
     """(n,) what each block adds for a vehicle that should be in view, nats: biases wander in ways that no model has."""
     place_rate: float = 0.0
-    """Draws of a residual in a block, where its size alone counts; 0: its course counts."""
+    """Share of its evidence that a residual brings in a block where its size alone counts; 0: its course counts."""
 
     def log_area_at(self, theta: FloatArray) -> float:
         """ln of twice the ground area in view, m², under a pose correction (9,): where an unrelated report may be."""
@@ -198,8 +198,10 @@ def run_filter(
     null, bonus = _first_null(blocks, noise.log_area_at(theta)), noise.in_view_bonus
     # each block as if it were the first of the pair
     log_p_first = constant + log_density(squared_magnitude(mean_r), prior + variance, np.asarray(prior))
-    placed = place_ratio(squared_magnitude(mean_r), noise.white_var, noise.log_area_at(theta))
-    restart = np.clip(placed if noise.place_rate else log_p_first - null, _FIRST_LEAST, noise.increment_max)
+    placed = None
+    if noise.place_rate:
+        placed = place_ratio(squared_magnitude(mean_r), noise.white_var, noise.log_area_at(theta))
+    restart = np.clip(log_p_first - null if placed is None else placed, _FIRST_LEAST, noise.increment_max)
     restart_gain = prior / (prior + variance)
     M_first, V_first = restart_gain * mean_r, prior - restart_gain * prior
     renewed = (1.0 - decay**2) * prior + blocks.jump_var
@@ -219,7 +221,7 @@ def run_filter(
         gain_later = np.maximum(gain_later, np.minimum(gain_later + bonus, _MOST_BORNE))
         later = np.minimum(np.maximum(gain_later, -noise.increment_max), noise.increment_max)
         first = np.maximum(log_p - null[b], _FIRST_LEAST)
-        if noise.place_rate:
+        if placed is not None:
             later, first = noise.place_rate * placed[b], np.maximum(placed[b], _FIRST_LEAST)
         stay = np.where(seen, L + later, first)
         # the track may have been another vehicle until now: its evidence, the chance of a change, a first comparison

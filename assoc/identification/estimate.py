@@ -152,12 +152,14 @@ class Estimator:
 
     @property
     def fit_probability(self) -> float:
-        """That film and telemetry belong together, however they are compared; NaN before the first update."""
-        return float(np.fmax(self.fit.probability, self._other_errors.probability))
+        """That film and telemetry belong together; NaN unknown: before the first update, and while they fit only by
+        the comparison that names are not given by.
+        """
+        return float("nan") if not self.fit.fits and self._other_errors.may_fit else self.fit.probability
 
     @property
     def fits_otherwise(self) -> bool:
-        """Whether they have fitted for seconds when compared by place where now by course, or by course instead."""
+        """Whether names are to be given by the other comparison: by place instead of course, or the other way round."""
         return self._other_errors.found
 
     @property

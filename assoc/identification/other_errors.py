@@ -26,17 +26,17 @@ from assoc.records import CameraState
 __all__ = ["OtherErrors"]
 
 _HOLDS_S = 3.0
-"""What is compared otherwise has to fit for so long before names are given by it, seconds."""
+"""Time for which the other comparison has to fit before names are given by it, seconds."""
 _LATER_BLOCKS, _LEAST_PRODUCTS, _TURNED = 4, 20, -0.5
 """Blocks from a residual to the one it is compared with, the least number of such products that tell anything, and the
 correlation below which errors wander to and fro: −0.8 with periods of 7 to 13 s, of other fleets −0.35 at least."""
 
 
 class OtherErrors:
-    """Whether film and telemetry fit when they are compared otherwise than now.
+    """The comparison that names are not given by: whether film and telemetry fit by it.
 
     Args:
-        by_place: That is by place alone; False: by course.
+        by_place: It is by place alone; False: by the course of the residuals.
     """
 
     def __init__(self, *, by_place: bool) -> None:
@@ -46,19 +46,19 @@ class OtherErrors:
         self._since_s = np.inf
         self._fast: bool | None = None
         self.found = False
-        """Whether they have fitted so for long enough."""
+        """Whether names are to be given by it: film and telemetry have fitted by it for seconds."""
 
     @property
-    def probability(self) -> float:
-        """That they belong together, NaN before the first look, and where errors turned out not to wander fast."""
-        return math.nan if self._by_place and self._fast is False else self._fit.probability
+    def may_fit(self) -> bool:
+        """Whether film and telemetry fit by it, and nothing shows yet that this is by chance."""
+        return self._fit.fits and not (self._by_place and self._fast is False)
 
     def look(self, t: float, context: UpdateContext, camera: CameraState) -> None:
-        """Compare otherwise.
+        """Compare film and telemetry by it.
 
         Args:
             t: Time, seconds.
-            context: What the update worked on, with the noise of the other comparison.
+            context: What the update worked on, with the noise of this comparison.
             camera: The newest frame's.
         """
         other = replace(context.without_memory(), handover=np.zeros_like(context.handover))

@@ -28,14 +28,13 @@ from bench.attacks import (
     disk,
     doors,
     floods,
-    folders,
     quiet,
     signed,
-    strangers,
     streams,
     takeover,
     video_port,
 )
+from bench.attacks.handed import files, folders
 from bench.attacks.report import AttackRow, page, read_rows, write_rows
 from bench.attacks.run import Attack, Options
 
@@ -61,7 +60,7 @@ ATTACKS: Final[dict[str, Attack]] = {
     "recording": quiet.played_recording,
     "three-bytes": streams.swallowed_frames,
     "video-port": video_port.others_at_the_port,
-    "files": strangers.hostile_files,
+    "files": files.hostile_files,
     "doors": doors.doors_of_a_flight,
 }
 

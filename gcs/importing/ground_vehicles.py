@@ -117,11 +117,9 @@ def read_ground_vehicles(tlog: Path | None, ugv: Sequence[str]) -> GroundVehicle
     places = {i: track for i, track in places.items() if len(track)}
     if not places:
         raise ImportFileError(f"{tlog}: no ground vehicle reports a position in it")
-    both = {i: log for i, log in logs.items() if fleet is not None and i in fleet.tracks}
-    told = [words for i, log in both.items() if fleet is not None for words in clock_words(log, fleet.places(i))]
-    return GroundVehicles(
-        places=dict(sorted(places.items())), tlog=fleet, logs=dict(sorted(logs.items())), told=tuple(told)
-    )
+    tracks = {} if fleet is None else fleet.tracks
+    told = tuple(words for i, log in logs.items() if i in tracks for words in clock_words(log, tracks[i]))
+    return GroundVehicles(places=dict(sorted(places.items())), tlog=fleet, logs=dict(sorted(logs.items())), told=told)
 
 
 def clock_words(log: VehicleLog, telemetry: PlaceTrack) -> tuple[str, ...]:

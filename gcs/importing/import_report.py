@@ -14,6 +14,7 @@ from gcs.importing.film import ImportedFilm
 from gcs.importing.ground_vehicles import GroundVehicles
 from gcs.importing.timeline import FilmTimes
 from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog
+from gcs.session.metadata import import_rows
 
 __all__ = ["ImportReport", "SourceAccount", "source_accounts"]
 
@@ -77,14 +78,11 @@ class ImportReport:
 
     def explained(self) -> Iterator[tuple[str, str]]:
         """What and how, file by file."""
-        told = set[str]()
-        for each in self.sources:
-            yield each.role, each.name
-            yield "  clock", each.clock
-            yield from (("  read", text) for text in each.read)
-            yield from (("  assumed", text) for text in each.assumed)
-            yield from (("  left out", f"{count} {reason}") for reason, count in each.left_out.items())
-            told |= {each.role, *each.assumed, *(f"{each.name}: {text}" for text in each.assumed)}
+        roles = {each.role for each in self.sources}
+        for what, text in import_rows(self.table()):
+            yield what if what in roles else f"  {what}", text
+        assumed = [(each.name, text) for each in self.sources for text in each.assumed]
+        told = roles | {text for _, text in assumed} | {f"{name}: {text}" for name, text in assumed}
         yield from ((subject, text) for subject, text in self.found if subject not in told)
         yield from (("assumed", text) for text in self.assumed if text not in told)
 

@@ -101,7 +101,7 @@ class _Courses:
             course = self._open.get(box.track_id)
             if course is None or abs(snapshot.t_us - course.times_us[-1]) > longest_us:
                 course = self._open[box.track_id] = _Course()
-            course.add(snapshot.t_us, self._probabilities(box), fits=snapshot.health.fit > _FITS)
+            course.add(snapshot.t_us, self._probabilities(box), fits=not snapshot.health.fit <= _FITS)
         return {box.track_id: self._open[box.track_id] for box in snapshot.boxes if box.track_id in self._open}
 
     def forget(self, t_us: int) -> None:

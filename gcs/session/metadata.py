@@ -87,7 +87,7 @@ class FlightNotes:
             models=_values_of(str, table.get("models")),
             lost=_values_of(int, table.get("lost")),
             refused=refused if isinstance(refused, int) else None,
-            imported=tuple(_import_rows(table.get("imported"))),
+            imported=tuple(import_rows(table.get("imported"))),
             started_us=_unix_us(table.get("started")),
             ended_us=_unix_us(table.get("ended")),
         )
@@ -117,8 +117,8 @@ def _values_of(kind: type[Kind], table: object) -> dict[str, Kind]:
     return {str(name): value for name, value in table.items() if isinstance(value, kind)}
 
 
-def _import_rows(table: object) -> Iterator[tuple[str, str]]:
-    """The account of an import, as it is printed."""
+def import_rows(table: object) -> Iterator[tuple[str, str]]:
+    """What and how, file by file, of the account that an import has written; of anything else nothing."""
     sources = table.get("sources") if isinstance(table, Mapping) else None
     for each in sources if isinstance(sources, list) else []:
         if isinstance(each, Mapping):

@@ -13,9 +13,10 @@ from pathlib import Path
 import pytest
 from pymavlink import mavutil
 
-from bench.attacks import doors, strangers, streams, takeover
+from bench.attacks import doors, streams, takeover
 from bench.attacks.__main__ import ATTACKS, main
 from bench.attacks.actors import rover
+from bench.attacks.handed import files
 from bench.attacks.records import frames, read_events, recorded, sender_of
 from bench.attacks.report import AttackRow, page, read_rows, write_rows
 from bench.attacks.run import Flown, Options, false_position_s, fly
@@ -161,7 +162,7 @@ def test_what_cannot_be_judged_is_not_held(deaf, monkeypatch, capsys):
 
 
 def test_a_file_of_a_stranger_is_refused_in_a_line_by_the_real_command(station):
-    row = strangers.open_file(station, 0, "a pipe", strangers.CASES["a key is a pipe"])
+    row = files.open_file(station, 0, "a pipe", files.CASES["a key is a pipe"])
     assert row.held and "11.key: cannot be read: not a regular file" in row.note
 
 
@@ -175,10 +176,10 @@ def test_a_file_of_a_stranger_is_refused_in_a_line_by_the_real_command(station):
     ],
 )
 def test_a_command_that_breaks_on_a_file_is_not_held(station, monkeypatch, does, said):
-    monkeypatch.setattr(strangers, "MOST_S", 5.0)
-    monkeypatch.setattr(strangers, "MOST_MB", 100.0)
+    monkeypatch.setattr(files, "MOST_S", 5.0)
+    monkeypatch.setattr(files, "MOST_MB", 100.0)
     broken = replace(station, gcs=(sys.executable, "-c", does))
-    row = strangers.open_file(broken, 0, "a pipe", strangers.CASES["a key is a pipe"])
+    row = files.open_file(broken, 0, "a pipe", files.CASES["a key is a pipe"])
     assert not row.held and said in row.note
 
 

@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from gcs.importing.formats.point_tracks import PointTracks, number_of, read_xml_tracks
-from gcs.importing.formats.text_file import open_file
 from gcs.importing.row_times import NO_ZONE, unix_seconds
 from gcs.importing.vehicle_log import VehicleLog
 
@@ -51,6 +50,4 @@ def read_gpx(path: Path) -> list[VehicleLog]:
         ImportFileError: it cannot be read, is not XML, or has no point with a time.
     """
     tracks = PointTracks(path, "GPX track")
-    with open_file(path) as file:
-        read_xml_tracks(file, tracks, _GpxReader(tracks).ended, f"{path}: not a GPX file", _MOST_TEXT)
-    return tracks.logs()
+    return read_xml_tracks(path, "GPX", tracks, _GpxReader(tracks).ended, _MOST_TEXT)

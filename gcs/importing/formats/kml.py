@@ -13,7 +13,6 @@ from itertools import zip_longest
 from pathlib import Path
 
 from gcs.importing.formats.point_tracks import PointTracks, number_of, read_xml_tracks
-from gcs.importing.formats.text_file import open_file
 from gcs.importing.row_times import NO_ZONE, unix_seconds
 from gcs.importing.vehicle_log import VehicleLog
 
@@ -156,6 +155,4 @@ def read_kml(path: Path) -> list[VehicleLog]:
         ImportFileError: it cannot be read, is not XML, or has no point with a time.
     """
     tracks = PointTracks(path, "KML")
-    with open_file(path) as file:
-        read_xml_tracks(file, tracks, _KmlReader(tracks).ended, f"{path}: not a KML file", _MOST_TEXT)
-    return tracks.logs()
+    return read_xml_tracks(path, "KML", tracks, _KmlReader(tracks).ended, _MOST_TEXT)

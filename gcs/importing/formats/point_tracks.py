@@ -9,11 +9,11 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 
 from gcs.errors import ImportFileError
+from gcs.importing.formats.text_file import open_file
 from gcs.importing.row_times import row_times
 from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog, whole_places
 from infra.plain_text import plain
@@ -144,27 +144,31 @@ class PointTracks:
             )
 
 
-def read_xml_tracks(file: BinaryIO, tracks: PointTracks, ended: ElementHandler, where: str, most_text: int) -> None:
-    """Read tracks out of XML; a file that ends in the middle has those that are there.
+def read_xml_tracks(
+    path: Path, kind: str, tracks: PointTracks, ended: ElementHandler, most_text: int
+) -> list[VehicleLog]:
+    """Read the vehicles out of XML; a file that ends in the middle has those that are there.
 
     Args:
-        file: of others.
+        path: of others.
+        kind: the format, in messages.
         tracks: what the handler fills.
         ended: handler of elements.
-        where: names file and format in messages.
         most_text: letters that are kept of an element.
 
     Raises:
-        ImportFileError: it is not XML, or no XML of tracks.
+        ImportFileError: it cannot be read, is not XML, or has no point with a time.
     """
     try:
-        broken = read_elements(file, ended, most_text)
+        with open_file(path) as file:
+            broken = read_elements(file, ended, most_text)
     except XmlRefusedError as error:
-        raise ImportFileError(f"{where}: {error}") from None
+        raise ImportFileError(f"{path}: not a {kind} file: {error}") from None
     if broken and not len(tracks):
-        raise ImportFileError(f"{where}: {broken}")
+        raise ImportFileError(f"{path}: not a {kind} file: {broken}")
     tracks.skipped["ends in the middle"] += bool(broken)
     tracks.skipped = +tracks.skipped
+    return tracks.logs()
 
 
 def number_of(text: str) -> float:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import threading
 import time
 from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 from rich.console import RenderableType
 from textual._compositor import CompositorUpdate
@@ -13,13 +17,28 @@ from textual.drivers.linux_driver import LinuxDriver
 from textual.drivers.web_driver import WebDriver
 from textual.screen import Screen
 
-from gcs.tui.terminal.browser_driver import BrowserDriver
 from gcs.tui.terminal.driver import TerminalDriver
 
 __all__ = ["MOST_FPS", "TerminalApp"]
 
 MOST_FPS = 12.0
 """Pictures a second that are drawn at most, on any terminal."""
+
+
+class _BrowserDriver(WebDriver):
+    """Writes one message after the other, where Textual's lets them cross once one is larger than a pipe takes."""
+
+    def __init__(self, app: App[Any], **options: Any) -> None:  # noqa: ANN401  (Textual's own)
+        super().__init__(app, **options)
+        self._writing = threading.Lock()
+        self._write = partial(self._write_whole)
+
+    def _write_whole(self, data: bytes) -> int:
+        size = len(data)
+        with self._writing:
+            while data:
+                data = data[os.write(self.fileno, data) :]
+        return size
 
 
 class TerminalApp(App[None]):
@@ -41,7 +60,7 @@ class TerminalApp(App[None]):
     def get_driver_class(self) -> type[Driver]:
         """Ours instead of Textual's for terminals and browsers."""
         usual = super().get_driver_class()
-        return {LinuxDriver: TerminalDriver, WebDriver: BrowserDriver}.get(usual, usual)
+        return {LinuxDriver: TerminalDriver, WebDriver: _BrowserDriver}.get(usual, usual)
 
     def picture_waits(self) -> bool:
         """Whether the terminal does not have the last pictures yet, or has had as many as ``fps`` allows.

@@ -103,18 +103,24 @@ def test_a_signal_to_end_seals_what_the_screen_shows(begin):
     os.close(terminal.keeper)
 
 
+def fly_with_screens(run, tmp_path, monkeypatch):
+    """The session of a flight whose screens a function stands for."""
+    monkeypatch.setattr("gcs.tui.run", run)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setattr(sys.stdin, "isatty", lambda: True)
+    (tmp_path / "mission.toml").write_text(MISSION)
+    fly(tmp_path / "mission.toml", link=[f"udpin:127.0.0.1:{free_port()}"], sessions=tmp_path / "sessions")
+    (session,) = (tmp_path / "sessions").iterdir()
+    return session
+
+
 def test_a_screen_that_is_left_ends_no_flight_and_its_marks_are_kept(tmp_path, monkeypatch, capsys, interrupt):
     def left(flight, *_, **__):
         flight.mark(1_795_170_792_000_000, "take-off", 11)
         interrupt()
         return Ended(code=0, left=False)
 
-    monkeypatch.setattr("gcs.tui.run", left)
-    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
-    monkeypatch.setattr(sys.stdin, "isatty", lambda: True)
-    (tmp_path / "mission.toml").write_text(MISSION)
-    fly(tmp_path / "mission.toml", link=[f"udpin:127.0.0.1:{free_port()}"], sessions=tmp_path / "sessions")
-    (session,) = (tmp_path / "sessions").iterdir()
+    session = fly_with_screens(left, tmp_path, monkeypatch)
     assert f"still recording in {session}" in capsys.readouterr().err
     (mark,) = (event for event in read_events(session / "events.jsonl")[0] if event.kind == "mark")
     assert (mark.t_us, mark.text, mark.system_id) == (1_795_170_792_000_000, "take-off", 11)
@@ -171,12 +177,7 @@ def test_a_signal_that_comes_just_when_the_screens_have_ended_is_heeded(tmp_path
         os.kill(os.getpid(), signal.SIGTERM)
         return Ended(code=0, left=False)
 
-    monkeypatch.setattr("gcs.tui.run", left)
-    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
-    monkeypatch.setattr(sys.stdin, "isatty", lambda: True)
-    (tmp_path / "mission.toml").write_text(MISSION)
-    fly(tmp_path / "mission.toml", link=[f"udpin:127.0.0.1:{free_port()}"], sessions=tmp_path / "sessions")
-    (session,) = (tmp_path / "sessions").iterdir()
+    session = fly_with_screens(left, tmp_path, monkeypatch)
     assert "ended" in (session / "session.toml").read_text()
     assert "0 packets received" in capsys.readouterr().out
 

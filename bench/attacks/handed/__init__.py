@@ -1,0 +1,1 @@
+"""What strangers hand over: files that are opened, folders that lie among the recordings."""
