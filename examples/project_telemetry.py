@@ -10,7 +10,7 @@ from pathlib import Path
 
 import cv2
 
-from gcs.fold.camera_direction import mount_of
+from gcs.fold.camera.direction import mount_of
 from gcs.playback.analysis import Analysis
 from gcs.session.log import SessionLog
 from gcs.session.session import open_session

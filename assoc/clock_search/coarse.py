@@ -207,7 +207,7 @@ def coarse_starts(
             arm, falls, p = arms
             foot = p[..., 0] + 1j * p[..., 1]
             q = q - foot[..., None]
-            score[k : k + size], best = _scores(arm, film.seen & falls, q, has, headings, film.stride * GRID_S)
+            score[k : k + size], best = pair_scores(arm, film.seen & falls, q, has, headings, film.stride * GRID_S)
             yaw[k : k + size] = headings[best]
         found += [
             CoarseStart(offset_s=(first + k) * GRID_S, yaw=float(yaw[k]), score=float(score[k]))
@@ -225,10 +225,30 @@ def _moved_arms(film: _Sampled, path: CameraPath, offsets_s: FloatArray) -> tupl
     return arm.reshape(shape), falls.reshape(shape), p.reshape(*shape[:2], 3)
 
 
-def _scores(
-    arm: ComplexArray, seen: BoolArray, q: ComplexArray, has: BoolArray, headings: FloatArray, step_s: float
+def pair_scores(
+    arm: ComplexArray,
+    seen: BoolArray,
+    q: ComplexArray,
+    has: BoolArray,
+    headings: FloatArray,
+    step_s: float,
+    *,
+    each_apart: bool = False,
 ) -> tuple[FloatArray, IntArray]:
-    """Σ L (D,) of D offsets at the best heading, and which that is; a (…, B, T), q (D, B, V)."""
+    """Σ L of D offsets or cameras at the best heading each, nats.
+
+    Args:
+        arm: (D, B, T) or (B, T) a, east + i north, metres.
+        seen: The same shape, where it is known.
+        q: (D, B, V) likewise of the vehicles.
+        has: (D, B, V) where it is known.
+        headings: (K,) ψ to compare, radians.
+        step_s: From one time to the next, seconds.
+        each_apart: Each of D has a ground in view of its own.
+
+    Returns:
+        (D,) the scores, and (D,) which heading each is of.
+    """
     s, h = seen.astype(np.float64), has.astype(np.float64)
     a, q = arm * s, q * h
     at, st = np.swapaxes(a, -1, -2), np.swapaxes(s, -1, -2)
@@ -240,7 +260,8 @@ def _scores(
     a_mean, q_mean = a_sum / n, q_sum / n
     variance = _PLACE_STD_M**2 + (_PLACE_STD_SHARE * np.abs(a_mean)) ** 2
     # the ground in view: a disc as wide as the farthest track
-    area = np.pi * np.maximum(np.max(np.abs(a)), 10.0) ** 2
+    reach = np.max(np.abs(a), axis=(-2, -1), keepdims=True) if each_apart else np.max(np.abs(a))
+    area = np.pi * np.maximum(reach, 10.0) ** 2
     base = np.log(area / (2.0 * np.pi * variance)) - np.log(q.shape[-1])
     weight = n * step_s / _COURSE_TAU_S
     spread = np.log((saa + sqq) / (2.0 * n) + _COURSE_STD_M**2)

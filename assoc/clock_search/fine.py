@@ -30,7 +30,7 @@ from assoc.hypotheses.search import UpdateContext, residual_blocks, scores
 from assoc.params import IdentifierParams
 from assoc.records import CameraState
 
-__all__ = ["OffsetFit", "fit_at"]
+__all__ = ["OffsetFit", "assignment", "fit_at"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -91,7 +91,7 @@ def _together(tracks: TrackHistory, columns: IntArray) -> NDArray[np.bool_]:
     return np.asarray((first[:, None] < last[None]) & (first[None] < last[:, None]))
 
 
-def _assignment(score: FloatArray, together: NDArray[np.bool_]) -> IntArray:
+def assignment(score: FloatArray, together: NDArray[np.bool_]) -> IntArray:
     """Vehicle of each track, −1 none: one to one, then tracks left over to vehicles that are not seen meanwhile."""
     answer = best_assignment(score)
     while True:
@@ -226,14 +226,14 @@ def _fitted(
     together = _together(context.history, context.columns)
     blocks: Blocks = residual_blocks(context, theta)
     score = scores(context, blocks, theta)[0]
-    vehicle = _assignment(score, together)
+    vehicle = assignment(score, together)
     for _ in range(_ITERATIONS):
         rows = np.flatnonzero(vehicle >= 0)
         fitted: Fitted = fit(whiten(blocks, rows, vehicle[rows], context.state, context.noise), context.prior)
         theta = fitted.theta
         blocks = residual_blocks(context, theta)
         score = scores(context, blocks, theta)[0]
-        before, vehicle = vehicle, _assignment(score, together)
+        before, vehicle = vehicle, assignment(score, together)
         if np.array_equal(before, vehicle):
             break
     rows = np.flatnonzero(vehicle >= 0)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.fold.camera_direction import mount_of
+from gcs.fold.camera.direction import mount_of
 from gcs.mission.mission import Mission, parse_mission
 from mavlink.fleet.fleet import Fleet, FleetState
 from mavlink.protocol.packet import Packet

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.records import CameraState, Observation, VehicleReports
-from gcs.fold.frame_camera import FrameCamera
+from gcs.fold.camera.frame_camera import FrameCamera
 from gcs.fold.ground.contact import box_lengths, contact_rays
 from mavlink.fleet.fleet import FleetState, Reports
 from vision.camera.camera import Intrinsics

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from assoc.geometry.ground import YAW
 from assoc.identification.identifier import CameraState, Identifier, IdentifierParams, Identities
+from gcs.fold.camera.frame_camera import FrameCamera, camera_aim, expected_pixels, ground_warp, reported_pixels
+from gcs.fold.camera.frame_cameras import FrameCameras
 from gcs.fold.candidates import CandidateWords
 from gcs.fold.contradictions import Contradictions
 from gcs.fold.evidence import camera_of, observation_of, reports_of
 from gcs.fold.fences import Fences
-from gcs.fold.frame_camera import FrameCamera, camera_aim, expected_pixels, ground_warp, reported_pixels
-from gcs.fold.frame_cameras import FrameCameras
 from gcs.fold.ground.contact import pixel_lengths
 from gcs.fold.name_changes import NameChanges
 from gcs.fold.notice_events import NoticeEvents
@@ -30,7 +30,7 @@ from gcs.fold.statements import Statements
 from gcs.health.alarms import Alarms
 from gcs.health.event_throttle import EventThrottle
 from gcs.health.link_rates import LinkRates
-from gcs.mission.mission import Mission
+from gcs.mission.mission import Camera, Mission
 from gcs.session.fold_order import NO_FRAME
 from gcs.snapshot import Box, Event, Health, Snapshot, Standing, Statement
 from mavlink.estimation.gimbal import turns_camera
@@ -159,6 +159,11 @@ class Pipeline:
         """How long a frame of a flight waits for the UAV's pose after its own time, µs: longer where radio is late."""
         return min(max(round(self.fleet.uav_delay_us) + NEXT_US, WAIT_US), MOST_WAIT_US)
 
+    @property
+    def found_camera(self) -> Camera | None:
+        """The camera by the film, where the mission does not describe it; None: not found, or not searched for."""
+        return self._cameras.found
+
     def add_event(self, event: Event) -> None:
         """Add an event of the surroundings (links, video, operator) to the next snapshot."""
         self._alarms.texts.acknowledge(event.acknowledges)
@@ -255,6 +260,11 @@ class Pipeline:
             *(wholes.boxes, t_us), warp=warp, stitch=stitch, known=known, focal_px=focal_px, reported_px=expected_px
         )
         self._events += self._statements.apply(t_us, index, tracks, self._identifier)
+        anew, events = self._cameras.find(state, wholes.boxes, tracks, view)
+        self._events += events
+        if anew:
+            self._begin_anew()
+            view = None
         view = self._cameras.seen(telemetry_us, view, wholes.boxes, tracks) if view else None
         self._view = view
         self._look = _Look(

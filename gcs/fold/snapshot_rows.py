@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from assoc.geometry.ground import OFFSET, PITCH, YAW
 from assoc.identification.identifier import Identifier, Identities
 from gcs.certainty import CONFIRMED
+from gcs.fold.camera.frame_camera import FrameCamera
 from gcs.fold.candidates import doubt_words
-from gcs.fold.frame_camera import FrameCamera
 from gcs.mission.mission import Mission
 from gcs.snapshot import NAN, Box, Candidate, Health, Snapshot, Standing, VehicleRow
 from mavlink.fleet.fleet import FleetState

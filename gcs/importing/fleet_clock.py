@@ -19,9 +19,9 @@ from assoc.clock_search.search import ClockSearch, ClockVerdict, find_clock
 from assoc.history import TrackHistory
 from assoc.records import Observation
 from gcs.errors import ImportFileError
+from gcs.fold.camera.frame_camera import FrameCamera
+from gcs.fold.camera.frame_cameras import FrameCameras
 from gcs.fold.evidence import observation_of
-from gcs.fold.frame_camera import FrameCamera
-from gcs.fold.frame_cameras import FrameCameras
 from gcs.importing.messages import TlogRecord
 from gcs.importing.vehicle_log import PlaceTrack
 from gcs.mission.mission import Mission

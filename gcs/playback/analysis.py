@@ -29,7 +29,7 @@ from vision.detect.detections import Detections
 from vision.stream.pace import stall_after_s
 
 if TYPE_CHECKING:
-    from gcs.mission.mission import DetectorChoice
+    from gcs.mission.mission import Camera, DetectorChoice
     from vision.detect.detector import Detector
 
 __all__ = ["Analysis"]
@@ -63,6 +63,7 @@ class Analysis:
         open_detector: Callable[[DetectorChoice], Detector] | None = None,
         looking_threads: int = 2,
         video_offset_s: float | None = None,
+        camera: Camera | None = None,
     ) -> None:
         """Open all files of a session.
 
@@ -72,6 +73,7 @@ class Analysis:
             open_detector: loads the mission's networks, for those who keep them; None: they are loaded anew.
             looking_threads: which look at the next frames meanwhile; 0: the one that folds looks, too.
             video_offset_s: Video time minus telemetry time, s, instead of the mission's; None: as it says.
+            camera: Instead of the mission's; None: as it says.
 
         Raises:
             SessionError, TlogError, VideoError, ModelError: a part that cannot be used.
@@ -83,6 +85,9 @@ class Analysis:
         self.mission, self.video, self.times_us = opened.mission, opened.video, opened.times_us
         if video_offset_s is not None:
             self.mission = replace(self.mission, clock=replace(self.mission.clock, video_offset_s=video_offset_s))
+        if camera is not None:
+            self.mission = replace(self.mission, camera=camera)
+        self._folded: Pipeline | None = None
         self._log, self._looks, self._turns = opened.log, opened.looks, opened.turns
         self._frames_order_us = np.maximum.accumulate(self.times_us)
         self._stall_s = stall_after_s(self._frames_order_us)
@@ -118,6 +123,11 @@ class Analysis:
         for snapshot in self._by_turns(pipeline, self._turns, images):
             if snapshot.image is not None or not images or self.video is None:
                 yield snapshot  # a video has no frames without an image
+
+    @property
+    def found_camera(self) -> Camera | None:
+        """The camera by the film as far as it was folded, where the mission does not describe it; None: not found."""
+        return self._folded.found_camera if self._folded else None
 
     @property
     def frames(self) -> int:
@@ -169,6 +179,7 @@ class Analysis:
     def _pipeline(self) -> Pipeline:
         senders = self._log.senders
         pipeline = Pipeline(self.mission, links=senders.names, address=senders.address, sized=self.opened.size.known)
+        self._folded = pipeline
         for statement in read_statements(self.opened.session.tlog.parent, self.mission.ugv_ids):
             pipeline.state_name(statement)
         for text in self.warnings:

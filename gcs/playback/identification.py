@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import shutil
 from collections.abc import Callable, Iterator
@@ -23,7 +24,7 @@ from infra.files.aside import make_aside, put_all_in_place, remove_aside
 from infra.session_format import EVENTS, IDENTITY, IDENTITY_EVIDENCE
 
 if TYPE_CHECKING:
-    from gcs.mission.mission import DetectorChoice
+    from gcs.mission.mission import Camera, DetectorChoice
     from vision.detect.detector import Detector
 
 __all__ = ["identify_session"]
@@ -49,7 +50,8 @@ def identify_session(
 ) -> RollCall:
     """Fold a session and write ``identity.csv``, ``identity.jsonl`` and ``events.jsonl``; same input, same bytes.
 
-    Where the video's clock proves to be far off it is done again with that known from the first frame on.
+    Where the video's clock proves to be far off, or a camera that nothing describes was found by the film, it is done
+    again with that known from the first frame on.
 
     The files are there when they are whole: what is broken off leaves none.
 
@@ -80,12 +82,11 @@ def identify_session(
         analysis, notes = opened(), list[str]()
         hindsight = not analysis.as_flown if hindsight is None else hindsight
         calls, last = _identify(analysis, folder, report, notes.append, hindsight=hindsight)
-        offset_s = _clock_found(analysis, last)
-        if offset_s is not None:
+        offset_s, camera = _clock_found(analysis, last), _camera_found(analysis)
+        if offset_s is not None or camera is not None:
             again = folder / "again"
             again.mkdir()
-            late = f"the video's clock is {_late(offset_s)} by the whole recording: named again with that taken out"
-            second, told = opened(video_offset_s=offset_s), [late]
+            second, told = opened(video_offset_s=offset_s, camera=camera), list(_why_again(offset_s, camera))
             calls_again, _ = _identify(second, again, report, told.append, hindsight=hindsight)
             # vehicles that are late each by its own have no common clock: there the first look names more
             if calls_again.unnamed <= calls.unnamed:
@@ -130,6 +131,22 @@ def _clock_found(analysis: Analysis, last: Snapshot) -> float | None:
     off_s = health.time_offset_s - (0.0 if declared == "auto" else float(declared))
     known = health.fit > SURE_FIT and health.time_offset_std_s < SURE_S
     return health.time_offset_s if known and abs(off_s) > AGAIN_S and not analysis.as_flown else None
+
+
+def _camera_found(analysis: Analysis) -> Camera | None:
+    """The camera by the film, where names had to wait for it; None for a flight that kept its order, as above."""
+    return None if analysis.as_flown else analysis.found_camera
+
+
+def _why_again(offset_s: float | None, camera: Camera | None) -> Iterator[str]:
+    if offset_s is not None:
+        yield f"the video's clock is {_late(offset_s)} by the whole recording: named again with that taken out"
+    if camera is not None and camera.intrinsics is not None:
+        across = math.degrees(camera.intrinsics.hfov)
+        yield (
+            f"nothing describes the camera; by the whole film it sees {across:.0f}° across and looks "
+            f"{-camera.pitch_deg:.0f}° down ({camera.mount}): named again with that"
+        )
 
 
 def _late(offset_s: float) -> str:

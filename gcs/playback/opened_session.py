@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import SessionError
-from gcs.fold.frame_size import FrameSize, fitting_size, holds
+from gcs.fold.camera.frame_size import FrameSize, fitting_size, holds
 from gcs.mission.mission import Mission
 from gcs.playback.discovery import discover
 from gcs.playback.looked_frames import RecordedLooks

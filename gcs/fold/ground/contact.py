@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.fold.frame_camera import FrameCamera
+from gcs.fold.camera.frame_camera import FrameCamera
 
 __all__ = ["box_lengths", "contact_rays", "ground_places", "pixel_lengths"]
 

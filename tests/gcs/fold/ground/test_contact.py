@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs.fold.frame_camera import FrameCamera
+from gcs.fold.camera.frame_camera import FrameCamera
 from gcs.fold.ground.contact import box_lengths, contact_rays
 from gcs.fold.ground.surface import GroundSurface
 from sim.world.boxes import true_boxes

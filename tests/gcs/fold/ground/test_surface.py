@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs.fold.frame_cameras import FrameCameras
+from gcs.fold.camera.frame_cameras import FrameCameras
 from gcs.fold.ground.surface import GroundSurface
 from gcs.mission.mission import parse_mission
 from tests.support.films.board_video import write_geotiff

@@ -10,14 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import ConfigError
-from gcs.fold.camera_direction import CameraDirection
-from gcs.fold.frame_camera import FrameCamera
+from gcs.fold.camera.direction import CameraDirection
+from gcs.fold.camera.finder import CameraFinder
+from gcs.fold.camera.frame_camera import FrameCamera
+from gcs.fold.camera.optics import Optics
+from gcs.fold.camera.silent_zoom import SilentZoom, magnified
 from gcs.fold.ground.height import GroundHeight
 from gcs.fold.ground.surface import Relief
-from gcs.fold.optics import Optics
 from gcs.fold.position_steps import StepFilter
-from gcs.fold.silent_zoom import SilentZoom, magnified
-from gcs.mission.mission import Mission
+from gcs.mission.mission import Camera, Mission
 from gcs.mission.terrain_file import TerrainFile
 from gcs.snapshot import Event
 from mavlink.fleet.fleet import Fleet
@@ -59,6 +60,7 @@ class FrameCameras:
         self._optics = Optics(mission.camera, sized=sized)
         self._zoom = SilentZoom()
         self._direction = CameraDirection(mission)
+        self._finder = CameraFinder(mission.camera)
         self._fusion = AttitudeFusion()
         self._K: NDArray[np.float64] = np.zeros((3, 3))
         self._reported: ReportedRotation | None = None
@@ -73,6 +75,40 @@ class FrameCameras:
     def stabilized(self) -> bool:
         """Whether a gimbal keeps the camera's horizon level."""
         return self._direction.stabilized
+
+    @property
+    def found(self) -> Camera | None:
+        """The camera by the film, where nothing described it; None not yet, or it needs no search."""
+        return self._finder.camera
+
+    def find(
+        self, state: FleetState, boxes: Detections, tracks: Tracks, camera: FrameCamera | None
+    ) -> tuple[bool, Sequence[Event]]:
+        """Search for the camera, where nothing describes its lens or its direction.
+
+        Args:
+            state: the fleet at a frame.
+            boxes: of the frame.
+            tracks: after them.
+            camera: of the frame, None unknown.
+
+        Returns:
+            Whether names have to begin anew, since another camera is used from the next frame on; and what an operator
+            should know.
+        """
+        size = self._optics.size
+        if size is None or self._finder.describes_lens:
+            return False, ()
+        focal = camera.intrinsics.fx / size[0] if camera else math.nan
+        ground_z = self._heights.below(state.uav).z
+        found, events = self._finder.look(state, boxes, tracks, size, ground_z=ground_z, focal=focal)
+        if found is None:
+            return False, events
+        self._optics = Optics(found)
+        self._direction.use(found)
+        self._zoom.restart()
+        self._fusion.restart()
+        return camera is not None, events
 
     @property
     def attitude_lag_us(self) -> int:

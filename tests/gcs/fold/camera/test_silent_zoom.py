@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gcs.fold.frame_camera import FrameCamera
+from gcs.fold.camera.frame_camera import FrameCamera
+from gcs.fold.camera.optics import Optics
+from gcs.fold.camera.silent_zoom import SilentZoom, magnified
 from gcs.fold.ground.surface import GroundSurface
-from gcs.fold.optics import Optics
-from gcs.fold.silent_zoom import SilentZoom, magnified
 from gcs.mission.mission import Camera
 from mavlink.fleet.fleet import CameraReport
 from vision.camera.camera import CameraPose

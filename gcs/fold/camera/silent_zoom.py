@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.fold.frame_camera import FrameCamera
+from gcs.fold.camera.frame_camera import FrameCamera
 from gcs.fold.ground.contact import ground_places
 from vision.camera.intrinsics import zoomed
 from vision.detect.detections import Detections

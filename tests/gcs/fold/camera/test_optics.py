@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gcs.errors import ConfigError
-from gcs.fold.optics import Optics
+from gcs.fold.camera.optics import Optics
 from gcs.fold.pipeline import Pipeline
 from gcs.mission.mission import Camera, load_mission, parse_mission
 from gcs.session.metadata import mission_table

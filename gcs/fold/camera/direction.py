@@ -30,7 +30,7 @@ class CameraDirection:
     """The camera's mount, and whether the gimbal's reports take precedence over it."""
 
     def __init__(self, mission: Mission) -> None:
-        self._mission = mission
+        self._camera = mission.camera
         self._mount = mount_of(mission.camera)
         self._mount_doubted = False
         self._turned_us = 0
@@ -47,7 +47,11 @@ class CameraDirection:
     @property
     def follows_gimbal(self) -> bool:
         """Whether the gimbal's reports take precedence over the mission; a camera fixed to the body has no gimbal."""
-        return self._mission.follows_gimbal or bool(self._turned_us)
+        return self._camera is None or self._camera.mount == "gimbal" or bool(self._turned_us)
+
+    def use(self, camera: Camera) -> None:
+        """Take the mount of a camera that was found, from now on."""
+        self._camera, self._mount, self._mount_doubted = camera, mount_of(camera), False
 
     def order_given(self, t_us: int) -> None:
         """Note an order that turns the camera."""
@@ -61,7 +65,7 @@ class CameraDirection:
             p_enu: (3,) where it is, metres.
         """
         mount = self._mount
-        if self._mission.camera is None and uav.camera is not None:
+        if self._camera is None and uav.camera is not None:
             # an image turned clockwise is that of a camera rolled the other way
             mount = replace(mount, roll=-math.radians(uav.camera.rotation_deg))
         R_enu_body = uav.R_enu_body if uav.attitude_valid else _LEVEL
@@ -101,7 +105,7 @@ class CameraDirection:
 
     def _check_turned(self, t_us: int, reported: bool) -> Iterator[Event]:
         """Events on the direction of a camera that an order has turned."""
-        if self._mission.follows_gimbal or self._mount.kind == "fixed":
+        if self._camera is None or self._camera.mount != "stabilized":
             self._turn_reported = True
         elif reported:
             self._turn_reported = True
