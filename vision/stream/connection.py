@@ -42,10 +42,18 @@ READ_TIMEOUT_S = 2.0
 """Longest wait for the next packet, seconds."""
 HTTP = ("http:", "https:")
 BYTE_STREAMS = ("tcp:", *HTTP)
+ONE_STREAM = {"format_whitelist": f"{ONE_FILE},mpjpeg"}
+"""What others may send: a playlist or a session would have FFmpeg ask any host and open any port."""
 MOST_REDIRECTS = 4
 """On the same host, one after the other."""
 READ_BYTES = 32768
 """Most bytes that FFmpeg asks for at once."""
+_REFUSED = {
+    "Format not on whitelist": "it is no film but perhaps a playlist or a session, whose addresses are not followed: "
+    "give the one that is meant",
+    "not on whitelist": "it sends on to another address, which is not followed: give that one if it is meant",
+}
+"""By FFmpeg's words."""
 _PRODUCER_TIME = struct.Struct("=qi")
 """FFmpeg's AVProducerReferenceTime: Unix µs, flags."""
 REORDERED = 2
@@ -108,12 +116,10 @@ def open_input(source: Source) -> Input | None:
 
 def _why(error: Exception) -> str:
     """FFmpeg's reason, in words where it is one of ours."""
-    refused = "not on whitelist" in str(error)
-    return (
-        "it sends on to another address, which is not followed: give that one if it is meant"
-        if refused
-        else reason(error)
-    )
+    for refused, words in _REFUSED.items():
+        if refused in str(error):
+            return words
+    return reason(error)
 
 
 def _open_line(source: Source) -> Input | None:
@@ -126,7 +132,9 @@ def _open_line(source: Source) -> Input | None:
         if not source.address.startswith("tcp") and not line.begins_without_stamps():
             line.close()
             return None
-        opened = replace(_input(source, av.open(line, "r", options=dict(SEARCH), buffer_size=READ_BYTES)), line=line)
+        opened = replace(
+            _input(source, av.open(line, "r", options=SEARCH | ONE_STREAM, buffer_size=READ_BYTES)), line=line
+        )
     except BaseException:
         line.close()
         raise
@@ -198,8 +206,8 @@ def _open(source: Source) -> InputContainer:
         options |= {"protocol_whitelist": "file,udp,rtp,data"}
         container = av.open(source.address, format="sdp", options=options, timeout=timeout)
     else:
-        if source.kind == "file":
-            options |= {"format_whitelist": ONE_FILE}
+        if source.kind == "file" or source.address.startswith(HTTP):
+            options |= ONE_STREAM
         container = av.open(source.address, options=options, timeout=timeout)
     return container
 

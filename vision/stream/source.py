@@ -189,7 +189,7 @@ def _network(text: str, scheme: str) -> Source:
     """
     user, at, rest = text.partition("://")[2].rpartition("@")
     # FFmpeg ends the address at the first of them, also in a password
-    address = f"{text.partition('://')[0]}://{user.replace('#', '%23')}{at}{rest}"
+    address = f"{scheme}://{user.replace('#', '%23')}{at}{rest}"
     options = {"protocol_whitelist": "tcp,udp,rtp,tls,http,https,httpproxy,crypto", "fpsprobesize": "0"}
     if scheme.startswith("http"):
         options |= {"max_redirects": "0"}  # which host is asked is looked at in vision.stream.redirect

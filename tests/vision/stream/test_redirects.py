@@ -12,6 +12,12 @@ from vision.stream.connection import open_input
 from vision.stream.source import parse_source
 
 FOUND = "HTTP/1.1 302 Found\r\nLocation: {}\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
+LISTS = {
+    "application/vnd.apple.mpegurl": "#EXTM3U\n#EXT-X-TARGETDURATION:9\n#EXTINF:9,\nhttp://{}/a.ts\n#EXT-X-ENDLIST\n",
+    "application/sdp": "v=0\no=- 0 0 IN IP4 {0}\ns=-\nc=IN IP4 127.0.0.2\nt=0 0\nm=video 5998 RTP/AVP 33\n",
+    "text/plain": "ffconcat version 1.0\nfile http://{}/a.ts\n",
+}
+"""What names further addresses, by its type."""
 PICTURES = b"HTTP/1.1 200 OK\r\nContent-Type: multipart/x-mixed-replace;boundary=frame\r\n\r\n"
 
 
@@ -61,6 +67,18 @@ def test_no_other_host_and_no_file_is_opened_for_a_server_that_says_so(other, go
         open_input(parse_source(f"http://eve:secret@{server.place}/video"))
     assert "\n" not in str(error.value) and "secret" not in str(error.value)
     assert goal.split("//")[1] in str(error.value)
+
+
+@pytest.mark.parametrize("kind", LISTS)
+@pytest.mark.parametrize("scheme", ["http", "HTTP"])
+def test_no_address_is_opened_that_a_playlist_or_session_names(other, scheme, kind):
+    body = LISTS[kind].format(other.place)
+    answer = f"HTTP/1.1 200 OK\r\nContent-Type: {kind}\r\nContent-Length: {len(body)}\r\n\r\n{body}".encode()
+    with (
+        Server("127.0.0.1", lambda _: answer) as server,
+        pytest.raises(VideoError, match="perhaps a playlist or a session, whose addresses are not followed"),
+    ):
+        open_input(parse_source(f"{scheme}://{server.place}/list.m3u8"))
 
 
 def test_what_moved_on_the_same_host_is_followed_with_its_password():
