@@ -1,8 +1,9 @@
 """Passwords in addresses: passed to who opens them, concealed everywhere else.
 
 User name and password come before an @. Cameras take them as values too, in the query or in the path
-(``/user=admin&password=…``), and stores sign an address in its query, so every value is one; but not in the path of a
-store, where values are names of folders. Addresses of datagrams have none.
+(``/user=admin&password=…``), and stores sign an address in its query, so every value is one, and so is a long word in
+the query or behind a #; but not in the path of a store, where values are names of folders. Addresses of datagrams have
+none.
 
 What is shown, logged and written goes through ``conceal``, which knows the addresses that were hidden.
 """
@@ -21,12 +22,12 @@ _STORES = ("s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "adl", "oci", "memor
 _FORGOTTEN = re.compile(r"[^/@]+:[^@]*@")
 """A user and a password where the scheme is missing."""
 _VALUE = re.compile(r"([\w.-]*)=([^&;/?#]+)")
-_IN_QUERY = re.compile(r"([\w.-]*)=([^&#]+)")
+_IN_QUERY = re.compile(r"(?<=[?&#])(?:([^?=&#]*)=)?([^&#]+)")
 _TAIL = re.compile(r"[^&;/?#]*")
 _HARMLESS = ("codec", "pkt_size")
 """Values that describe how datagrams are read."""
 _LONG_ENOUGH, _LONG_VALUE = 4, 8
-"""Shorter passwords and values occur in any text by chance; a value with its name in front is found whatever it is."""
+"""Shorter passwords, values and words occur in any text by chance; a value with its name is found whatever it is."""
 _hidden: list[tuple[int, str, str]] = []
 """What must not be told: minus its length, itself, and what stands in its place."""
 
@@ -89,11 +90,19 @@ def _secrets(address: str) -> tuple[str, list[tuple[str, str]]]:
     if not scheme:
         return user, []
     found = [] if _is_store(scheme) else _VALUE.findall(path)
-    return user, [(name, value) for name, value in (*found, *_IN_QUERY.findall(query)) if name not in _HARMLESS]
+    return user, [(name, value) for name, value in (*found, *_IN_QUERY.findall(query)) if _is_secret(name, value)]
 
 
 def _values(pattern: re.Pattern[str], text: str) -> str:
-    return pattern.sub(lambda m: m[0] if m[1] in _HARMLESS else f"{m[1]}={_MARK}", text)
+    def shown(found: re.Match[str]) -> str:
+        name = found[1] or ""
+        return (f"{name}=" if name else "") + _MARK if _is_secret(name, found[2]) else found[0]
+
+    return pattern.sub(shown, text)
+
+
+def _is_secret(name: str, value: str) -> bool:
+    return name not in _HARMLESS if name else len(value) >= _LONG_VALUE
 
 
 def _is_store(scheme: str) -> bool:
@@ -115,5 +124,7 @@ def _parts(address: str) -> tuple[str, str, str, str, str]:
         tail = _TAIL.match(rest)
         end = tail.end() if tail else 0
         user, at, rest = user + at + rest[:end], "", rest[end:]
-    path, mark, query = rest.partition("?")
-    return address[:start], user, at, path, mark + query
+    # names in a store may hold a #
+    query = re.search(r"\?" if _is_store(address[:start]) else "[?#]", rest)
+    end = query.start() if query else len(rest)
+    return address[:start], user, at, rest[:end], rest[end:]

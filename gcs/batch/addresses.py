@@ -7,6 +7,7 @@ from fsspec's own settings (``FSSPEC_S3_ANON`` and the like).
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -51,7 +52,7 @@ def last_part(address: str) -> str:
 
 
 def _place(address: str) -> str:
-    return address.partition("?")[0] if _protocol(address).endswith(_WEB) else address
+    return re.split("[?#]", address, maxsplit=1)[0] if _protocol(address).endswith(_WEB) else address
 
 
 def local_path(address: str) -> Path:

@@ -113,6 +113,8 @@ def _addresses(word: str, folder: Path, note: Callable[[str], None]) -> Iterator
         yield from _remote_addresses(word, note)
         return
     path = folder / local_path(word)
+    if concealed(word) != word and not path.exists():
+        raise BatchError(f"{concealed(word)}: no such file or folder; an address begins with a protocol, as https://")
     if is_pattern(word) and not path.exists():
         found = sorted(glob.glob(str(path)))  # noqa: PTH207 - of a path that may be absolute
         if not found:

@@ -18,6 +18,10 @@ def nothing_hidden(monkeypatch):
         ("https://h/f.tlog?X-Amz-Credential=AK/eu&X-Amz-Signature=s3cretKey1", None),
         ("simplecache::https://u:s3cretKey1@h/f.tlog", "simplecache::https://***@h/f.tlog"),
         ("tcp://u:s3cretKey1@head:8786", "tcp://***@head:8786"),
+        ("https://h/f.tlog?s3cretKey1", "https://h/f.tlog?***"),
+        ("https://h/f.tlog#s3cretKey1", "https://h/f.tlog#***"),
+        ("https://h/f.tlog?rw&key[a]=s3cretKey1#t=s3cretKey1", "https://h/f.tlog?rw&key[a]=***#t=***"),
+        ("s3://KEY:s3cretKey1@bucket/flight#3", "s3://***@bucket/flight#3"),
         ("cot+tls://u:s3cretKey1@h:8089?cert=me.pem", "cot+tls://***@h:8089?cert=***"),
     ],
 )

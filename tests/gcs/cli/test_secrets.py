@@ -33,6 +33,7 @@ OPTIONS = {
     ("batch", "--out"): ("batch", str(SWARM), "-o", "http://{user}:1/out"),
     ("batch", "--scheduler"): (*BATCH, "--scheduler", "tcp://{user}:1"),
     ("batch", "flights"): ("batch", "http://{user}:1/a", "b=http://{user}:1/x?sig={password}", "-o", "{folder}/out"),
+    ("batch", "no protocol"): ("batch", "{user}:1/a.tlog", "-o", "{folder}/out"),
     ("batch report", "results"): ("batch", "report", "http://{user}:1/out"),
     ("sim", "--stream"): ("sim", "nominal", "--live", "--duration", "1", "--stream", "udp://{user}:x"),
 }
