@@ -310,14 +310,16 @@ class Analysis:
         return Health(frames=index + 1, video="ok" if self.video else "none")
 
     def health_at(self, t_us: int, index: int) -> Health:
-        """As far as it is recorded: whether frames came at a time."""
+        """As far as it is recorded: whether frames came at a time; behind its last a film has ended."""
         health = self._health(index)
         if self.opened.frames_us is None:
             return health
         if not (before := int(np.searchsorted(self._frames_order_us, t_us, side="right"))):
             return replace(health, video="waiting" if self.video else "none")
-        stalled = t_us - int(self._frames_order_us[before - 1]) > self._stall_s * 1e6
-        return replace(health, video="stalled") if stalled else health
+        if t_us - int(self._frames_order_us[before - 1]) <= self._stall_s * 1e6:
+            return health
+        ended = before == len(self.times_us) and not self.as_flown
+        return replace(health, video="ended" if ended else "stalled")
 
     def _looked_frames(self, images: bool, from_us: int | None = None) -> Iterator[LookedFrame]:
         """Every frame, or those from a time on, with what was seen in it; the images only where asked for."""

@@ -7,8 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gcs.playback.analysis import Analysis
 from gcs.playback.confidence import PARTS, ConfidenceHistory
 from gcs.playback.gaps import find_gaps
+from gcs.session.session import open_session
+from tests.support.bundled import swarm_session
 from tests.support.snapshots import snapshot
 
 S = 1_000_000
@@ -70,3 +73,15 @@ def test_what_is_provisional_or_not_analysed_counts_for_nothing_and_time_may_go_
     history.add(shown(50 * S, "confirmed", 0.9))
     history.add(shown(10 * S, "confirmed", 0.8))
     assert history.of(2)[[100, 500]] == pytest.approx([0.8, 0.9])
+
+
+def test_a_film_that_is_over_has_ended_and_one_with_a_hole_has_stopped(tmp_path):
+    folder = swarm_session(tmp_path, frames=40)
+    header, *rows = (folder / "frames.csv").read_text().splitlines()
+    late = (row.split(",") for row in rows[10:])
+    rows[10:] = [f"{frame},{int(t_us) + 3 * S}" for frame, t_us in late]
+    (folder / "frames.csv").write_text("\n".join([header, *rows]))
+    analysis = Analysis(open_session(folder))
+    first_us, last_us = int(analysis.times_us[0]), int(analysis.times_us[-1])
+    after = {first_us: "none", first_us + 2_500_000: "stalled", last_us: "none", last_us + 5_000_000: "ended"}
+    assert {t_us: analysis.health_at(t_us, -1).video for t_us in after} == after
