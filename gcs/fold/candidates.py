@@ -8,11 +8,12 @@ from collections.abc import Collection, Iterator, Sequence
 from assoc.identification.doubts import AnswerDoubt
 from assoc.identification.identifier import Candidates, Identities
 from gcs.certainty import CONFIRMED, certainty
+from gcs.health.heard import is_heard, refused_because
 from gcs.health.vehicle_alarms import CONTRADICTED
-from gcs.snapshot import Candidate
+from gcs.snapshot import Candidate, VehicleRow
 from mavlink.state import FleetState, VehicleStatus
 
-__all__ = ["CandidateWords", "doubt_words"]
+__all__ = ["CandidateWords", "doubt_words", "missing_because"]
 
 OLD_S = 2.0
 """A report older than this does not count as where the vehicle is: at 5 m/s it has gone ten metres."""
@@ -94,7 +95,7 @@ def _in_words(
         row = []
         for vehicle, confidence, distance_m, deviation, age_s, better, better_sure in numbers:
             own = vehicle == names[track]
-            missing = _missing(status.get(vehicle), age_s, contradicted=vehicle in contradicted)
+            missing = missing_because(status.get(vehicle), age_s, contradicted=vehicle in contradicted)
             reasons = [missing] * bool(missing) + list(_of_its_reports(status.get(vehicle), deviation))
             if not own:
                 reasons += _of_its_rivals(confidence, none[track], threshold, better, better_sure)
@@ -112,7 +113,7 @@ def _in_words(
     return found
 
 
-def _missing(status: VehicleStatus | None, age_s: float, *, contradicted: bool) -> str:
+def missing_because(status: VehicleRow | VehicleStatus | None, age_s: float, *, contradicted: bool) -> str:
     """Why a vehicle's reports do not tell where it is; empty: they do.
 
     Args:
@@ -122,13 +123,13 @@ def _missing(status: VehicleStatus | None, age_s: float, *, contradicted: bool) 
     """
     if status is None:
         return "never heard"
+    refused = refused_because(status)
     if status.contested:
-        return "several senders use its id"
-    if math.isinf(status.heartbeat_age_s) and math.isinf(age_s):
-        rejected = status.bad_signature or status.unsigned or status.held
-        return "all its packets are refused" if rejected else "never heard"
+        return refused
+    if not is_heard(status):
+        return "all its packets are refused" if refused else "never heard"
     if status.position_state == "refused":
-        return f"its positions are refused: {status.refused_for}" if status.refused_for else "its positions are refused"
+        return f"its positions are refused: {refused}" if status.refused_for else refused
     if math.isinf(age_s):
         return "no position yet"
     if age_s > OLD_S:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 
 from gcs.snapshot import VehicleRow
+from mavlink.state import VehicleStatus
 
 __all__ = ["is_heard", "refused_because"]
 
 
-def is_heard(row: VehicleRow) -> bool:
+def is_heard(row: VehicleRow | VehicleStatus) -> bool:
     """Whether any of its packets was accepted so far."""
     condition = row.condition
     ages_s = (
@@ -19,7 +20,7 @@ def is_heard(row: VehicleRow) -> bool:
     return any(map(math.isfinite, (*ages_s, row.loss))) or bool(row.signed or row.refusals or row.contested)
 
 
-def refused_because(row: VehicleRow) -> str:
+def refused_because(row: VehicleRow | VehicleStatus) -> str:
     """Why packets or positions of it were not accepted so far, in words; empty where none was refused."""
     if row.contested:
         return "several senders use its system id"
