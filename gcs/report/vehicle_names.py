@@ -1,21 +1,23 @@
-"""Which words stand for a vehicle on a picture: its name where that is shown right and is its alone, else its id."""
+"""Which words stand for a vehicle: on a picture its name where that is shown right and is its alone, else its id."""
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from gcs.snapshot import Snapshot
+from gcs.snapshot import Event, Snapshot
 from infra.plain_text import plain
 
-__all__ = ["ShownName", "shown_names"]
+__all__ = ["ShownName", "shown_names", "text_with_sender"]
 
 LONGEST_NAME: Final = 40
 """Letters; a longer name is a line of text, not a label."""
 SIGNS: Final = "?~+"
 """They say how sure a name is, or count labels: a name that begins or ends with one would be misread."""
+SUMMED_UP: Final = r"(\d+ more, most often: )"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,3 +61,15 @@ def shown_names(snapshot: Snapshot, shows: Callable[[str], bool]) -> Mapping[int
 
 def _ends_with_id(name: str, short: str) -> bool:
     return name.endswith(short) and not name[: -len(short)][-1:].isdigit()
+
+
+def text_with_sender(event: Event, name_of: Callable[[int], str]) -> str:
+    """An event's text with the name of its vehicle, unless it has it; a vehicle's own words always as such."""
+    if not event.system_id:
+        return event.text
+    name = name_of(event.system_id)
+    if event.kind != "text":
+        return event.text if name in event.text else f"{name}: {event.text}"
+    said = rf"{re.escape(name)}( \((contested|unsigned)\))? says: "
+    # a flood is summed up by this program; older recordings have the words alone
+    return event.text if re.match(f"{SUMMED_UP}?{said}", event.text) else f"{name} says: {event.text}"

@@ -27,6 +27,7 @@ from gcs.export.robotics.annex_b import pictures_of
 from gcs.export.robotics.foxglove_channels import FoxgloveChannels
 from gcs.export.robotics.foxglove_views import stamp_of
 from gcs.export.unfinished import Unfinished
+from gcs.report.vehicle_names import text_with_sender
 from gcs.snapshot import Snapshot
 from infra.plain_text import plain
 
@@ -53,7 +54,8 @@ class McapExport:
         self._show(snapshot.frame)
         self._channels.write(snapshot)
         for event in snapshot.events:
-            self._channels.write_words(event.t_us, snapshot.t_us, event.level, event.kind, event.text)
+            text = text_with_sender(event, snapshot.name_of)
+            self._channels.write_words(event.t_us, snapshot.t_us, event.level, event.kind, text)
 
     def close(self) -> None:
         """Append what is left of the film, and put the file into its place."""

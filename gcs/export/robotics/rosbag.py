@@ -23,6 +23,7 @@ from rosbags.rosbag2 import Writer
 from gcs.export.job import ExportJob
 from gcs.export.robotics.ros_types import typestore
 from gcs.export.unfinished import Unfinished
+from gcs.report.vehicle_names import text_with_sender
 from gcs.snapshot import Box, Snapshot, VehicleRow
 from infra.plain_text import plain
 from vision.video.video import Frame, VideoFile
@@ -71,7 +72,7 @@ class RosbagExport:
                 stamp=self._time(event.t_us),
                 level=LEVELS[event.level],
                 name=event.kind,
-                msg=plain(event.text),
+                msg=plain(text_with_sender(event, snapshot.name_of)),
                 file="",
                 function="",
                 line=0,

@@ -15,6 +15,7 @@ from gcs.report.page.stills import Stills
 from gcs.report.page.timeline import clock, draw_timeline
 from gcs.report.page.vehicle_parts import rollcall_table, vehicle_parts
 from gcs.report.score import Matched
+from gcs.report.vehicle_names import text_with_sender
 from gcs.snapshot import Reported
 
 __all__ = ["Provenance", "flight_report"]
@@ -108,7 +109,7 @@ def _events(record: FlightSummary) -> str:
             clock((event.t_us - record.start_us) * 1e-6),
             event.level,
             event.kind,
-            event.text,
+            text_with_sender(event, record.name_of),
             _REPORTED[event.reported],
         )
         for event in record.events

@@ -110,6 +110,7 @@ class FlightSummary:
         frame_s: usual time between frames; between moments, where there are none.
 
     Attributes:
+        name_of: a vehicle's name, by its system id.
         parts: into how many its time is divided.
         alarms: of flight and replay, in order of their coming.
         events: warnings, what the operator did and marked, in order of time.
@@ -118,6 +119,7 @@ class FlightSummary:
     def __init__(self, mission: Mission, start_us: int, stop_us: int, frame_s: float) -> None:
         self.start_us, self.stop_us = start_us, max(stop_us, start_us + 1)
         self.parts = min(max(int(self.span_s / (FRAMES_A_PART * frame_s)), 1), MOST_PARTS)
+        self.name_of = mission.name_of
         self.rollcall = RollCall(mission)
         self.vehicles = {i: VehicleRecord.empty(i, mission.name_of(i), self.parts) for i in mission.ugv_ids}
         self.uav: VehicleRecord | None = None

@@ -14,6 +14,7 @@ from gcs.report.overlay import draw
 from gcs.report.page.flight_summary import FlightSummary
 from gcs.report.page.html import empty, words
 from gcs.report.page.timeline import clock
+from gcs.report.vehicle_names import text_with_sender
 from gcs.snapshot import Snapshot
 
 __all__ = ["Stills"]
@@ -64,7 +65,7 @@ class Stills:
             self._keep("name", snapshot, f"confirmed first: {names}")
         for event in snapshot.events:
             if event.kind == "identity" and event.level != "info":
-                self._keep("change", snapshot, event.text)
+                self._keep("change", snapshot, text_with_sender(event, snapshot.name_of))
         alarms = {(alarm.key, alarm.level): alarm for alarm in snapshot.alarms if not alarm.reported}
         for key in alarms.keys() - self._alarms:
             self._keep("alarm", snapshot, alarms[key].text)

@@ -11,12 +11,12 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from gcs.errors import FlightError
+from gcs.report.vehicle_names import text_with_sender
 from gcs.snapshot import Alarm, Event, Snapshot
 from gcs.tui.draw.format import NOT_ANALYSED, REPORTED_WORDS, age, clock, plain
 from gcs.tui.draw.strips import cut_between_words, fitted, line, width_of
 from gcs.tui.palette import ALARM, FAINT, HEAD, PANEL, WARN, ink
 from gcs.tui.panes.alarms import Seen, unseen
-from gcs.tui.panes.event_log import text_with_sender
 
 __all__ = ["Alert", "Banner", "alert_of", "error_line"]
 
@@ -80,7 +80,7 @@ def alert_of(
     recent = [event for event in loose if event.text not in listed]
     if recent:
         counted = any(alarm.level == "alarm" for alarm in snapshot.alarms)
-        text = f"{clock(recent[-1].t_us)} {text_with_sender(recent[-1], snapshot)}"
+        text = f"{clock(recent[-1].t_us)} {text_with_sender(recent[-1], snapshot.name_of)}"
         return Alert(level="alarm" if counted else "warning", text=text)
     if fresh:
         return Alert(level="warning", text=_summary(fresh), hinted=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from typing import ClassVar, Final
 
@@ -11,6 +10,7 @@ from textual.binding import Binding, BindingType
 from textual.reactive import reactive
 from textual.strip import Strip
 
+from gcs.report.vehicle_names import text_with_sender
 from gcs.snapshot import Event, Level, Snapshot
 from gcs.tui.draw.event_rows import EventRow, found_events, rows_of
 from gcs.tui.draw.format import REPORTED_WORDS, clock, plain
@@ -18,13 +18,12 @@ from gcs.tui.draw.strips import Part, cut_between_words, fitted, folded, line, w
 from gcs.tui.palette import ACCENT, BRIGHT, FAINT, HEAD, ink, level_colour
 from gcs.tui.panes.pane import Pane
 
-__all__ = ["EventPane", "events_from", "text_with_sender"]
+__all__ = ["EventPane", "events_from"]
 
 FILTERS: Final[tuple[Level, ...]] = ("info", "warning", "alarm")
 LEVEL_LABELS: Final = {"info": "all", "warning": "warnings", "alarm": "alarms"}
 MARKS: Final = {"info": "  ", "warning": "! ", "alarm": "!!"}
 MOST: Final = 2000
-SUMMED_UP: Final = r"(\d+ more, most often: )"
 
 
 def events_from(events: Sequence[Event], least: Level) -> list[Event]:
@@ -33,16 +32,8 @@ def events_from(events: Sequence[Event], least: Level) -> list[Event]:
     return [event for event in events if _rank(event.level) >= rank]
 
 
-def text_with_sender(event: Event, snapshot: Snapshot | None) -> str:
-    """An event's text with the name of its vehicle, unless it has it; a vehicle's own words always as such."""
-    if not event.system_id or snapshot is None:
-        return event.text
-    name = snapshot.name_of(event.system_id)
-    if event.kind != "text":
-        return event.text if name in event.text else f"{name}: {event.text}"
-    said = rf"{re.escape(name)}( \((contested|unsigned)\))? says: "
-    # a flood is summed up by this program; older recordings have the words alone
-    return event.text if re.match(f"{SUMMED_UP}?{said}", event.text) else f"{name} says: {event.text}"
+def _text(event: Event, snapshot: Snapshot | None) -> str:
+    return event.text if snapshot is None else text_with_sender(event, snapshot.name_of)
 
 
 def _rank(level: str) -> int:
@@ -187,7 +178,7 @@ class EventPane(Pane):
         room = max(1, width - width_of(parts) - 1)
         often = f" × {row.times}" if row.times > 1 else ""
         text, style = (
-            plain(REPORTED_WORDS[event.reported] + text_with_sender(event, self.snapshot)),
+            plain(REPORTED_WORDS[event.reported] + _text(event, self.snapshot)),
             ink(BRIGHT if ours else colour),
         )
         if not self.has_focus:

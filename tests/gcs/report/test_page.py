@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -125,6 +126,12 @@ def test_words_from_the_air_and_of_files_stay_words():
     assert text.count("<script") == 0
     assert page.text.count("<script>alert(1)</script>") >= 6
     assert not set(text) & {"\u202e", "\0"}
+
+
+def test_a_warning_about_a_vehicle_names_it():
+    event = Event(t_us=1, level="warning", kind="vehicle", text="position not used: no fix (0/0)", system_id=11)
+    page = check_alone(report([replace(snapshot(0), events=(event,))]))
+    assert f"{TWO_UGVS.name_of(11)}: position not used: no fix (0/0)" in page.text
 
 
 def test_a_box_without_a_name_gets_none_here():

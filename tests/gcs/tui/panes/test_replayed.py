@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import pytest
 
+from gcs.report.vehicle_names import text_with_sender
 from gcs.snapshot import Alarm, Event
 from gcs.tui.pane_area import PaneArea
 from gcs.tui.panes.alarms import AlarmPane
 from gcs.tui.panes.banner import Banner
-from gcs.tui.panes.event_log import EventPane, text_with_sender
+from gcs.tui.panes.event_log import EventPane
 from gcs.tui.panes.fleet import FleetPane
 from gcs.tui.panes.identity import IdentityPane
 from gcs.tui.panes.map import MapPane
@@ -41,7 +42,7 @@ async def test_a_place_that_is_not_analysed_shows_nothing_old():
 
 def test_senders_have_their_names_where_a_place_is_not_analysed():
     said = Event(t_us=blank().t_us, level="info", kind="text", text="UAV says: Mission: 3 WP", system_id=1)
-    assert text_with_sender(said, replace(blank(), names={1: "UAV"})) == "UAV says: Mission: 3 WP"
+    assert text_with_sender(said, replace(blank(), names={1: "UAV"}).name_of) == "UAV says: Mission: 3 WP"
 
 
 async def test_provisional_names_are_told_as_such():
