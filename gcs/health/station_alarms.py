@@ -9,7 +9,7 @@ from gcs.health.alarm_rule import AlarmRule
 from gcs.health.heard import is_heard, refused_because
 from gcs.snapshot import Health, Snapshot, VehicleRow
 
-__all__ = ["LATE_S", "LOW_BYTES", "LOW_S", "STALLED_S", "STATION_RULES", "first_of"]
+__all__ = ["CLOCK_STEP", "LATE_S", "LOW_BYTES", "LOW_S", "STALLED_S", "STATION_RULES", "first_of"]
 
 UNHEARD_S = 15.0
 """Vehicles are switched on one after the other."""
@@ -31,6 +31,8 @@ TURNED_STD_DEG, TURNED_FOR_S = 4.0, 5.0
 """1σ up to which such an error is known, and how long it must be found: an estimate may leap while little is seen."""
 FIT, NO_FIT_FOR_S = 0.1, 2.0
 """Below this probability video and telemetry do not belong together; a moment's cover of the camera is no news."""
+CLOCK_STEP = "clock step"
+"""The alarm that this computer's clock was set."""
 STEP_S = 0.5
 """A time service slews what is less."""
 STALLED_S = 1.0
@@ -278,7 +280,7 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         lasts_s=NO_FIT_FOR_S,
     ),
     AlarmRule(
-        key="clock step",
+        key=CLOCK_STEP,
         level="warning",
         kind="recording",
         text="this computer's clock was set during the flight",

@@ -14,10 +14,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from gcs.health.alarm_history import AlarmHistory, AlarmSpan
 from gcs.health.alarm_rules import ReportedAlarm, alarm_of_key, reported_alarm
 from gcs.health.alarms import rank, urgency
+from gcs.health.station_alarms import CLOCK_STEP
 from gcs.playback.opened_session import OpenedSession
+from gcs.session.clock_steps import ClockSteps
 from gcs.session.event_log import read_events
 from gcs.snapshot import Alarm, Event
 from infra.files.segment import segments
@@ -83,13 +87,16 @@ class FlownReports:
         self._shown: tuple[Event, ...] | None = None
 
     @classmethod
-    def read(cls, recording: Path, start_us: int, stop_us: int) -> tuple[FlownReports, str]:
+    def read(
+        cls, recording: Path, start_us: int, stop_us: int, steps: ClockSteps | None = None
+    ) -> tuple[FlownReports, str]:
         """Read all segments of ``events.jsonl``; also what could not be read, in words, empty when all could.
 
         Args:
             recording: a session's folder; a bare log has no events, whatever lies beside it.
             start_us: see the class.
             stop_us: see the class.
+            steps: when the clock was set that stamped them.
         """
         events: list[Event] = []
         lost, trouble = 0, ""
@@ -101,6 +108,11 @@ class FlownReports:
                 continue
             events += more
             lost += skipped
+        if steps:
+            told = np.array([event.alarm == CLOCK_STEP for event in events], dtype=np.bool_)
+            stamped_us = np.array([event.t_us for event in events], dtype=np.int64)
+            t_us = steps.correct_events(stamped_us, told).tolist()
+            events = [replace(event, t_us=at_us) for event, at_us in zip(events, t_us, strict=True)]
         if lost and not trouble:
             trouble = f"{EVENTS}: {lost} lines could not be read and were skipped"
         return cls(events, start_us, stop_us), trouble
@@ -109,7 +121,7 @@ class FlownReports:
     def of(cls, opened: OpenedSession) -> tuple[FlownReports, str]:
         """Of an opened session: see ``read``."""
         known_us = opened.known_us
-        return cls.read(opened.session.path, int(known_us.min()), int(known_us.max()))
+        return cls.read(opened.session.path, int(known_us.min()), int(known_us.max()), opened.log.steps)
 
     @property
     def flown(self) -> Sequence[Event]:

@@ -102,6 +102,26 @@ class ClockSteps:
                 t_us -= step_us  # the first frame came after the step
         return t_us
 
+    def correct_events(self, stamped_us: Ints, told: NDArray[np.bool_]) -> Ints:
+        """(n,) stamps of events on the same time line.
+
+        Args:
+            stamped_us: in the order in which they were written.
+            told: (n,) whether an event is that the clock was set.
+        """
+        t_us, first = stamped_us.copy(), 0
+        for new_us, step_us in zip(self.t_us.tolist(), self.step_us.tolist(), strict=True):
+            left = stamped_us[first:]
+            if step_us > 0:
+                after = left > new_us - step_us // 2
+            else:
+                after = left < np.maximum.accumulate(left) + step_us // 2
+                after |= told[first:] & (np.abs(left - new_us) < NEAR_US)
+            if after.any():
+                first += int(np.argmax(after))
+                t_us[first:] -= step_us
+        return t_us
+
 
 def infer_steps(log: Tlog) -> ClockSteps:
     """When the clock that stamped a log was set, by the sender that noticed most."""

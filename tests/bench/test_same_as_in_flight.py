@@ -13,6 +13,8 @@ from gcs.cli.identify import identify_into
 from gcs.errors import SessionError
 from gcs.fold.pipeline import Pipeline
 from gcs.playback.analysis import Analysis
+from gcs.playback.as_flown import FlownReports
+from gcs.playback.opened_session import OpenedSession
 from gcs.session.event_log import read_events
 from gcs.session.fold_order import FoldOrder
 from gcs.session.session import open_session
@@ -82,6 +84,12 @@ def test_the_troubles_came(flown):
     assert ("two senders use system id" in said) == (faults.impostor is not None)
     assert ("has rebooted" in said) == (faults.restart is not None)
     assert (folder / "faults.txt").exists() == (faults.detector_fails is not None)
+
+
+def test_what_was_reported_lies_within_the_flight(flown):
+    opened = OpenedSession.open(open_session(flown[0]))
+    first_us, last_us = opened.known_us.min() - 1_000_000, opened.known_us.max() + 1_000_000
+    assert all(first_us <= event.t_us <= last_us for event in FlownReports.of(opened)[0].flown)
 
 
 def test_every_frame_has_one_snapshot(flown):

@@ -298,3 +298,21 @@ def test_tables_in_segments_count_each_row_once(tmp_path):
 def test_every_segment_is_a_log_of_its_own(tmp_path):
     write(tmp_path, PACKETS[:100], PACKETS[80:])
     assert len(Tlog.open(tmp_path / "telemetry.1.tlog").index) == 220
+
+
+@pytest.mark.parametrize(
+    ("steps", "stamps", "told", "wanted"),
+    [
+        ([], [1, 2], None, [1, 2]),
+        ([(3605, 3600)], [1, 4, 3606, 3609], None, [1, 4, 6, 9]),
+        ([(-3595, -3600)], [1, 4, -3594, -3591], None, [1, 4, 6, 9]),
+        # a small step back, and nothing said shortly before it: the event that tells of it is the first
+        ([(60, -20)], [1, 61, 70], 1, [1, 81, 90]),
+        ([(3605, 3600), (10, -3600)], [1, 3606, 11, 12], None, [1, 6, 11, 12]),
+    ],
+)
+def test_events_keep_their_order_when_the_clock_is_set(steps, stamps, told, wanted):
+    new_s, step_s = np.array(steps, dtype=np.int64).reshape(-1, 2).T
+    known = ClockSteps(record=np.zeros(len(steps), np.int64), t_us=T0 + new_s * 1_000_000, step_us=step_s * 1_000_000)
+    stamped_us, tells = T0 + np.array(stamps) * 1_000_000, np.arange(len(stamps)) == (-1 if told is None else told)
+    assert ((known.correct_events(stamped_us, tells) - T0) // 1_000_000).tolist() == wanted
