@@ -42,7 +42,7 @@ Floats = NDArray[np.float64]
 
 _LATEST_US = 4_102_444_800_000_000  # the year 2100
 _MOST_ROWS = 2_000_000
-_MOST_COLUMNS = 400
+_MOST_COLUMNS, _MOST_SHOWN = 400, 200
 _AROUND = " \t\r\n\"'"
 
 
@@ -131,7 +131,7 @@ class _TextTable:
             raise ImportFileError(f"{path}: no column of times; the first line must name one of {wanted}")
         missing = [name for name in ("lat", "lon") if name not in self.names]
         if missing:
-            seen = ", ".join(self.names[:8])
+            seen = ", ".join(self.names[:8])[:_MOST_SHOWN]
             raise ImportFileError(
                 f"{path}: column {missing[0]} is missing; the first line must name the columns, it has {seen}"
             )

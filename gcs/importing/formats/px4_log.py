@@ -65,6 +65,7 @@ _YAW_IN_EARTH_FRAME = 64
 _FIX_3D = 3
 
 
+@np.errstate(invalid="ignore")  # a damaged number may be a NaN that signals
 def read_px4(path: Path) -> VehicleLog:
     """A vehicle's log.
 

@@ -115,6 +115,12 @@ def test_a_telemetry_log_of_one_vehicle(flown, tmp_path):
     assert log.gimbal.yaw_from == "nose"
 
 
+def test_a_number_that_signals_that_it_is_none_is_passed_over(flown, tmp_path):
+    speed = struct.pack("<f", wire_places(flown, 12)["vn"][30])
+    (log,) = read(tmp_path, "rover.ulg", ulog(flown, 12).replace(speed, b"\x01\x00\xa0\x7f"))
+    assert np.isfinite(log.places.v_ned).all()
+
+
 def test_without_pyulog_it_is_told_what_to_install(flown, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyulog", None)
     with pytest.raises(ImportFileError, match=r"pip install 'rollcall-gcs\[import\]'"):
