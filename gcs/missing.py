@@ -10,10 +10,14 @@ __all__ = ["may_be"]
 
 LEAST: Final = 0.1
 """Probability from which it is told: a missing vehicle has a larger share in every box that it may be."""
+ALIKE: Final = 0.05
+"""One that is likelier by less is not told alone: nothing tells them apart."""
 
 
 def may_be(snapshot: Snapshot, box: Box) -> str:
     """``may be Bravo: no position for 27 s``: the likeliest missing vehicle; empty where there is none.
+
+    Several that are about as likely are named together: ``may be Alpha or Bravo: none of them tells where it is``.
 
     Args:
         snapshot: what the box is from.
@@ -22,5 +26,11 @@ def may_be(snapshot: Snapshot, box: Box) -> str:
     if box.system_id or box.stated:
         return ""
     missing = [each for each in box.candidates if each.missing and each.confidence >= LEAST]
-    likeliest = max(missing, key=lambda each: each.confidence, default=None)
-    return f"may be {snapshot.name_of(likeliest.system_id)}: {likeliest.missing}" if likeliest else ""
+    least = max((each.confidence for each in missing), default=0.0) - ALIKE
+    alike = [each for each in missing if each.confidence > least]
+    if len(alike) < 2:
+        return "".join(f"may be {snapshot.name_of(each.system_id)}: {each.missing}" for each in alike)
+    *names, last = (snapshot.name_of(system_id) for system_id in sorted(each.system_id for each in alike))
+    if 1.0 - box.none_of_ours - sum(each.confidence for each in box.candidates) > least:
+        names, last = [*names, last], "another"  # candidates are the likeliest few
+    return f"may be {', '.join(names)} or {last}: none of them tells where it is"

@@ -48,6 +48,7 @@ Check = Callable[[TrueFlight, Said, Fields, int], str]
 FIELDS = {
     "name": r"UAV|UGV-\d+|none of ours",
     "other": r"UAV|UGV-\d+",
+    "last": r"UAV|UGV-\d+|another",
     "names": r"(?:UAV|UGV-\d+)(?:, (?:UAV|UGV-\d+))*",
     "id": r"\d+",
     "track": r"\d+",
@@ -126,6 +127,12 @@ def _unheard(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     at_us = (said.t_us + round(SLACK_S * S), said.t_us - round(SLACK_S * S))
     later, before = ({i for i in ids if math.isinf(flown.silent_s(i, t_us))} for t_us in at_us)
     return "" if later <= told <= before else f"never heard were {sorted(map(flown.name, later))}"
+
+
+def _lost(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
+    ids = map(_id, [*fields["names"].split(", "), *[fields["last"]] * (fields["last"] != "another")])
+    known = [i for i in ids if flown.silent_s(i, said.t_us, "position") < 1.0 and _lies(flown, said, fields, i)]
+    return f"{', '.join(map(flown.name, known))} reports where it is" if known else ""
 
 
 def _unaccounted(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
@@ -250,6 +257,7 @@ SENTENCES: Mapping[str, Check] = {
     _LOST + "the UAV's position is lost": _blind,
     _LOST + "its position contradicts the video": _lies,
     _LOST + "names begin anew": _so,
+    "may be {names} or {last}: none of them tells where it is": _lost,
     _MAY + "no position for {seconds} s": _without_position,
     _MAY + "never heard": _never_heard,
     _MAY + "all its packets are refused": _forged,

@@ -36,6 +36,21 @@ def test_it_says_who_it_may_be_and_why_and_is_no_sure_stranger(silent, unnamed):
     assert unnamed.none_of_ours < 0.9
 
 
+@pytest.mark.parametrize(
+    ("confidences", "words"),
+    [
+        ({11: 0.3, 12: 0.2}, "may be UGV-11: no position for 9 s"),
+        ({12: 0.2, 11: 0.2}, "may be UGV-11 or UGV-12: none of them tells where it is"),
+        ({12: 0.17, 14: 0.15, 11: 0.18}, "may be UGV-11, UGV-12 or UGV-14: none of them tells where it is"),
+        ({14: 0.12, 11: 0.12, 12: 0.12}, "may be UGV-11, UGV-12, UGV-14 or another: none of them tells where it is"),
+    ],
+)
+def test_those_that_nothing_tells_apart_are_told_together(silent, unnamed, confidences, words):
+    candidate = replace(unnamed.candidates[0], missing="no position for 9 s")
+    candidates = tuple(replace(candidate, system_id=i, confidence=p) for i, p in confidences.items())
+    assert may_be(silent, replace(unnamed, candidates=candidates, none_of_ours=0.45)) == words
+
+
 def test_named_and_stated_boxes_may_be_nobody_else(silent, unnamed):
     assert may_be(silent, replace(unnamed, stated=True)) == may_be(silent, replace(unnamed, system_id=12)) == ""
 
