@@ -40,10 +40,12 @@ def read_small(path: Path | str, most_bytes: int) -> bytes:
     """All of a regular file.
 
     Raises:
-        OSError: it cannot be opened, or has more than ``most_bytes``.
+        OSError: it cannot be opened or waited for, or has more than ``most_bytes``.
     """
     with os.fdopen(open_to_read(path), "rb") as file:
-        data = file.read(most_bytes + 1)
+        data: bytes | None = file.read(most_bytes + 1)
+    if data is None:  # a file of the system that waits for what comes
+        raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN), str(path))
     if len(data) > most_bytes:
         raise OSError(errno.EFBIG, f"larger than {most_bytes >> 10} KiB", str(path))
     return data
@@ -65,13 +67,17 @@ def create(path: Path | str, *, folder: int | None = None) -> int:
     return os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644, dir_fd=folder)
 
 
-def open_folder(path: Path | str) -> int:
+def open_folder(path: Path | str, *, folder: int | None = None) -> int:
     """Descriptor of a folder that no link stands for, to open files relative to.
+
+    Args:
+        path: its name.
+        folder: descriptor of the folder that ``path`` is relative to.
 
     Raises:
         OSError: no such folder, or a link in its place.
     """
-    return os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
+    return os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=folder)
 
 
 def open_to_append(path: Path | str, *, links: bool = True) -> int:

@@ -6,6 +6,8 @@ Screens in a browser write nothing on this computer: there they are downloads.
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import errno
 import io
 import os
 from pathlib import Path
@@ -19,7 +21,7 @@ from gcs.snapshot import Event, Snapshot
 from gcs.station import Station
 from gcs.tui.draw.format import clock, plain
 from gcs.tui.screens.prompts import Prompt
-from infra.files.safe_open import create
+from infra.files.safe_open import create, open_folder
 from infra.wall_clock import now_us
 
 __all__ = ["ask_to_save_screen", "save_new", "save_still"]
@@ -82,7 +84,7 @@ async def save_still(app: App[Any], station: Station, snapshot: Snapshot | None,
         app.push_screen(Prompt("Save the frame as PNG", hint, lambda text: save_new(text, picture), value=name), report)
         return
     try:
-        report(await asyncio.to_thread(_save_beside, station.folder / STILLS, name, picture))
+        report(await asyncio.to_thread(_save_beside, station.folder, name, picture))
     except OSError as error:
         app.notify(plain(f"not saved: {error.strerror}"), severity="error", markup=False)
 
@@ -110,30 +112,37 @@ def save_new(path: str, data: bytes) -> Path:
     if not path.strip():
         raise ValueError("a file name is needed")
     try:
-        _write(goal, data)
+        _write(create(goal), data)
     except FileExistsError:
         raise ValueError("that file exists; choose another name") from None
     return goal
 
 
 def _save_beside(folder: Path, name: str, data: bytes) -> Path:
-    """Write a file under a name that is free: ``name.png``, ``name.1.png`` …; the folder is made.
+    """Write a still under a name that is free: ``name.png``, ``name.1.png`` …; the folder of stills is made.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: it cannot be written, or a link is in the place of a folder.
     """
-    folder.mkdir(exist_ok=True)
-    goal = folder / name
-    for number in range(MOST_ALIKE):
-        try:
+    goal = folder / STILLS / name
+    flight = open_folder(folder)
+    try:
+        with contextlib.suppress(FileExistsError):
+            os.mkdir(STILLS, dir_fd=flight)
+        stills = open_folder(STILLS, folder=flight)
+    finally:
+        os.close(flight)
+    try:
+        for number in range(MOST_ALIKE):
             path = goal.with_suffix(f".{number}{goal.suffix}") if number else goal
-            _write(path, data)
-        except FileExistsError:
-            continue
-        return path
-    raise FileExistsError(f"{goal} and {MOST_ALIKE} more are there")
+            with contextlib.suppress(FileExistsError):
+                _write(create(path.name, folder=stills), data)
+                return path
+    finally:
+        os.close(stills)
+    raise FileExistsError(errno.EEXIST, f"{goal.name} and {MOST_ALIKE} more are there")
 
 
-def _write(path: Path, data: bytes) -> None:
-    with os.fdopen(create(path), "wb") as file:
+def _write(fd: int, data: bytes) -> None:
+    with os.fdopen(fd, "wb") as file:
         file.write(data)

@@ -181,6 +181,14 @@ def test_what_is_no_regular_file_is_not_waited_for(tmp_path):
         load_mission(tmp_path / "mission.toml")
 
 
+def test_a_file_of_the_system_that_waits_is_not_read(monkeypatch):
+    reading, writing = os.pipe2(os.O_NONBLOCK)
+    monkeypatch.setattr("infra.files.safe_open.open_to_read", lambda path: reading)
+    with pytest.raises(BlockingIOError, match="/proc/kmsg"):
+        read_small("/proc/kmsg", 10)
+    os.close(writing)
+
+
 def test_a_session_of_pipes_is_refused_in_a_line(tmp_path):
     folder = interrupted(tmp_path, "a")
     for name in ("frames.csv", "detections.csv", "refused.csv", "senders.csv", "clock.csv", "video.mkv"):

@@ -72,6 +72,19 @@ async def test_a_still_of_a_flight_is_the_whole_frame_with_names_and_never_repla
         assert any(event.kind == "operator" and event.text.endswith(f": stills/{first.name}") for event in station.said)
 
 
+async def test_no_still_is_written_behind_a_link(tmp_path):
+    async with running(FakeStation(live=True)) as (app, pilot, station):
+        station.folder = tmp_path / "flight"
+        for name in ("flight", "elsewhere"):
+            (tmp_path / name).mkdir()
+        (station.folder / "stills").symlink_to(tmp_path / "elsewhere")
+        await pilot.press("s")
+        assert await comes_true(
+            pilot, lambda: any("not saved: Not a directory" in n.message for n in app._notifications)
+        )
+        assert list(tmp_path.rglob("*.png")) == []
+
+
 async def test_a_still_of_a_replay_goes_where_the_operator_says(tmp_path):
     async with running() as (app, pilot, station):
         await pilot.press("s")
