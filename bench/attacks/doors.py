@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 
 from bench.attacks.actors import rover, vehicle_schedules
@@ -30,6 +31,11 @@ MOST_SIGNALS = 300
 OTHER_HOST = "127.0.0.77"
 VICTIM = 'must stay = "as it is"\n'
 CAME = '[session]\nformat = 1\nprogram = "x"\nstarted = 2026-01-01T00:00:00Z\n'
+MOVED = "HTTP/1.1 302 Found\r\nLocation: {}\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
+PLAYLIST = (
+    "HTTP/1.1 200 OK\r\nContent-Type: application/vnd.apple.mpegurl\r\nConnection: close\r\n\r\n"
+    "#EXTM3U\n#EXT-X-TARGETDURATION:9\n#EXTINF:9,\n{}a.ts\n#EXT-X-ENDLIST\n"
+)
 WISH = (
     b'{"variables": {"TERM": "xterm\\u0000"}, "take_over": true, '
     b'"options": {"graphics": "auto", "theme": "dark", "fps": 12, "bell": false}}'
@@ -43,7 +49,8 @@ def doors_of_a_flight(options: Options) -> list[AttackRow]:
         "a zero byte in a terminal's wish": _zero_byte,
         "16 mute clients of json+tcp, and a 17th": _mute_clients,
         "a mission that came with a recording forwards": _forwarding_mission,
-        "an HTTP camera sends on to another host": _sent_on,
+        "an HTTP camera sends on to another host": partial(_sent_on, MOVED),
+        "an HTTP camera is a playlist of another host": partial(_sent_on, PLAYLIST),
         "a signal to end every 0.1 s": _ended_often,
     }
     rows = []
@@ -153,16 +160,15 @@ def _forwarding_mission(options: Options) -> tuple[bool, str]:
     return not came and told, f"{came} packets sent on; {'told' if told else 'not told'}"
 
 
-def _sent_on(options: Options) -> tuple[bool, str]:
+def _sent_on(answer: str, options: Options) -> tuple[bool, str]:
     asked: list[int] = []
     with ExitStack() as stack:
         other = stack.enter_context(socket.create_server((OTHER_HOST, 0)))
         server = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
         goal = "http://{}:{}/".format(*other.getsockname())
-        answer = f"HTTP/1.1 302 Found\r\nLocation: {goal}\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
-        threading.Thread(target=_answer, args=(server, answer.encode(), []), daemon=True).start()
+        threading.Thread(target=_answer, args=(server, answer.format(goal).encode(), []), daemon=True).start()
         threading.Thread(target=_answer, args=(other, b"", asked), daemon=True).start()
-        with _flight(options, "camera", ["-v", "http://{}:{}/video".format(*server.getsockname())]) as station:
+        with _flight(options, "camera", ["-v", "http://{}:{}/video.m3u8".format(*server.getsockname())]) as station:
             time.sleep(FLY_S)
             station.end()
             told = any("not followed" in path.read_text() for path in Path(station.session).glob("events*.jsonl"))
