@@ -121,7 +121,8 @@ def check_report(flown: TrueFlight, page: str, claims: Sequence[Claim]) -> Found
     labels = ("Alarms", "Warnings and what the operator did")
     written = {row["what"] for label in labels for row in tables.get(label, ())}
     for event in flown.moments[-1].events:
-        if (event.level != "info" or event.kind in ("mark", "operator")) and event.text not in written:
+        whole = f"{flown.name(event.system_id)}: {event.text}"
+        if (event.level != "info" or event.kind in ("mark", "operator")) and not written & {event.text, whole}:
             said = Said(where="report", t_us=event.t_us, text=event.text)
             yield said, "the flight's log has it, and the report does not"
     began_us = min(t_us for times in (*flown.heartbeats.values(), *flown.positions.values()) for t_us in times)

@@ -284,8 +284,6 @@ SENTENCES: Mapping[str, Check] = {
     "GPS fix {mode}, was {kind}": _so,
     "position not used: {text}": _lies,
     "positions not used: {text}": _lies,
-    "{name}: position not used: {text}": _lies,
-    "{name}: positions not used: {text}": _lies,
     "{name}: its packets are lost": _lossy,
     "{name}: most of its packets are lost": _lossy,
     "{name}: packets with a wrong signature are rejected": _forged,
