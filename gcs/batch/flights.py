@@ -68,8 +68,9 @@ def _flights(words: Iterable[str], folder: Path, note: Callable[[str], None]) ->
         hide(word)
         try:
             yield from _flights_of(word, folder, note)
-        except OSError as error:
-            raise BatchError(f"{concealed(word)[:_MOST_SHOWN]}: {error.strerror}") from error
+        except (OSError, RuntimeError) as error:  # of a link to itself Python makes a RuntimeError
+            why = error.strerror if isinstance(error, OSError) else "links that lead in a circle"
+            raise BatchError(f"{concealed(word)[:_MOST_SHOWN]}: {why}") from error
 
 
 def _flights_of(word: str, folder: Path, note: Callable[[str], None]) -> Iterator[BatchFlight]:

@@ -116,3 +116,9 @@ def test_a_flight_without_end_is_broken_off(tmp_path, monkeypatch):
         fetch("memory://endless/flight.tlog", tmp_path / "flight.tlog")
     files.rm("/endless", recursive=True)
     assert (tmp_path / "flight.tlog").stat().st_size < 20_000_000
+
+
+def test_a_link_to_itself_is_refused_in_a_line(tmp_path):
+    (tmp_path / "flight").symlink_to("flight")
+    with pytest.raises(BatchError, match=r"flight: (links that lead in a circle|Too many levels)"):
+        find_flights([str(tmp_path / "flight")])
