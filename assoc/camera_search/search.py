@@ -3,10 +3,11 @@
 A grid of focal lengths and pitches is laid out, each with every heading at once, as the search for a clock does
 (:mod:`assoc.clock_search.coarse`). From the best of them the camera is fitted together with the assignment:
 
-    x = (ln φ, pitch, roll, yaw, E, N, H),     V = Σ L_ij − ½ Σ (x/σ)²
+    x = (ln φ, pitch, roll, yaw, E, N, H, ψ̇),     V = Σ L_ij − ½ Σ (x/σ)²
 
-E, N and H are what UAV and fleet are off by in common. A pair counts by its place and by its course, as there. What has
-been found is sure if no explanation with *another assignment* comes near: cameras that name alike may differ a little.
+E, N and H are what UAV and fleet are off by in common, ψ̇ is how a UAV turns whose heading is not known. A pair counts
+by its place and by its course, as there. What has been found is sure if no explanation with *another assignment* comes
+near: cameras that name alike may differ a little.
 """
 
 from __future__ import annotations
@@ -32,24 +33,27 @@ _FOCALS = np.linspace(np.log(0.24), np.log(2.5), 17)
 """ln φ: 23° to 129° across."""
 _PITCHES = np.deg2rad(np.arange(-90.0, -17.0, 6.0))
 _HEADINGS = np.deg2rad(np.arange(0.0, 360.0, 6.0))
-_STARTS, _FIXED_TOO = 12, 3
-"""Cameras of the grid that are fitted as stabilized, and those of them that are also fitted as fixed to the body."""
+_STARTS, _POLISHED = 12, 4
+"""Cameras of the grid that are fitted roughly, and assignments from these that are fitted to the end."""
+_ROUGH, _POLISH = (2, 4), (4, 15)
+"""How often a fit assigns anew, and most steps in between."""
 _SAME_WAY = float(np.cos(np.deg2rad(15.0)))
 _LEAST_TIMES = 4
 _PLACE_STD_M, _PLACE_STD_SHARE = 2.5, 0.02
 """σ_p of a pair: metres, and share of the distance from below the camera."""
 _COURSE_STD_M, _COURSE_TAU_S = 0.7, 2.0
 """σ_c and τ, metres and seconds, of how a pair's difference wanders."""
-_PRIOR_STD = np.array([1.0, 1.0, np.deg2rad(2.0), np.inf, 2.0, 2.0, 0.03])
-"""1σ of x about its start: ln, radians, metres, share of the height; pitch and focal length are bounded by the grid."""
-_STEP = np.array([0.05, 0.03, 0.02, 0.05, 1.0, 1.0, 0.02])
-_ROUNDS = 4
+_PRIOR_STD = np.array([1.0, 1.0, np.deg2rad(2.0), np.inf, 2.0, 2.0, 0.03, 0.03])
+"""1σ of x about its start: ln, radians, metres, share of the height, rad/s; focal length, pitch and yaw are free."""
+_STEP = np.array([0.05, 0.03, 0.02, 0.05, 1.0, 1.0, 0.02, 0.02])
+_STILL = 1e-6
+"""Bound of what is not to be fitted."""
 _LEAST_EVIDENCE, _MARGIN = 25.0, 12.0
 """Nats that an explanation needs, and by which it must surpass every other assignment's."""
 _LEAST_MOVED_M = 4.0
 """Course of a vehicle, metres, from which on it tells something about the camera."""
 _LEAST_EXPLAINED = 0.6
-"""Share of the tracks that are seen for half of the time, or of the vehicles where those are fewer, to be explained."""
+"""Share of the time of all tracks, or of all vehicles where that is less, that has to be explained."""
 _R_ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 _R_GIMBAL_CAM = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
@@ -96,12 +100,6 @@ class CameraSearch:
     """The best one with another assignment."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Guess:
-    x: FloatArray
-    kind: MountKind
-
-
 def find_camera(film: FilmedFleet) -> CameraSearch:
     """Find focal length, mount and assignment that explain a film.
 
@@ -114,36 +112,40 @@ def find_camera(film: FilmedFleet) -> CameraSearch:
     if not fits:
         return CameraSearch(verdict=CameraVerdict.UNEXPLAINED, best=None, rival=None)
     best = max(fits, key=lambda fit: fit.evidence)
-    others = [fit for fit in fits if not np.array_equal(fit.vehicle, best.vehicle)]
+    others = [fit for fit in fits if _contradict(fit, best)]
     rival = max(others, key=lambda fit: fit.evidence, default=None)
     return CameraSearch(verdict=_verdict(film, best, rival), best=best, rival=rival)
 
 
 def refined(film: FilmedFleet, before: CameraFit) -> CameraFit | None:
     """The same camera by another look, None where that does not explain the film any more."""
-    x = np.array([np.log(before.focal), before.pitch, before.roll, before.yaw, 0.0, 0.0, 0.0])
-    fit = _fitted(film, _Guess(x=x, kind=before.kind))
+    fit = _fitted(film, _start_of(before), before.kind, _POLISH)
     return fit if fit is not None and _verdict(film, fit, None) is CameraVerdict.FOUND else None
 
 
 def _fits(film: FilmedFleet) -> list[CameraFit]:
-    """Explanations from the cameras of the grid; the likeliest also with a camera that is fixed to the body."""
-    guesses = _guesses(film)
-    fits = [fit for guess in guesses if (fit := _fitted(film, guess)) is not None]
-    if film.mount is not None or not film.heading_known:
-        return fits
-    likely = sorted(fits, key=lambda fit: -fit.evidence)[:_FIXED_TOO]
-    return fits + [
-        fit
-        for one in likely
-        if (
-            fit := _fitted(
-                film,
-                _Guess(x=np.array([np.log(one.focal), one.pitch, one.roll, one.yaw, 0.0, 0.0, 0.0]), kind="fixed"),
-            )
-        )
-        is not None
-    ]
+    """Explanations from the cameras of the grid; the likeliest of each assignment are fitted to the end."""
+    kind = film.mount.kind if film.mount else "stabilized"
+    rough = [fit for x in _starts(film, kind) if (fit := _fitted(film, x, kind, _ROUGH)) is not None]
+    likely: list[CameraFit] = []
+    for fit in sorted(rough, key=lambda fit: -fit.evidence):
+        if not any(np.array_equal(fit.vehicle, other.vehicle) for other in likely):
+            likely.append(fit)
+    kinds: tuple[MountKind, ...] = (kind,) if film.mount or not film.heading_known else ("stabilized", "fixed")
+    ends = (_fitted(film, _start_of(fit), end, _POLISH) for fit in likely[:_POLISHED] for end in kinds)
+    return [fit for fit in ends if fit is not None]
+
+
+def _start_of(fit: CameraFit) -> FloatArray:
+    return np.array([np.log(fit.focal), fit.pitch, fit.roll, fit.yaw, 0.0, 0.0, 0.0, 0.0])
+
+
+def _contradict(one: CameraFit, other: CameraFit) -> bool:
+    """Whether a track is another vehicle, or a vehicle other tracks."""
+    a, b = one.vehicle, other.vehicle
+    if np.any((a >= 0) & (b >= 0) & (a != b)):
+        return True
+    return any(not np.any((a == v) & (b == v)) for v in np.intersect1d(a[a >= 0], b[b >= 0]).tolist())
 
 
 def _moves(film: FilmedFleet) -> bool:
@@ -155,16 +157,12 @@ def _moves(film: FilmedFleet) -> bool:
     return int(np.count_nonzero(far > _LEAST_MOVED_M)) >= 2
 
 
-def _long(film: FilmedFleet) -> BoolArray:
-    """(T,) tracks that are seen for half of the time."""
-    return np.asarray(np.count_nonzero(np.isfinite(film.picture[..., 0]), axis=0) >= max(len(film.t) // 2, 2))
-
-
 def _verdict(film: FilmedFleet, best: CameraFit, rival: CameraFit | None) -> CameraVerdict:
-    long = _long(film)
-    most = min(int(np.count_nonzero(long)), film.vehicle_enu.shape[1])
-    explained = int(np.count_nonzero(best.vehicle[long] >= 0))
-    if best.evidence < _LEAST_EVIDENCE or explained < max(2.0, _LEAST_EXPLAINED * most):
+    seen = np.count_nonzero(np.isfinite(film.picture[..., 0]), axis=0)
+    most = min(int(np.sum(seen)), film.vehicle_enu.shape[1] * len(film.t))
+    matched = best.vehicle >= 0
+    explained = int(np.sum(seen[matched])) >= _LEAST_EXPLAINED * most and np.count_nonzero(matched) >= 2
+    if best.evidence < _LEAST_EVIDENCE or not explained:
         return CameraVerdict.UNEXPLAINED
     if rival is not None and rival.evidence > best.evidence - _MARGIN:
         return CameraVerdict.AMBIGUOUS
@@ -198,14 +196,18 @@ def _base(film: FilmedFleet, kind: MountKind) -> FloatArray:
     )
 
 
-def _places(film: FilmedFleet, base: FloatArray, focal: float, turn: FloatArray, height_share: float) -> FloatArray:
+def _places(film: FilmedFleet, base: FloatArray, x: FloatArray) -> FloatArray:
     """(B, T, 2) where tracks are on the ground relative to below the UAV, metres; NaN unseen or above the horizon."""
-    ray = np.concatenate([film.picture, np.full((*film.picture.shape[:2], 1), focal)], axis=2)
-    d = ray @ np.swapaxes(base @ (turn @ _R_GIMBAL_CAM), 1, 2)
+    ray = np.concatenate([film.picture, np.full((*film.picture.shape[:2], 1), np.exp(x[0]))], axis=2)
+    d = ray @ np.swapaxes(base @ (_turn(x[3], x[1], x[2]) @ _R_GIMBAL_CAM), 1, 2)
     falls = d[..., 2] < -0.05 * np.linalg.norm(d, axis=2)
-    height = (film.p_enu[:, 2] - film.ground_z) * (1.0 + height_share)
+    height = (film.p_enu[:, 2] - film.ground_z) * (1.0 + x[6])
     reach = np.where(falls, height[:, None] / np.where(falls, -d[..., 2], 1.0), np.nan)
-    return np.asarray(d[..., :2] * reach[..., None])
+    place = d[..., :2] * reach[..., None]
+    # a turn clockwise by ψ: (e, n) → (e cos ψ + n sin ψ, n cos ψ − e sin ψ)
+    turned = x[7] * (film.t - np.mean(film.t))[:, None]
+    c, s = np.cos(turned), np.sin(turned)
+    return np.stack([c * place[..., 0] + s * place[..., 1], c * place[..., 1] - s * place[..., 0]], axis=2)
 
 
 def _grid(film: FilmedFleet) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -219,12 +221,12 @@ def _grid(film: FilmedFleet) -> tuple[FloatArray, FloatArray, FloatArray]:
     return focals, np.clip(film.mount.pitch + near, np.deg2rad(-90.0), _PITCHES[-1]), film.mount.yaw + near
 
 
-def _guesses(film: FilmedFleet) -> list[_Guess]:
-    """Cameras of the grid that may fit, best first."""
-    kind, (focals, pitches, headings) = film.mount.kind if film.mount else "stabilized", _grid(film)
+def _starts(film: FilmedFleet, kind: MountKind) -> list[FloatArray]:
+    """x of the cameras of the grid that may fit, best first."""
+    focals, pitches, headings = _grid(film)
     base = _base(film, kind)
     cameras = [(focal, pitch) for focal in focals.tolist() for pitch in pitches.tolist()]
-    g = np.stack([_places(film, base, float(np.exp(f)), _turn(0.0, p, 0.0), 0.0) for f, p in cameras])
+    g = np.stack([_places(film, base, np.array([f, p, *np.zeros(6)])) for f, p in cameras])
     arm, seen = g[..., 0] + 1j * g[..., 1], np.isfinite(g[..., 0])
     q = film.vehicle_enu[..., 0] + 1j * film.vehicle_enu[..., 1] - (film.p_enu[:, 0] + 1j * film.p_enu[:, 1])[:, None]
     has = np.isfinite(film.vehicle_enu[..., 0])
@@ -238,12 +240,7 @@ def _guesses(film: FilmedFleet) -> list[_Guess]:
     )
     best = _peaks(score.reshape(len(focals), -1), headings[heading].reshape(len(focals), -1))
     return [
-        _Guess(
-            x=np.array([cameras[k][0], cameras[k][1], 0.0, headings[heading[k]], 0.0, 0.0, 0.0]),
-            kind=kind,
-        )
-        for k in best.tolist()
-        if score[k] > 0.0
+        np.array([*cameras[k], 0.0, headings[heading[k]], 0.0, 0.0, 0.0, 0.0]) for k in best.tolist() if score[k] > 0.0
     ]
 
 
@@ -266,7 +263,7 @@ def _peaks(score: FloatArray, heading: FloatArray) -> IntArray:
 
 def _differences(film: FilmedFleet, base: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(B, T, V, 2) track less vehicle, metres, and (B, T) distance of a track from below the UAV."""
-    places = _places(film, base, float(np.exp(x[0])), _turn(x[3], x[1], x[2]), x[6])
+    places = _places(film, base, x)
     q = film.vehicle_enu - film.p_enu[:, None, :2]
     return places[:, :, None] - q[:, None] - x[4:6], np.linalg.norm(places, axis=2)
 
@@ -282,9 +279,9 @@ def _pair_evidence(film: FilmedFleet, base: FloatArray, x: FloatArray) -> FloatA
     rest = np.sum(np.where(known, np.sum(np.square(r0 - mean), axis=-1), 0.0), axis=0)
     own = np.broadcast_to(film.vehicle_enu[:, None], r.shape)
     spread = 0.5 * (_spread(r + own, known) + _spread(own, known)) / count
-    far = np.nan_to_num(np.nanmean(np.where(known, arm[:, :, None], np.nan), axis=0)) if known.any() else 0.0
+    far = np.sum(np.where(known, np.nan_to_num(arm)[:, :, None], 0.0), axis=0) / count
     variance = _PLACE_STD_M**2 + np.square(_PLACE_STD_SHARE * far)
-    area = np.pi * max(float(np.nanmax(arm)), 10.0) ** 2 if np.isfinite(arm).any() else 1.0
+    area = np.pi * max(float(np.max(np.nan_to_num(arm))), 10.0) ** 2
     place = np.log(area / (2.0 * np.pi * variance)) - np.sum(np.square(mean), axis=-1) / (2.0 * variance)
     weight = n * float(np.median(np.diff(film.t))) / _COURSE_TAU_S
     course = weight * (np.log(spread + _COURSE_STD_M**2) - np.log(rest / count + _COURSE_STD_M**2))
@@ -309,7 +306,7 @@ def _together(film: FilmedFleet) -> BoolArray:
 def _residuals(x: FloatArray, film: FilmedFleet, base: FloatArray, start: FloatArray, vehicle: IntArray) -> FloatArray:
     """What the fit makes small: means and wanderings of the pairs' differences, and the prior, in σ."""
     rows = np.flatnonzero(vehicle >= 0)
-    places = _places(film, base, float(np.exp(x[0])), _turn(x[3], x[1], x[2]), x[6])[:, rows]
+    places = _places(film, base, x)[:, rows]
     r = places - (film.vehicle_enu[:, vehicle[rows]] - film.p_enu[:, None, :2]) - x[4:6]
     known = np.isfinite(film.picture[:, rows, 0]) & np.isfinite(film.vehicle_enu[:, vehicle[rows], 0])
     # what rose above the horizon is as wrong as can be
@@ -324,7 +321,7 @@ def _residuals(x: FloatArray, film: FilmedFleet, base: FloatArray, start: FloatA
 
 def _bounds(film: FilmedFleet, start: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Least and largest x of a fit from a start."""
-    reach = np.array([1.0, 0.35, 0.2, np.inf, 10.0, 10.0, 0.2])
+    reach = np.array([1.0, 0.35, 0.2, np.inf, 10.0, 10.0, 0.2, _STILL if film.heading_known else 0.15])
     low, high = start - reach, start + reach
     low[0], high[0] = (
         (_FOCALS[0] - 0.1, _FOCALS[-1] + 0.1) if np.isnan(film.focal) else (start[0] - 0.05, start[0] + 0.05)
@@ -336,13 +333,20 @@ def _bounds(film: FilmedFleet, start: FloatArray) -> tuple[FloatArray, FloatArra
     return low, high
 
 
-def _fitted(film: FilmedFleet, guess: _Guess) -> CameraFit | None:
-    """The joint optimum of camera and assignment from a guess; None where nothing fits there."""
-    base, together = _base(film, guess.kind), _together(film)
-    start = np.array([*guess.x[:2], 0.0, guess.x[3], 0.0, 0.0, 0.0])
+def _fitted(film: FilmedFleet, start: FloatArray, kind: MountKind, effort: tuple[int, int]) -> CameraFit | None:
+    """The joint optimum of camera and assignment from a start; None where nothing fits there.
+
+    Args:
+        film: what is to be explained.
+        start: x.
+        kind: what the camera hangs on.
+        effort: how often it is assigned anew, and most steps of the fit in between.
+    """
+    base, together = _base(film, kind), _together(film)
+    start = start * np.array([1.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     low, high = _bounds(film, start)
     x, vehicle, std = start, assignment(_pair_evidence(film, base, start), together), np.inf
-    for _ in range(_ROUNDS):
+    for _ in range(effort[0]):
         if np.count_nonzero(vehicle >= 0) < 2:
             return None
         found = least_squares(
@@ -350,7 +354,7 @@ def _fitted(film: FilmedFleet, guess: _Guess) -> CameraFit | None:
             bounds=(low, high),
             loss="soft_l1",
             x_scale=_STEP,
-            max_nfev=15,
+            max_nfev=effort[1],
             args=(film, base, start, vehicle),
         )
         x, before = found.x, vehicle
@@ -364,7 +368,7 @@ def _fitted(film: FilmedFleet, guess: _Guess) -> CameraFit | None:
     return CameraFit(
         focal=float(np.exp(x[0])),
         focal_std=std,
-        kind=guess.kind,
+        kind=kind,
         pitch=float(x[1]),
         roll=float(x[2]),
         yaw=float(np.mod(x[3], 2.0 * np.pi)),

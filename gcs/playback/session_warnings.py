@@ -23,7 +23,7 @@ def session_warnings(opened: OpenedSession) -> Iterator[str]:
     if opened.video is not None and opened.video.missing:
         yield f"{opened.video.missing} frames were seen in flight and are not in the recorded video"
     if opened.mission.camera is None or opened.mission.camera.intrinsics is None:
-        yield "no [camera] in the mission: boxes are named once the UAV reports its camera, or vehicles that drive show it"
+        yield "no [camera] in the mission: boxes are named once the UAV reports its camera, or driving vehicles show it"
     if opened.size.doubt:
         yield opened.size.doubt
     if opened.turns:
