@@ -224,6 +224,7 @@ def test_a_real_size_limit(tmp_path):
     """The kernel itself refuses at 100 kB a file, in a process of its own."""
     script = """
 import resource, sys, time
+sys.dont_write_bytecode = True
 sys.path[:0] = sys.argv[2:]
 from mavlink.tlog.writer import TlogWriter
 from tests.support.frames import packet
