@@ -11,6 +11,7 @@ import typer
 from gcs.cli.output.console import AsJson, check_range, print_json, print_note
 from gcs.cli.output.tables import print_table
 from gcs.errors import GcsError
+from infra.text_numbers import number_or_nan
 
 __all__ = ["import_flight"]
 
@@ -93,10 +94,7 @@ def _clock_s(text: str) -> float | None:
     """Seconds, None for auto."""
     if text == "auto":
         return None
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = float("nan")
+    seconds = number_or_nan(text)
     if not abs(seconds) <= FARTHEST_CLOCK_S:
         raise GcsError(
             f"--clock {text}: give auto, or seconds such as +3.5 from {-FARTHEST_CLOCK_S:g} to {FARTHEST_CLOCK_S:g}"

@@ -161,8 +161,9 @@ def clock_words(log: VehicleLog, telemetry: PlaceTrack) -> tuple[str, ...]:
 def _numbered(word: str) -> list[tuple[int, VehicleLog]]:
     """System ids and logs of one ``--ugv``."""
     number, _, name = word.partition("=")
-    told = int(number) if number.isdecimal() and len(number) <= 3 and name else 0
-    if told > LAST_ID or (number.isdecimal() and name and not told):
+    numbered = number.isascii() and number.isdecimal() and bool(name)
+    told = int(number) if numbered and len(number) <= 3 else 0
+    if told > LAST_ID or (numbered and not told):
         raise ImportFileError(f"--ugv {word}: a system id is 1 to {LAST_ID}")
     logs = read_vehicle_logs(Path(name if told else word))
     if told and len(logs) > 1:

@@ -19,6 +19,7 @@ from gcs.errors import SessionError
 from infra.files.safe_open import open_to_read
 from infra.files.segment import segments
 from infra.session_format import TableFormat
+from infra.text_numbers import number
 
 __all__ = ["Table", "read_table"]
 
@@ -178,11 +179,11 @@ def _numbers(rows: Iterator[list[str]], places: Sequence[int], needed: int) -> t
     skipped = 0
     for cells in rows:
         try:
-            values = [float(cell) if (cell := cells[k].strip(_AROUND)) else np.nan for k in places]
+            values = [number(cell) if (cell := cells[k].strip(_AROUND)) else np.nan for k in places]
         except (ValueError, IndexError):
             skipped += 1
             continue
-        if not np.isfinite(values[:needed]).all():
+        if np.isnan(values[:needed]).any():
             skipped += 1
             continue
         numbers.append(values)

@@ -31,6 +31,7 @@ from pathlib import Path
 import numpy as np
 
 from infra.files.safe_open import read_small
+from infra.text_numbers import number
 from sim.annotated.tracks import AnnotatedTracks, upright_corners
 from sim.errors import AnnotationError, UnusedLabelError
 
@@ -168,7 +169,7 @@ def _told_by(rows: _Rows, path: Path) -> str:
 def _whole(row: Sequence[str], columns: slice) -> bool:
     """Whether category, truncation and occlusion of VisDrone can stand there."""
     try:
-        category, truncation, occlusion = (int(cell) for cell in row[columns])
+        category, truncation, occlusion = (_whole_number(number(cell)) for cell in row[columns])
     except ValueError:
         return False
     return 0 <= category <= 11 and 0 <= truncation <= 1 and 0 <= occlusion <= 2
@@ -186,10 +187,10 @@ def _csv_parser(rows: _Rows, path: Path) -> _Parser:
 
     def parse(cells: Sequence[str]) -> _VehicleLabel:
         word = cells[named].strip().lower() if named is not None else kind
-        box = tuple(float(cells[at[name]]) for name in CORNER_COLUMNS)
+        box = tuple(number(cells[at[name]]) for name in CORNER_COLUMNS)
         return _VehicleLabel(
-            _whole_number(float(cells[at["frame"]])),
-            _whole_number(float(cells[track])),
+            _whole_number(number(cells[at["frame"]])),
+            _whole_number(number(cells[track])),
             box,
             _kind_of(word),
             hidden=False,
@@ -219,7 +220,7 @@ def _mot_parser(rows: _Rows, path: Path) -> _Parser:
         kinds = MOT16_KINDS
 
     def parse(cells: Sequence[str]) -> _VehicleLabel:
-        numbers = [float(cell) for cell in cells if cell.strip()]
+        numbers = [number(cell) for cell in cells if cell.strip()]
         if len(numbers) > 6 and numbers[6] == 0.0:
             raise UnusedLabelError("marked as not to be considered")
         kind = _kind_of(_listed(int(numbers[7]), kinds)) if classed and kinds and len(numbers) > 7 else "vehicle"
@@ -233,7 +234,7 @@ def _visdrone_parser(rows: _Rows, path: Path) -> _Parser:
     del rows, path  # the layout has no heading
 
     def parse(cells: Sequence[str]) -> _VehicleLabel:
-        numbers = [float(cell) for cell in cells[:10]]
+        numbers = [number(cell) for cell in cells[:10]]
         if numbers[6] == 0.0:
             raise UnusedLabelError("marked as not to be considered")
         kind = _listed(int(numbers[7]), VISDRONE_KINDS)
@@ -246,7 +247,7 @@ def _uavdt_parser(rows: _Rows, path: Path) -> _Parser:
     del rows, path  # the layout has no heading
 
     def parse(cells: Sequence[str]) -> _VehicleLabel:
-        numbers = [float(cell) for cell in cells[:9]]
+        numbers = [number(cell) for cell in cells[:9]]
         kind = UAVDT_KINDS.get(int(numbers[8]), "vehicle")
         return _VehicleLabel(*_frame_and_track(numbers), tuple(numbers[2:6]), kind, numbers[7] >= UAVDT_LARGE)
 

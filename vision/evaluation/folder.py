@@ -7,6 +7,7 @@ not judged and is counted.
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from infra.text_numbers import number_or_nan
 from infra.yaml_text import parse_yaml
 from vision.errors import LabelError
 from vision.evaluation.coco import find_coco, read_coco
@@ -160,25 +162,17 @@ def _told_format(labels: Sequence[Path]) -> Format:
                 continue
             fields = line.split()
             if line.lower().startswith(("imagesource", "gsd")) or (
-                len(fields) in (9, 10) and not _is_number(fields[8])
+                len(fields) in (9, 10) and math.isnan(number_or_nan(fields[8]))
             ):
                 return "dota"
             if line.count(",") >= 7:
                 return "visdrone"
-            if len(fields) in (5, 9) and all(map(_is_number, fields)):
+            if len(fields) in (5, 9) and not any(map(math.isnan, map(number_or_nan, fields))):
                 return "yolo"
             raise LabelError(
                 f"{path}, line {i}: {line.strip()[:60]!r} is no label of YOLO, DOTA or VisDrone; see --format"
             )
     return "yolo"
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _class_names(folder: Path) -> dict[int, str]:

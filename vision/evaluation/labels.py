@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from infra.files.safe_open import read_small
+from infra.text_numbers import number
 from vision.errors import LabelError
 from vision.evaluation.truth import REGION, Truth
 
@@ -175,11 +176,9 @@ def _numbers(fields: Sequence[str], where: str) -> list[float]:
     values = []
     for field in fields:
         try:
-            values.append(float(field))
-        except ValueError:
-            raise LabelError(f"{where}: {field[:60]!r} is no number") from None
-        if not math.isfinite(values[-1]):
-            raise LabelError(f"{where}: {field[:60]!r} is no finite number")
+            values.append(number(field))
+        except ValueError as error:
+            raise LabelError(f"{where}: {error}") from None
     return values
 
 

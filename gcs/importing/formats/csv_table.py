@@ -12,6 +12,7 @@ Columns, of which only a time and the two coordinates are needed; other columns 
 
 from __future__ import annotations
 
+import csv
 import math
 from collections import Counter
 from collections.abc import Iterator
@@ -35,6 +36,7 @@ from gcs.importing.vehicle_log import (
     whole_places,
 )
 from infra.plain_text import plain
+from infra.text_numbers import number_or_nan
 
 __all__ = ["read_csv"]
 
@@ -42,8 +44,11 @@ Floats = NDArray[np.float64]
 
 _LATEST_US = 4_102_444_800_000_000  # the year 2100
 _MOST_ROWS = 2_000_000
-_MOST_COLUMNS, _MOST_SHOWN = 400, 200
+_MOST_SHOWN = 200
 _AROUND = " \t\r\n\"'"
+_NO_NUMBER = "cells that are no numbers"
+_UNKNOWN = ("", "nan", "null", "none", "n/a", "na", "-", "--")
+"""What stands in a cell where nothing is known."""
 
 
 def read_csv(path: Path) -> list[VehicleLog]:
@@ -57,7 +62,7 @@ def read_csv(path: Path) -> list[VehicleLog]:
     if header.strip(_AROUND + "\ufeff").lower().startswith("sep="):
         header = next(lines, "")  # Excel tells itself what separates cells
     between = max(",;\t", key=header.count)
-    cells = header.split(between)[:_MOST_COLUMNS]
+    cells = _cells(header, between)
     table = _TextTable(path, between, [column_of(cell) for cell in cells])
     table.read(lines)
     by_name, assumed = in_our_units(
@@ -109,11 +114,11 @@ def _vehicles(
 
 
 def _owners(columns: dict[str, Floats]) -> Floats | None:
-    """(n,) system ids, None without; a column ``id`` that differs in each row counts rows."""
+    """(n,) system ids, None without; a column ``id`` that most rows have alone counts rows."""
     if "system_id" in columns:
         return columns["system_id"]
     ids = columns.get("id")
-    return None if ids is None or (len(ids) > 1 and len(np.unique(ids)) == len(ids)) else ids
+    return None if ids is None or (len(ids) > 1 and len(np.unique(ids)) * 2 > len(ids)) else ids
 
 
 class _TextTable:
@@ -158,25 +163,44 @@ class _TextTable:
                 f"{self._path}: no row in it that can be used: the time {self._strange!r} is not understood; give ISO "
                 "8601, such as 2025-10-09T08:53:20Z, or Unix time"
             )
-        raise ImportFileError(f"{self._path}: no row in it that can be used: no time in the column of times")
+        wide = self.skipped["rows of more cells than there are columns"]
+        why = (
+            "its rows have more cells than its first line: decimal commas need semicolons or tabs between cells"
+            if wide
+            else "no time in the column of times"
+        )
+        raise ImportFileError(f"{self._path}: no row in it that can be used: {why}")
 
     def _numbers(self, lines: Iterator[str]) -> Iterator[list[float]]:
         time = self._kept.index(self.time)
-        place, count = self._places[time], 0
-        for line in lines:
-            if not line.strip():
-                continue
-            cells = line.split(self._between)
-            row = [_number(cells[k], self._between) if k < len(cells) else math.nan for k in self._places]
-            if math.isnan(row[time]) and place < len(cells):
-                row[time] = self._date(cells[place].strip(_AROUND))
-            count += 1
-            if count > _MOST_ROWS:
+        place, width = self._places[time], len(self.names)
+        for count, line in enumerate(filter(str.strip, lines)):
+            if count >= _MOST_ROWS:
                 raise ImportFileError(f"{self._path}: more than {_MOST_ROWS} rows; cut it where the flight ends")
+            cells = [cell.strip(_AROUND) for cell in _cells(line, self._between)]
+            if any(cells[width:]):
+                self.skipped["rows of more cells than there are columns"] += 1
+                continue
+            cells += [""] * (width - len(cells))
+            row = self._row([cells[k] for k in self._places])
+            # a date may have a comma of its own
+            row[time] = row[time] if math.isfinite(row[time]) else self._date(cells[place])
             if math.isfinite(row[time]):
                 yield row
             else:
                 self.skipped["rows without a time"] += 1
+
+    def _row(self, cells: list[str]) -> list[float]:
+        """Numbers of the cells that are kept; their commas are decimal ones where none of them has a point."""
+        numbers = [number_or_nan(cell) for cell in cells]
+        strange = [k for k, number in enumerate(numbers) if math.isnan(number) and cells[k].lower() not in _UNKNOWN]
+        if not strange:
+            return numbers
+        time = self._kept.index(self.time)
+        if not any("." in cell for k, cell in enumerate(cells) if k != time):
+            numbers = [number_or_nan(cell.replace(",", ".")) for cell in cells]
+        self.skipped[_NO_NUMBER] += sum(math.isnan(numbers[k]) for k in strange if k != time)
+        return numbers
 
     def _date(self, text: str) -> float:
         seconds, zoned = unix_seconds(text)
@@ -187,13 +211,11 @@ class _TextTable:
         return seconds
 
 
-def _number(cell: str, between: str) -> float:
-    text = cell.strip(_AROUND)
-    try:
-        value = float(text.replace(",", ".") if between != "," else text) if len(text) < 40 else math.nan
-    except ValueError:
-        return math.nan
-    return value if math.isfinite(value) else math.nan
+def _cells(line: str, between: str) -> list[str]:
+    """Of one row; within quotation marks there may be what else stands between cells."""
+    if '"' not in line:
+        return line.split(between)
+    return next(csv.reader([line], delimiter=between, skipinitialspace=True), [])
 
 
 def _log(

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from gcs.errors import ImportFileError
 from gcs.importing.formats.text_file import LOOKED_AT, open_file, text_lines
 from infra.clock_steps import restarts
+from infra.text_numbers import number_or_nan
 
 __all__ = ["DataflashTables", "is_dataflash", "read_tables"]
 
@@ -174,10 +175,7 @@ class _TextRows:
 
 def _number(cell: str) -> float:
     """A number that a column can have, NaN for words."""
-    try:
-        value = float(cell)
-    except ValueError:
-        return math.nan
+    value = number_or_nan(cell)
     return value if abs(value) < _LARGEST else math.nan
 
 

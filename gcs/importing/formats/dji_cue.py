@@ -21,18 +21,19 @@ from datetime import UTC, datetime
 
 __all__ = ["DjiCue", "read_cue"]
 
-_NUMBER = r"[-+]?\d{1,9}(?:[.,]\d{1,12})?"
-_KEYED = re.compile(rf"\b([a-z_]{{2,16}})\s*:\s*({_NUMBER})(?![\w/])", re.IGNORECASE)
+_NUMBER = r"[-+]?[0-9]{1,9}+(?:[.,][0-9]{1,12}+)?+"
+_KEYED = re.compile(rf"\b([a-z_]{{2,16}})\s*:\s*({_NUMBER})(?=m{{0,2}}(?![\w/]))", re.IGNORECASE)
 _BLOCK = re.compile(r"\b(drone|gimbal)\s?:\s?([a-z][^\[\]<]{4,80})", re.IGNORECASE)
 _TUPLE = re.compile(r"\b(GPS|RTK|HOME|F\.PRY|G\.PRY)\s{0,4}\(([^()]{3,80})\)", re.IGNORECASE)
 _BAROMETER = re.compile(rf"\bBAROMETER\s*[:(]\s*({_NUMBER})", re.IGNORECASE)
 _HEIGHT = re.compile(rf"(?:^|[\s,])H:?\s?({_NUMBER})\s?m\b")
-_PLAIN = re.compile(r"[-+]?\d{1,9}(?:\.\d{1,12})?")
-_WITH_COMMAS = re.compile(r"[-+]?\d{1,9}(?:,\d{1,12})?")
-_LETTERED = re.compile(r"\b([NSEW]):?\s?(\d{1,9}(?:\.\d{1,12})?)", re.IGNORECASE)
-_METRES = re.compile(r"\d\s?m\s*$", re.IGNORECASE)
+_PLAIN = re.compile(r"[-+]?[0-9]{1,9}(?:\.[0-9]{1,12})?")
+_WITH_COMMAS = re.compile(r"[-+]?[0-9]{1,9}(?:,[0-9]{1,12})?")
+_LETTERED = re.compile(r"\b([NSEW]):?\s?([0-9]{1,9}(?:\.[0-9]{1,12})?)", re.IGNORECASE)
+_METRES = re.compile(r"[0-9]\s?m\s*$", re.IGNORECASE)
 _DATE = re.compile(
-    r"\b(\d{4})[-./](\d{1,2})[-./](\d{1,2})[ T]+(\d{1,2}):(\d{1,2}):(\d{1,2})(?:[.,:](\d{1,3}))?(?:[.,](\d{1,3}))?"
+    r"\b(\d{4})[-./](\d{1,2})[-./](\d{1,2})[ T]+(\d{1,2}):(\d{1,2}):(\d{1,2})(?:[.,:](\d{1,3}))?(?:[.,](\d{1,3}))?",
+    re.ASCII,
 )
 _TENTHS_FROM = 100.0
 """A focal length that is written without a decimal point, from here on, is in tenths of millimetres."""

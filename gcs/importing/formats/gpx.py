@@ -9,9 +9,10 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from gcs.importing.formats.point_tracks import PointTracks, number_of, read_xml_tracks
+from gcs.importing.formats.point_tracks import PointTracks, read_xml_tracks
 from gcs.importing.row_times import NO_ZONE, unix_seconds
 from gcs.importing.vehicle_log import VehicleLog
+from infra.text_numbers import number_or_nan
 
 __all__ = ["read_gpx"]
 
@@ -30,13 +31,13 @@ class _GpxReader:
         if name == "name" and above == "trk":
             self._tracks.name(text)
         elif name == "ele" and above == "trkpt":
-            self._ele = number_of(text)
+            self._ele = number_or_nan(text)
         elif name == "time" and above == "trkpt":
             self._time, zoned = unix_seconds(text)
             if not zoned:
                 self._tracks.assumed[NO_ZONE] = None
         elif name == "trkpt":
-            place = number_of(attributes.get("lat", "")), number_of(attributes.get("lon", ""))
+            place = number_or_nan(attributes.get("lat", "")), number_or_nan(attributes.get("lon", ""))
             self._tracks.add(self._time, place, alt_m=self._ele)
             self._ele = self._time = math.nan
         elif name == "trk":

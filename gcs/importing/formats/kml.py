@@ -12,9 +12,10 @@ from collections.abc import Mapping, Sequence
 from itertools import zip_longest
 from pathlib import Path
 
-from gcs.importing.formats.point_tracks import PointTracks, number_of, read_xml_tracks
+from gcs.importing.formats.point_tracks import PointTracks, read_xml_tracks
 from gcs.importing.row_times import NO_ZONE, unix_seconds
 from gcs.importing.vehicle_log import VehicleLog
+from infra.text_numbers import number_or_nan
 
 __all__ = ["read_kml"]
 
@@ -144,7 +145,7 @@ class _KmlReader:
 
 
 def _spot(cells: Sequence[str]) -> _Spot:
-    lon, lat, up = ([*map(number_of, cells[:3])] + [math.nan] * 3)[:3]
+    lon, lat, up = ([*map(number_or_nan, cells[:3])] + [math.nan] * 3)[:3]
     return lat, lon, up
 
 

@@ -13,15 +13,17 @@ from operator import xor
 from pathlib import Path
 
 from gcs.errors import ImportFileError
-from gcs.importing.formats.point_tracks import PointTracks, number_of
+from gcs.importing.formats.point_tracks import PointTracks
 from gcs.importing.formats.text_file import text_lines
 from gcs.importing.vehicle_log import M_PER_HDOP, VehicleLog
+from infra.text_numbers import number, number_or_nan
 
 __all__ = ["is_nmea", "read_nmea"]
 
 _SENTENCE = re.compile(r"\$([A-Z]{2})(GGA|GNS|RMC|GST|ZDA),([^*$]*)(?:\*([0-9A-Fa-f]{2}))?\s*$")
 _FIRST = re.compile(rb"(?:^|[\r\n])[^\r\n$]{0,40}\$[A-Z]{2}(?:GGA|GNS|RMC|GSA|GSV|GLL|VTG|GST|ZDA|TXT),")
-_TIME = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-5]\d(?:\.\d{1,9})?)$")
+_TIME = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-5]\d(?:\.\d{1,9})?)$", re.ASCII)
+_DATE = re.compile(r"(\d\d)(\d\d)(\d\d)$", re.ASCII)
 _MPS_PER_KNOT = 1852.0 / 3600.0
 _DAY_S = 86_400.0
 _LEAST_FIELDS = {"GGA": 9, "GNS": 9, "RMC": 9, "GST": 7, "ZDA": 4}
@@ -77,7 +79,7 @@ class _NmeaReader:
         elif kind == "RMC":
             self._recommended(fields)
         elif kind == "GST":
-            self._fix.std_m = math.hypot(number_of(fields[5]), number_of(fields[6])) / math.sqrt(2.0)
+            self._fix.std_m = math.hypot(number_or_nan(fields[5]), number_or_nan(fields[6])) / math.sqrt(2.0)
         else:
             self._dated(fields[1], fields[2], fields[3])
 
@@ -85,24 +87,24 @@ class _NmeaReader:
         if fields[5].strip("0N"):
             fix = self._fix
             fix.valid, fix.place = True, _place(fields[1:5])
-            fix.hdop, fix.alt_m = number_of(fields[7]), number_of(fields[8])
+            fix.hdop, fix.alt_m = number_or_nan(fields[7]), number_or_nan(fields[8])
 
     def _recommended(self, fields: list[str]) -> None:
-        date = fields[8]
-        if len(date) == 6 and date.isdecimal():
-            year = int(date[4:])
-            self._dated(date[:2], date[2:4], str(year + (2000 if year < 80 else 1900)))
+        if date := _DATE.match(fields[8]):
+            day, month, year = date.groups()
+            self._dated(day, month, ("20" if year < "80" else "19") + year)
         if fields[1] == "A":
-            fix, speed = self._fix, number_of(fields[6]) * _MPS_PER_KNOT
+            fix, speed = self._fix, number_or_nan(fields[6]) * _MPS_PER_KNOT
             fix.place = fix.place if fix.valid else _place(fields[2:6])
             fix.valid = True
-            course = math.radians(number_of(fields[7]))
+            course = math.radians(number_or_nan(fields[7]))
             # receivers that stand tell no course
             fix.v_mps = (0.0, 0.0) if speed == 0.0 else (speed * math.cos(course), speed * math.sin(course))
 
     def _dated(self, day: str, month: str, year: str) -> None:
         try:
-            midnight = datetime(int(year), int(month), int(day), tzinfo=UTC).timestamp()
+            when = [int(number(part)) for part in (year, month, day)]
+            midnight = datetime(when[0], when[1], when[2], tzinfo=UTC).timestamp()
         except (ValueError, OverflowError):
             # empty before the first fix
             self._tracks.skipped["dates that cannot be"] += bool(day or month or year)
@@ -138,7 +140,7 @@ def _place(cells: list[str]) -> tuple[float, float]:
     """Degrees of ``ddmm.mmm, N, dddmm.mmm, E``."""
     found = []
     for text, side, negative in ((cells[0], cells[1], "S"), (cells[2], cells[3], "W")):
-        value = number_of(text)
+        value = number_or_nan(text)
         degrees = math.trunc(value / 100.0) if math.isfinite(value) else 0
         minutes = value - 100.0 * degrees
         angle = degrees + minutes / 60.0 if 0.0 <= minutes < 60.0 and side else math.nan

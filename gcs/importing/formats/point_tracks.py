@@ -19,15 +19,15 @@ from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog, whole
 from infra.plain_text import plain
 from infra.xml_text import ElementHandler, XmlRefusedError, read_elements
 
-__all__ = ["PointTracks", "number_of", "read_xml_tracks"]
+__all__ = ["PointTracks", "read_xml_tracks"]
 
 _MOST_POINTS = 1_000_000
 _MOST_TRACKS = 255
 _MOST_NAME = 200
 _COLUMNS = 8
 """Of a point: Unix seconds, degrees, metres above the sea and above the take-off, 1σ in metres, m/s north and east."""
-_NUMBER = re.compile(r"(?<!\d)(\d{1,3})(?!.*\d)")
-_DATES = re.compile(r"\d{5,}|\d{1,4}(?:[-._:/T]\d{1,2}){2,}")
+_NUMBER = re.compile(r"(?<!\d)(\d{1,3})(?!.*\d)", re.ASCII)
+_DATES = re.compile(r"\d{5,}|\d{1,4}(?:[-._:/T]\d{1,2}){2,}", re.ASCII)
 """Dates and times in a name: no number of a vehicle."""
 
 
@@ -169,12 +169,3 @@ def read_xml_tracks(
     tracks.skipped["ends in the middle"] += bool(broken)
     tracks.skipped = +tracks.skipped
     return tracks.logs()
-
-
-def number_of(text: str) -> float:
-    """A number, NaN where it is none."""
-    try:
-        value = float(text) if len(text) < 40 else math.nan
-    except ValueError:
-        return math.nan
-    return value if math.isfinite(value) else math.nan

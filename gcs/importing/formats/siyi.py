@@ -26,11 +26,11 @@ from gcs.importing.vehicle_log import AngleTrack, ImportNotes, VehicleLog, whole
 
 __all__ = ["is_siyi", "siyi_log"]
 
-_ANGLE = r"([NSEW])\s?(\d{1,3})°\s?(\d{1,2})['′]\s?(\d{1,2}(?:\.\d{1,6})?)[\"″]"
+_ANGLE = r"([NSEW])\s?([0-9]{1,3})°\s?([0-9]{1,2})['′]\s?([0-9]{1,2}(?:\.[0-9]{1,6})?)[\"″]"
 _LAT = re.compile(rf"latitude\s?:\s?{_ANGLE}")
 _LON = re.compile(rf"longitude\s?:\s?{_ANGLE}")
-_NUMBERS = re.compile(r"\b(abs_alt|gb_yaw|gb_pitch|gb_roll)\s?:\s?([-+]?\d{1,6}(?:\.\d{1,9})?)")
-_DATE = re.compile(r"\b(\d{4})-(\d{2})-(\d{2})_(\d{2})-(\d{2})-(\d{2})\b")
+_NUMBERS = re.compile(r"\b(abs_alt|gb_yaw|gb_pitch|gb_roll)\s?:\s?([-+]?[0-9]{1,6}(?:\.[0-9]{1,9})?)")
+_DATE = re.compile(r"\b([0-9]{4})-([0-9]{2})-([0-9]{2})_([0-9]{2})-([0-9]{2})-([0-9]{2})\b")
 STD_M = 3.0
 """1σ per axis: 0.1″ is 3.1 m, and whole seconds make another metre or two of a flying camera."""
 _CELL_DEG = 0.1 / 3600.0

@@ -18,7 +18,7 @@ __all__ = ["MOST_CUES", "SubtitleCue", "cues_of", "read_cues"]
 MOST_CUES = 1_000_000
 """Nine hours at 30 a second."""
 _MOST_TEXT_LINES, _MOST_LINE = 24, 1000
-_TIME = r"(\d{1,3}):(\d{1,2}):(\d{1,2})(?:[,.:](\d{1,3}))?"
+_TIME = r"([0-9]{1,3}):([0-9]{1,2}):([0-9]{1,2})(?:[,.:]([0-9]{1,3}))?"
 _TIMES = re.compile(rf"^\s*{_TIME}\s*--?>\s*{_TIME}")
 
 

@@ -81,6 +81,9 @@ def assert_whole(log, rows=ROWS, within_us=1):
             lambda k, *p: f"{iso(k)},{p[0] * 1e7:.2f},{p[1] * 1e7:.2f},{p[2] * 1e3:.0f}",
             "lat, lon are degrees × 1e7",
         ),
+        # decimal commas within quotation marks, words with what else stands between cells
+        ("time,lat,lon,alt", lambda k, *p: f'"{iso(k)}","{p[0]:.9f}","{p[1]:.9f}","{p[2]}"'.replace(".", ","), ""),
+        ('time,"name, of it",lat,lon,alt', lambda k, *p: f'{iso(k)},"Red, 1",{p[0]:.9f},{p[1]:.9f},{p[2]}', ""),
         ("id,time,lat,lon,alt", lambda k, *p: f"{k + 1},{iso(k)},{p[0]:.9f},{p[1]:.9f},{p[2]}", "id counts rows"),
     ],
 )
@@ -112,6 +115,12 @@ def test_centidegrees_are_known_by_their_size(tmp_path):
     log = read(tmp_path, text)
     assert np.degrees(log.places.heading[3]) == pytest.approx(93.0)
     assert "heading_deg are centidegrees by their size" in log.notes.assumed
+
+
+def test_thousands_and_words_are_no_decimal_numbers(tmp_path):
+    text = table("time,lat,lon,alt,height", lambda k, *p: f'{iso(k)},{p[0]},{p[1]},"1,430",N/A')
+    log = read(tmp_path, text)
+    assert np.isnan(log.places.alt_m).all() and log.notes.skipped == {"cells that are no numbers": ROWS}
 
 
 def by_time(time):
@@ -165,6 +174,11 @@ def by_time(time):
         ),
         ("time," + 999 * "x", lambda k, *p: f"{iso(k)},1", f"it has time, {'x' * 194}"),
         ("time,lat,lon", lambda k, *p: f"{iso(k)},{p[0] * 1000},{p[1]}", "47100, 8.1 are no place in degrees"),
+        (
+            "time,lat,lon",
+            lambda k, *p: f"{iso(k)},{p[0]},{p[1]}".replace(".", ","),
+            "its rows have more cells than its first line: decimal commas need semicolons",
+        ),
         (
             "time,system_id,lat,lon",
             lambda k, *p: f"{iso(k)},{1000 + k % 3},{p[0]},{p[1]}",

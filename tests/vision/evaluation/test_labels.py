@@ -150,7 +150,7 @@ def test_boxes_without_area_are_left_out_and_counted(tmp_path, label, form):
         (YOLO + "1 0.1 0.2 0.3\n", None, r"pic.txt, line 2: 4 values, wanted 9"),
         (YOLO + f"1 {words(RING)}\n", None, "line 2: coordinates reach .* wanted shares"),
         ("0.5 0 0 1 0 1 1 0 1\n", None, "line 1: class '0.5' is no class number"),
-        ("0 0.5 0.5 0.1 nan\n", None, "line 1: 'nan' is no finite number"),
+        ("0 0.5 0.5 0.1 nan\n", None, "line 1: '0 0.5 0.5 0.1 nan' is no label"),
         (YOLO + "0 0.5 0.5 0.1 0.1\n", None, "cannot be judged together"),
         (f"{words(RING)} car 7\n", None, "line 1: difficult is '7'"),
         (f"{words(RING[:3])} x y car 0\n", "dota", "line 1: 'x' is no number"),
