@@ -140,7 +140,7 @@ def _track(fleet: FleetTlog, system_id: int) -> PlaceTrack:
     t_us, wire = fleet.columns(_GLOBAL_POSITION, system_id)
     v = np.column_stack([wire[name].astype(np.float64) for name in ("vx", "vy", "vz")])
     heading = np.radians(wire["hdg"] * 0.01)
-    places = PlaceTrack(
+    return PlaceTrack(
         t_us=t_us,
         lat_deg=wire["lat"] * 1e-7,
         lon_deg=wire["lon"] * 1e-7,
@@ -150,7 +150,6 @@ def _track(fleet: FleetTlog, system_id: int) -> PlaceTrack:
         heading=np.where(wire["hdg"] <= _UNKNOWN_HEADING, heading, np.nan),
         std_m=float("nan"),
     )
-    return places.select(whole_places(places.lat_deg, places.lon_deg))
 
 
 def _on_one_clock(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from gcs.importing.plausible import MOST_M
 from gcs.importing.vehicle_log import AngleTrack, PlaceTrack, VehicleLog, ViewTrack, thinned, whole_places
 from mavlink.geodesy import quaternion_from_euler, wrap_pi
 from mavlink.protocol.encoder import COPTER, ROVER, MavlinkEncoder
@@ -34,8 +35,6 @@ _HEARTBEAT_US, _FIX_US, _VIEW_US = 1_000_000, 500_000, 1_000_000
 """Between messages of a kind."""
 _PLACE_US, _ANGLE_US = 45_000, 35_000
 """Samples closer together than this are thinned: interpolation makes up for them, and logs have hundreds a second."""
-_MOST_M = 20_000.0
-"""No altitude or height is farther from 0."""
 _FASTEST, _MOST_TURN = 300.0, 1e3
 """m/s and rad; more is a damaged number."""
 _UNKNOWN_COUNT, _UNKNOWN_PLACE = 255, 2**31 - 1
@@ -85,17 +84,17 @@ def _places(places: PlaceTrack, boot_us: int, home_m: float, *, flies: bool) -> 
     alt = np.where(np.isfinite(places.alt_m), places.alt_m, home_m + above)
     height = np.where(np.isfinite(places.height_m), places.height_m, places.alt_m - home_m)
     with np.errstate(invalid="ignore"):
-        known = np.flatnonzero(whole_places(places.lat_deg, places.lon_deg) & (np.abs(alt) < _MOST_M))
+        known = np.flatnonzero(whole_places(places.lat_deg, places.lon_deg) & (np.abs(alt) < MOST_M))
     fix_us = -_FIX_US + int(places.t_us[0]) if len(places) else 0
     for row in known[thinned(places.t_us[known], _PLACE_US)].tolist():
         t_us = int(places.t_us[row])
         boot_ms = _boot_ms(t_us, boot_us)
         place = float(places.lat_deg[row]), float(places.lon_deg[row]), float(alt[row])
-        if 0.0 < places.std_m < _MOST_M and t_us - fix_us >= _FIX_US:
+        if 0.0 < places.std_m < MOST_M and t_us - fix_us >= _FIX_US:
             fix_us = t_us
             accuracy = {"satellites": _UNKNOWN_COUNT, "h_acc_m": places.std_m}
             yield t_us, partial(_gps_raw_int, boot_ms * 1000, place, accuracy)
-        up = float(height[row]) if abs(height[row]) < _MOST_M else 0.0
+        up = float(height[row]) if abs(height[row]) < MOST_M else 0.0
         v_ned = [v if abs(v) < _FASTEST else math.nan for v in places.v_ned[row].tolist()]
         heading = float(places.heading[row]) % (2.0 * math.pi) if abs(places.heading[row]) < _MOST_TURN else math.nan
         yield t_us, partial(_global_position, boot_ms, place, up, v_ned, heading)

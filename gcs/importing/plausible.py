@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gcs.importing.vehicle_log import AngleTrack, PlaceTrack, VehicleLog
 
-__all__ = ["alone", "metres", "plausible", "usual_step"]
+__all__ = ["MOST_M", "alone", "leaps", "metres", "plausible", "usual_step"]
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -24,6 +24,12 @@ _FAR_M, _CLIMB_MPS = 30.0, 40.0
 _FAR_RAD, _TURN_RAD_S = 0.5, 2.0
 """Heights and headings that are farther off than the first and back faster than the second are damaged."""
 _LEAST = 3
+_LEG_S, _OFF_MPS, _OFF_SHARE = 5.0, 2.0, 0.3
+"""Over such a time velocities that are off by more than this and that share of the speed are not those of the path."""
+_ZERO_M, _UNSET_M = 0.5, 5.0
+"""Where no other value is nearer to 0 than the second, a 0, as near as it is coded, was written before it was known."""
+MOST_M = 20_000.0
+"""No altitude or height is farther from 0."""
 _USUAL_STEPS = 3.0
 """Usual steps, and the way between those before and after, that a sample which stands alone may be off by as well."""
 _HOME_M = 1.0
@@ -36,17 +42,57 @@ def plausible(log: VehicleLog) -> VehicleLog:
     # numbers of frames are no times
     reached = _reached(log.places) if log.clock != "frame" else np.ones(len(log.places), np.bool_)
     lost = int(np.count_nonzero(~reached))
-    places = _with_heights(log.places.select(reached) if lost else log.places)
+    places, beyond = _within_the_air(log.places.select(reached) if lost else log.places)
     places, heights = _without_spikes(places)
+    places, strange = _moving_as_told(_with_heights(places)) if log.clock != "frame" else (places, 0)
     attitudes, body = _still(log.attitudes)
     gimbal, camera = _still(log.gimbal)
     left_out = {
         "positions too far from those around them": lost,
+        "altitudes that cannot be": beyond,
         "altitudes out of the path and back at once": heights,
+        "velocities that are not those of the path": strange,
         "attitudes that turn away and back at once": body + camera,
     }
     skipped = {**log.notes.skipped, **{reason: count for reason, count in left_out.items() if count}}
-    return replace(log, places=places, attitudes=attitudes, gimbal=gimbal, notes=replace(log.notes, skipped=skipped))
+    notes = replace(log.notes, skipped=skipped, assumed=(*log.notes.assumed, *_at_sea(places)))
+    return replace(log, places=places, attitudes=attitudes, gimbal=gimbal, notes=notes)
+
+
+def _within_the_air(places: PlaceTrack) -> tuple[PlaceTrack, int]:
+    """Altitudes and heights in another unit are unknown; and how many positions have such."""
+    alt, height = (np.abs(np.nan_to_num(column)) > MOST_M for column in (places.alt_m, places.height_m))
+    alt_m, height_m = np.where(alt, np.nan, places.alt_m), np.where(height, np.nan, places.height_m)
+    return replace(places, alt_m=alt_m, height_m=height_m), int(np.count_nonzero(alt | height))
+
+
+def _at_sea(places: PlaceTrack) -> tuple[str, ...]:
+    """In words, where a path may be in radians: then it lies in the Gulf of Guinea, where nobody drives."""
+    if not len(places) or np.abs(places.lat_deg).max() > 0.5 * math.pi or np.abs(places.lon_deg).max() > math.pi:
+        return ()
+    return (f"it lies in the sea at {places.lat_deg[0]:.3f}, {places.lon_deg[0]:.3f}: are these radians?",)
+
+
+def _moving_as_told(places: PlaceTrack) -> tuple[PlaceTrack, int]:
+    """Without velocities in another unit, or of a filter that does not fly; and how many these were."""
+    known = np.flatnonzero(np.isfinite(places.v_ned[:, :2]).all(axis=1))
+    t_s = (places.t_us[known] - places.t_us[0]) * 1e-6 if len(known) else np.empty(0)
+    path = np.column_stack([places.lat_deg, places.lon_deg])[known]
+    ends = np.searchsorted(t_s, t_s + _LEG_S)
+    begins = np.flatnonzero(ends < len(known))
+    ends = ends[begins]
+    if len(begins) < _LEAST:
+        return places, 0
+    way = np.zeros((len(known), 2))
+    # s = ∫ v dt, by trapezia
+    v = places.v_ned[known, :2]
+    way[1:] = np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t_s)[:, None], axis=0)
+    leg_s = (t_s[ends] - t_s[begins])[:, None]
+    went, told = (((at[ends] - at[begins]) / leg_s) for at in (metres(path), way))
+    off = np.linalg.norm(told - went, axis=1)
+    if float(np.median(off - _OFF_SHARE * np.linalg.norm(went, axis=1))) < _OFF_MPS:
+        return places, 0
+    return replace(places, v_ned=np.full_like(places.v_ned, np.nan)), len(known)
 
 
 def _without_spikes(places: PlaceTrack) -> tuple[PlaceTrack, int]:
@@ -125,14 +171,27 @@ def _reached(places: PlaceTrack) -> Bools:
 
 
 def _with_heights(places: PlaceTrack) -> PlaceTrack:
-    """Heights of exactly 0 are written before there is a home: they are none where the others have another home."""
-    zero = places.height_m == 0.0
-    told = np.isfinite(places.height_m) & np.isfinite(places.alt_m) & ~zero
-    if not zero.any() or not told.any():
-        return places
-    home_m = float(np.median((places.alt_m - places.height_m)[told]))
-    unset = zero & (np.abs(places.alt_m - home_m) > _HOME_M)
-    return replace(places, height_m=np.where(unset, np.nan, places.height_m)) if unset.any() else places
+    """Altitudes and heights of 0 are written before there is a fix or a home: then they are none.
+
+    Beside altitudes heights are so where the others have another home.
+    """
+    alt_m, height_m = _known(places.alt_m), places.height_m
+    zero = height_m == 0.0
+    told = np.isfinite(height_m) & np.isfinite(alt_m) & ~zero
+    if not told.any():
+        return replace(places, alt_m=alt_m, height_m=_known(height_m))
+    home_m = float(np.median((alt_m - height_m)[told]))
+    unset = zero & ~(np.abs(alt_m - home_m) <= _HOME_M)
+    # some readers work out heights by altitudes
+    unset |= np.isnan(alt_m) & (np.abs(places.alt_m - height_m - home_m) <= _HOME_M)
+    return replace(places, alt_m=alt_m, height_m=np.where(unset, np.nan, height_m))
+
+
+def _known(column: Floats) -> Floats:
+    """Without zeros that nothing comes near."""
+    zero = np.abs(column) < _ZERO_M
+    others = np.abs(column[np.isfinite(column) & ~zero])
+    return np.where(zero, np.nan, column) if len(others) and others.min() > _UNSET_M else column
 
 
 def alone(t_us: Ints, path: Floats, far: float, fastest: float) -> NDArray[np.bool_]:
@@ -153,6 +212,19 @@ def alone(t_us: Ints, path: Floats, far: float, fastest: float) -> NDArray[np.bo
         off = np.minimum(leg[:-1], leg[1:]) > far + _USUAL_STEPS * (past + usual_step(path))
         fast = (leg[:-1] > fastest * step_s[:-1]) & (leg[1:] > fastest * step_s[1:])
     found[1:-1] = off & fast
+    return found
+
+
+def leaps(t_us: Ints, path: Floats, far: float, fastest: float) -> NDArray[np.bool_]:
+    """(n,) which samples lie farther off than ``far`` from neighbours who are near each other, as of two paths in one.
+
+    As ``alone``, but however many there are.
+    """
+    leg, step_s = _steps(path), np.diff(t_us) * 1e-6
+    past = np.linalg.norm(path[2:] - path[:-2], axis=1)
+    found = np.zeros(len(t_us), np.bool_)
+    fast = leg > fastest * step_s
+    found[1:-1] = (np.minimum(leg[:-1], leg[1:]) > far + _USUAL_STEPS * past) & fast[:-1] & fast[1:]
     return found
 
 

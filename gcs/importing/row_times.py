@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
-from gcs.importing.plausible import alone, metres, usual_step
-from gcs.importing.vehicle_log import in_order
+from gcs.importing.plausible import alone, leaps, metres, usual_step
+from gcs.importing.vehicle_log import in_order, whole_places
 from infra.clock_steps import level_steps, restarts
 
 __all__ = [
@@ -31,6 +31,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 NO_ZONE = "times without a zone are UTC; --clock corrects that"
+_NO_PLACE = "positions that are no place"
 _BACK_US = 1_000_000
 _AGREE = 2
 """Rows of one logger come late alone, if at all."""
@@ -43,6 +44,8 @@ _NEAR_M, _STEPS = 2.0, 3.0
 """A row that comes late is nearer to the path at its time than this and so many usual steps."""
 _FAR_M, _FASTEST_MPS = 30.0, 40.0
 """Nothing goes farther than this out of its path and back as fast as that."""
+_BESIDE_M, _SHARE_BESIDE = 15.0, 0.1
+"""What takes turns with another path is farther beside it than coordinates of four decimals, and does so often."""
 _CUT_STEP_US, _STEP_US = 1_200_000, 500_000
 """Dates of whole seconds step by one."""
 _AROUND, _MOST_TOLD = 8, 3
@@ -98,7 +101,7 @@ def row_times(t_us: Ints, places: Floats, source: str) -> RowTimes:
     """Times of rows in the order of the file as those of one clock.
 
     Whole seconds that several rows share are spread over the second, where the places differ within it; of other rows
-    with one time the first counts. Damaged times and places are left out.
+    with one time the first counts. Damaged times and places, and what is no place, are left out.
 
     Args:
         t_us: (n,) as they stand there.
@@ -108,6 +111,11 @@ def row_times(t_us: Ints, places: Floats, source: str) -> RowTimes:
     Raises:
         ImportFileError: the times begin again, or all of them are the same.
     """
+    whole = np.flatnonzero(whole_places(places[:, 0], places[:, 1]))
+    nowhere = {_NO_PLACE: len(t_us) - len(whole)} if len(whole) < len(t_us) else {}
+    if not len(whole):
+        return RowTimes(rows=whole, t_us=t_us[whole], skipped=nowhere)
+    t_us, places = t_us[whole], places[whole]
     check_one_clock(t_us, source)
     kept, strays = _without_strays(t_us, places)
     times, counts = np.unique(t_us[kept], return_counts=True)
@@ -123,14 +131,31 @@ def row_times(t_us: Ints, places: Floats, source: str) -> RowTimes:
         "positions with the time of another": len(order) - len(rows),
         "positions whose time is not that of those around them": strays,
     }
+    _check_one_path(times, metres(places[rows]), source)
     there = ~alone(times, metres(places[rows]), _FAR_M, _FASTEST_MPS)
     left_out["positions out of the path and back at once"] = int(np.count_nonzero(~there))
     return RowTimes(
-        rows=rows[there],
+        rows=whole[rows[there]],
         t_us=times[there],
         assumed=(*((said,) if said else ()), *_gap_words(times)),
-        skipped={reason: count for reason, count in left_out.items() if count},
+        skipped={**nowhere, **{reason: count for reason, count in left_out.items() if count}},
     )
+
+
+def _check_one_path(times: Ints, path_m: Floats, source: str) -> None:
+    """See that a path is not two that take turns.
+
+    Raises:
+        ImportFileError: it is.
+    """
+    off = leaps(times, path_m, _BESIDE_M, _FASTEST_MPS)
+    if np.count_nonzero(off) > _SHARE_BESIDE * len(times):
+        row = int(np.argmax(off))
+        away_m = float(np.hypot(*(path_m[row] - path_m[row - 1])))
+        raise ImportFileError(
+            f"{source}: {np.count_nonzero(off)} of its {len(times)} positions leap away and back, the first, position "
+            f"{row + 1}, by {away_m:.0f} m: two vehicles or receivers take turns in it; give them one by one"
+        )
 
 
 def _without_strays(t_us: Ints, places: Floats) -> tuple[Ints, int]:

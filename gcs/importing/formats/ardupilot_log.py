@@ -21,7 +21,6 @@ from gcs.importing.vehicle_log import (
     PlaceTrack,
     VehicleLog,
     at_times,
-    whole_places,
 )
 
 __all__ = ["read_ardupilot"]
@@ -127,11 +126,10 @@ def _places(tables: DataflashTables, path: Path) -> tuple[PlaceTrack, str, RowTi
     if table is None:
         table, what = _fixes(tables, "Lat", "Lng", "Alt"), "the receiver"
     if table is not None:
-        table = np.asarray(table[whole_places(table["Lat"], table["Lng"])])
-    if table is None or not len(table):
+        at = np.column_stack([table["Lat"].astype(float), table["Lng"].astype(float)])
+        ordered = row_times(_times(table), at, f"{path}")
+    if table is None or not len(ordered.rows):
         raise ImportFileError(f"{path}: no position in it; an ArduPilot log with POS or GPS is needed")
-    at = np.column_stack([table["Lat"].astype(float), table["Lng"].astype(float)])
-    ordered = row_times(_times(table), at, f"{path}")
     known, t_us, table = "RelHomeAlt" in (table.dtype.names or ()), ordered.t_us, table[ordered.rows]
     places = PlaceTrack.of(
         t_us,

@@ -55,6 +55,8 @@ def log_of_klv(source: str, packets: Sequence[TimedBytes]) -> VehicleLog:
     rows = [row for row in rows if 13 in row[1] and 14 in row[1]]
     places = np.array([[items.get(tag, math.nan) for tag in (13, 14, 15)] for _, items in rows]).reshape(-1, 3)
     known = whole_places(places[:, 0], places[:, 1])
+    if not known.all():
+        skipped["KLV sets that tell no place"] += int(np.count_nonzero(~known))
     if not known.any():
         why = "".join(f", {count} {reason}" for reason, count in skipped.items())
         raise ImportFileError(f"{source}: its KLV never tells where the sensor was ({len(packets)} packets{why})")

@@ -27,7 +27,6 @@ from gcs.importing.vehicle_log import (
     VehicleLog,
     at_times,
     in_order,
-    whole_places,
 )
 from infra.processes.bounded import UnreadError
 from mavlink.geodesy import euler_from_quaternion
@@ -146,12 +145,10 @@ def _places(topics: Topics, path: Path) -> tuple[PlaceTrack, RowTimes] | None:
     if topic is None or not _has(topic, "lat", "lon", "alt"):
         return None
     lat, lon = topic["lat"].astype(float), topic["lon"].astype(float)
-    t_us = _times(topic)
-    rows = np.flatnonzero(whole_places(lat, lon))
+    ordered = row_times(_times(topic), np.column_stack([lat, lon]), f"{path}")
+    rows, t_us = ordered.rows, ordered.t_us
     if not len(rows):
         return None
-    ordered = row_times(t_us[rows], np.column_stack([lat[rows], lon[rows]]), f"{path}")
-    rows, t_us = rows[ordered.rows], ordered.t_us
     alt_m = topic["alt"].astype(float)[rows]
     local, home = _first(topics, "vehicle_local_position"), _first(topics, "home_position")
     v_ned = None
@@ -187,11 +184,11 @@ def _fixes(topics: Topics, path: Path) -> tuple[PlaceTrack, RowTimes] | None:
         lat, lon, alt = (topic[name].astype(float) for name in names)
         lat, lon = lat * degrees, lon * degrees
         fixed = topic["fix_type"] >= _FIX_3D if _has(topic, "fix_type") else np.ones(len(lat), np.bool_)
-        rows = np.flatnonzero(whole_places(lat, lon) & fixed)
-        if not len(rows) or (best is not None and len(rows) <= len(best[0])):
-            continue
+        rows = np.flatnonzero(fixed)
         ordered = row_times(_times(topic)[rows], np.column_stack([lat[rows], lon[rows]]), f"{path}")
         rows = rows[ordered.rows]
+        if not len(rows) or (best is not None and len(rows) <= len(best[0])):
+            continue
         axes = ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
         v_ned = np.column_stack([topic[axis].astype(float)[rows] for axis in axes]) if _has(topic, *axes) else None
         std_m = float(np.median(topic["eph"].astype(float)[rows])) if _has(topic, "eph") else math.nan

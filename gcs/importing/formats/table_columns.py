@@ -44,7 +44,7 @@ _LONGEST_STEP_S = 60.0
 _HIGHEST_M = 20_000.0
 _LEAST_E7 = 1e5
 """Coordinates in 1e-7 degrees; smaller ones would be on the equator."""
-_TURN_DEG, _TURN_RAD = 720.0, 2.0 * math.pi + 0.01
+_TURN_DEG, _TURN_RAD = 360.5, 2.0 * math.pi + 0.01
 _LEVEL_RAD = 0.05
 """Angles that are all smaller are so little that the unit does not matter."""
 _UNNAMED = {

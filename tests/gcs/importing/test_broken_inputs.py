@@ -1,5 +1,6 @@
 """A good drive, broken in one way, in every format: read as if whole, or left out and counted, or told, or refused."""
 
+import re
 from functools import lru_cache
 
 import numpy as np
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 from gcs.errors import ImportFileError
 from tests.support.imports.straight import (
     ALT_M,
+    FILES,
     HEIGHT_M,
     LAT,
     LON,
@@ -20,6 +22,7 @@ from tests.support.imports.straight import (
     N,
     Straight,
     read_as,
+    read_written,
 )
 
 WITHIN_M, WITHIN_DEG = 0.05, 0.5
@@ -203,6 +206,60 @@ def test_heights_of_0_before_home_is_set(name, upto, folder, whole):
     drive.height_m[:upto] = 0.0
     log = read_as(name, drive, folder)
     assert is_right(log, whole(name)) and len(log.places) == N
+
+
+@pytest.mark.parametrize("name", READERS)
+@given(upto=st.integers(5, N // 3))
+@few
+def test_altitudes_of_0_before_the_fix(name, upto, folder, whole):
+    drive = Straight()
+    drive.alt_m[:upto] = 0.0
+    assert_not_silent(name, drive, folder, whole)
+
+
+IN_ANOTHER_UNIT = {
+    "1e7": (("lat", "lon"), 1e7),
+    "rad": (("lat", "lon"), np.pi / 180.0),
+    "mm": (("alt_m", "height_m"), 1e3),
+    "cm": (("alt_m", "height_m"), 1e2),
+    "cdeg": (("yaw_deg",), 1e2),
+}
+AS_TEXT = ("rover.csv", "elapsed.csv", "rover.gpx", "rover.kml", "film.srt")
+"""Other formats have no room for numbers in another unit."""
+
+
+@pytest.mark.parametrize("name", AS_TEXT)
+@pytest.mark.parametrize("unit", IN_ANOTHER_UNIT)
+def test_another_unit(name, unit, folder, whole):
+    drive, (columns, factor) = Straight(), IN_ANOTHER_UNIT[unit]
+    for column in columns:
+        setattr(drive, column, getattr(drive, column) * factor)
+    assert_not_silent(name, drive, folder, whole)
+
+
+@pytest.mark.parametrize("name", [name for name in FILES if name not in ("rover.bin", "rover.ulg", "rover.tlog")])
+@pytest.mark.parametrize("strange", ["4_7.100096", "٤٧.100096", "nan", "infinity", "1e999", "47.1x"])
+def test_what_is_no_number_costs_its_row(name, strange, folder, whole):
+    # degrees and minutes of the 25th row
+    text, found = re.subn(r"\b47(06\.00576|\.100096)0*\b", strange, FILES[name](Straight()))
+    log = read_written(name, text, folder)
+    assert found and is_right(log, whole(name)) and len(log.places) == N - 1 and log.notes.skipped
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_radians(name, folder, whole):
+    drive = Straight()
+    drive.lat, drive.lon = np.radians(drive.lat), np.radians(drive.lon)
+    assert_not_silent(name, drive, folder, whole)
+
+
+@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize("every", [2, 3])
+@pytest.mark.parametrize("later_us", [0, 40_000])
+def test_rows_of_another_component(name, every, later_us, folder, whole):
+    drive = Straight()
+    drive.mix_in(every, 1e-3, later_us)
+    assert_not_silent(name, drive, folder, whole)
 
 
 @pytest.mark.parametrize("name", ALL_TIMES)

@@ -164,7 +164,7 @@ def ulog(flown: Flown, system_id: int) -> bytes:
         packed = struct.pack("<HQ" + "".join(PACKS[kind] for kind, _ in TOPICS[name]), ids[name], t - zero_us, *values)
         return t, _message("D", packed)
 
-    home = float(places["alt_m"][0] - places["height_m"][0])
+    home = float(np.median(places["alt_m"] - places["height_m"]))
     rows = [row("home_position", int(places["t_us"][0]), home)]
     for k, t in enumerate(places["t_us"].tolist()):
         rows.append(row("vehicle_global_position", t, places["lat"][k], places["lon"][k], places["alt_m"][k], 0.8))

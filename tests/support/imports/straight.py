@@ -51,6 +51,18 @@ class Straight:
     yaw_deg: np.ndarray = field(default_factory=lambda: _line(YAW_DEG))
     order: np.ndarray = field(default_factory=lambda: np.arange(N))
 
+    def mix_in(self, every: int, north_deg: float, later_us: int) -> None:
+        """Beside each ``every``-th sample another one, of something that drives beside it."""
+        beside = np.arange(0, N, every)
+        places = np.sort(np.r_[np.arange(N), beside])
+        again = np.diff(places, prepend=-1) == 0
+        for name in ("t_us", "boot_us", "film_us", "lat", "lon", "alt_m", "height_m", "yaw_deg"):
+            setattr(self, name, getattr(self, name)[places])
+        self.lat = self.lat + north_deg * again
+        for name in ("t_us", "boot_us", "film_us"):
+            setattr(self, name, getattr(self, name) + later_us * again)
+        self.order = np.arange(len(places))
+
     @property
     def yaw(self):
         return (np.radians(self.yaw_deg) + np.pi) % (2.0 * np.pi) - np.pi
@@ -67,7 +79,8 @@ class Straight:
             "alt": self.alt_m * 1e3,
             "relative_alt": self.height_m * 1e3,
         }
-        speed = {"vx": np.full(N, 178.0), "vy": np.full(N, 60.0), "vz": np.zeros(N)}
+        n = len(self.t_us)
+        speed = {"vx": np.full(n, 178.0), "vy": np.full(n, 60.0), "vz": np.zeros(n)}
         return self.t_us[rows], {name: np.rint(column)[rows] for name, column in (scaled | speed).items()}
 
     def spots(self):
@@ -81,7 +94,7 @@ def _table(drive: Straight, time: str) -> str:
     rows = [f"{time},lat,lon,alt_m,height_m,roll_deg,pitch_deg,yaw_deg\n"]
     for k in drive.order.tolist():
         at = drive.t_us[k] if time == "time_us" else f"{drive.film_us[k] * 1e-6:.3f}"
-        place = f"{drive.lat[k]:.9f},{drive.lon[k]:.9f},{drive.alt_m[k]:.3f},{drive.height_m[k]:.3f}"
+        place = f"{drive.lat[k]:.11f},{drive.lon[k]:.11f},{drive.alt_m[k]:.3f},{drive.height_m[k]:.3f}"
         rows.append(f"{at},{place},1.0,2.0,{drive.yaw_deg[k]:.3f}\n")
     return "".join(rows)
 
@@ -140,7 +153,11 @@ def read_as(name: str, drive: Straight, folder: Path) -> VehicleLog:
     """What a reader makes of a drive."""
     if name in IN_FILMS:
         return plausible(IN_FILMS[name](drive))
-    data = FILES[name](drive)
+    return read_written(name, FILES[name](drive), folder)
+
+
+def read_written(name: str, data: bytes | str, folder: Path) -> VehicleLog:
+    """What a reader makes of a file."""
     (folder / name).write_bytes(data if isinstance(data, bytes) else data.encode())
     (log,) = read_vehicle_logs(folder / name)
     return log
