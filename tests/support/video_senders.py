@@ -40,7 +40,7 @@ def steady(n):
     return np.arange(n) * 1000 // FPS
 
 
-def write_clip(path, pts_ms, *, gop=12, bframes=2):
+def write_clip(path, pts_ms, *, gop=12, bframes=2, aspect=1):
     """A clip whose i-th frame is shown at ``pts_ms[i]`` and carries the number i."""
     with av.open(str(path), "w") as container:
         options = {"preset": "ultrafast", "x264-params": f"bframes={bframes}"}
@@ -48,6 +48,7 @@ def write_clip(path, pts_ms, *, gop=12, bframes=2):
         stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
         stream.codec_context.gop_size = gop
         stream.codec_context.time_base = Fraction(1, 1000)
+        stream.codec_context.sample_aspect_ratio = Fraction(aspect)
         for number, pts in enumerate(pts_ms):
             frame = av.VideoFrame.from_ndarray(image(number), format="bgr24")
             frame.pts, frame.time_base = int(pts), Fraction(1, 1000)

@@ -105,8 +105,11 @@ def read_index(path: Path) -> FrameIndex:
 
 def film_stream(container: InputContainer) -> VideoStream:
     """The film among a file's video tracks: cover pictures and tracks of one frame are passed over."""
+    tracks = container.streams.video
+    # how many frames a track has, MP4 and MOV tell beforehand
+    moving = [track for track in tracks if track.frames != 1] or tracks
     best = container.streams.best("video")
-    return best if isinstance(best, VideoStream) else container.streams.video[0]
+    return next((track for track in moving if best is not None and track.index == best.index), moving[0])
 
 
 def coded_packets(container: InputContainer, stream: VideoStream) -> Iterator[tuple[int, Packet[VideoStream]]]:

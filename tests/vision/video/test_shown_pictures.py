@@ -3,6 +3,7 @@
 from fractions import Fraction
 
 import av
+import cv2
 import numpy as np
 import pytest
 
@@ -98,6 +99,32 @@ def test_a_cover_picture_is_not_the_film(tmp_path):
         assert number_of(video.read(30).image) == 30
     with CodedFilm(path) as film:
         assert len(list(film.frames())) == FRAMES
+
+
+@pytest.mark.parametrize("suffix", ["mp4", "mov", "mkv"])
+@pytest.mark.parametrize(
+    ("hidden", "turned", "aspect", "cover"),
+    [
+        (17, 90, 1, False),
+        (17, 0, Fraction(4, 3), False),
+        (17, 0, 1, True),
+        (0, 90, Fraction(4, 3), False),
+        (0, -90, Fraction(1, 2), True),
+        (0, 180, Fraction(4, 3), False),
+        (17, -90, Fraction(4, 3), True),
+    ],
+)
+def test_several_of_these_at_once(suffix, hidden, turned, aspect, cover, tmp_path):
+    hidden = hidden if suffix != "mkv" else 0  # it has no edit lists
+    clip = write_clip(tmp_path / "clip.mp4", steady(FRAMES), aspect=aspect)
+    earlier_ms = int(steady(FRAMES)[hidden])
+    path = remuxed(clip, tmp_path / f"film.{suffix}", earlier_ms=earlier_ms, turned=turned, cover=cover)
+    wide, high = (round(WIDTH * max(aspect, 1)), round(HEIGHT / min(aspect, 1)))
+    with VideoFile.open(path) as video:
+        assert (video.width, video.height) == ((wide, high) if turned % 180 == 0 else (high, wide))
+        upright = [np.rot90(frame.image, -turned // 90) for frame in video.frames()]
+        assert [number_of(cv2.resize(each, (WIDTH, HEIGHT))) for each in upright] == list(range(hidden, FRAMES))
+        assert video.times_us == pytest.approx(np.arange(video.n) * 40_000, abs=1000)
 
 
 def test_time_stamps_that_begin_again_are_refused(tmp_path):
