@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from types import MappingProxyType
 from typing import Any
@@ -12,12 +12,14 @@ import numpy as np
 
 from gcs.importing.film import ImportedFilm
 from gcs.importing.ground_vehicles import GroundVehicles
+from gcs.importing.row_times import gaps
 from gcs.importing.timeline import FilmTimes
 from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog
 from gcs.session.metadata import import_rows
 
 __all__ = ["ImportReport", "SourceAccount", "source_accounts"]
 
+_MOST_GAPS = 100
 _CLOCKS = {
     "video": "that of the film",
     "frame": "that of the film: its frames are numbered",
@@ -39,11 +41,14 @@ class SourceAccount:
     assumed: tuple[str, ...] = ()
     left_out: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
     """How many records, by reason."""
+    spans: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=lambda: MappingProxyType({}))
+    """From and to which second of the film it tells of whom, without gaps."""
 
     def table(self) -> dict[str, Any]:
         """For session.toml and for programs."""
         told = {"clock": self.clock, "read": list(self.read), "assumed": list(self.assumed)}
-        return {"role": self.role, "name": self.name, **told, "left_out": dict(self.left_out)}
+        spans = {whose: [list(span) for span in parts] for whose, parts in self.spans.items()}
+        return {"role": self.role, "name": self.name, **told, "left_out": dict(self.left_out), "spans": spans}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,29 +103,42 @@ def source_accounts(
         clock=f"its own time stamps, {length_s:.1f} s; begins {_when(timeline.film_us)} UTC by {timeline.said}",
         read=(f"{len(film.elapsed_us)} frames of {_size(film)}",),
         assumed=film.assumed,
+        spans={"video": ((0.0, round(length_s, 3)),)},
     )
     accounts = [video]
     if uav is not None:
-        accounts.append(_of_log("uav", uav, _against_film(uav.places, timeline.uav_shift_us - timeline.film_us)))
+        accounts.append(_of_log("uav", uav, timeline.uav_shift_us - timeline.film_us))
     for system_id, log in fleet.logs.items():
-        accounts.append(_of_log(f"ugv {system_id}", log, _against_film(log.places, -timeline.film_us)))
+        accounts.append(_of_log(f"ugv {system_id}", log, -timeline.film_us))
     if fleet.tlog is not None:
         tlog = fleet.tlog
         tracks = {i: track for i, track in tlog.tracks.items() if len(track) and i not in fleet.logs}
         of_each = (f"system {i}: {_against_film(track, -timeline.film_us)}" for i, track in tracks.items())
         notes = ImportNotes(assumed=tlog.assumed, skipped=tlog.skipped)
-        accounts.append(_account("fleet", tlog.tlog.path.name, tlog.clock, tuple(of_each), notes))
+        account = _account("fleet", tlog.tlog.path.name, tlog.clock, tuple(of_each), notes)
+        spans = {f"system {i}": _spans(track, -timeline.film_us) for i, track in tracks.items()}
+        accounts.append(replace(account, spans=spans))
     return tuple(accounts)
 
 
-def _of_log(role: str, log: VehicleLog, span: str) -> SourceAccount:
-    return _account(role, log.source, log.dated or _CLOCKS[log.clock], (", ".join(log.notes.found), span), log.notes)
+def _of_log(role: str, log: VehicleLog, shift_us: int) -> SourceAccount:
+    read = ", ".join(log.notes.found), _against_film(log.places, shift_us)
+    account = _account(role, log.source, log.dated or _CLOCKS[log.clock], read, log.notes)
+    return replace(account, spans={role: _spans(log.places, shift_us)})
 
 
 def _account(role: str, name: str, clock: str, read: tuple[str, ...], notes: ImportNotes) -> SourceAccount:
     return SourceAccount(
         role=role, name=name, clock=clock, read=read, assumed=notes.assumed, left_out=dict(notes.skipped)
     )
+
+
+def _spans(places: PlaceTrack, shift_us: int) -> tuple[tuple[float, float], ...]:
+    """Seconds of the film between gaps, of which only the longest count where there are many."""
+    behind, steps = gaps(places.t_us), np.diff(places.t_us)
+    behind = np.sort(behind[np.argsort(steps[behind])[-_MOST_GAPS:]])
+    t_s = np.round((places.t_us + shift_us) * 1e-6, 3)
+    return tuple(zip(t_s[np.r_[0, behind + 1]].tolist(), t_s[np.r_[behind, -1]].tolist(), strict=True))
 
 
 def _size(film: ImportedFilm) -> str:

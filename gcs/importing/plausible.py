@@ -24,6 +24,8 @@ _FAR_M, _CLIMB_MPS = 30.0, 40.0
 _FAR_RAD, _TURN_RAD_S = 0.5, 2.0
 """Heights and headings that are farther off than the first and back faster than the second are damaged."""
 _LEAST = 3
+_MOST_IN_A_ROW = 8
+"""Damaged samples; what is off for longer is where it is."""
 _LEG_S, _OFF_MPS, _OFF_SHARE = 5.0, 2.0, 0.3
 """Over such a time velocities that are off by more than this and that share of the speed are not those of the path."""
 _ZERO_M, _UNSET_M = 0.5, 5.0
@@ -195,7 +197,7 @@ def _known(column: Floats) -> Floats:
 
 
 def alone(t_us: Ints, path: Floats, far: float, fastest: float) -> NDArray[np.bool_]:
-    """(n,) which samples are farther off than ``far`` from both neighbours, who are near each other.
+    """(n,) which samples, some in a row at most, are farther off than ``far`` from those before and after.
 
     Args:
         t_us: (n,) increasing.
@@ -203,29 +205,29 @@ def alone(t_us: Ints, path: Floats, far: float, fastest: float) -> NDArray[np.bo
         far: in that unit; what is nearer may be noise.
         fastest: per second; nothing of which this is measured goes out and back faster.
     """
+    usual = usual_step(path)
     found = np.zeros(len(t_us), np.bool_)
-    if len(t_us) < _LEAST:
-        return found
-    leg, step_s = _steps(path), np.diff(t_us) * 1e-6
-    past = np.linalg.norm(path[2:] - path[:-2], axis=1)
+    for count in range(1, _MOST_IN_A_ROW + 1):
+        for k in np.flatnonzero(_out_and_back(t_us, path, far + _USUAL_STEPS * usual, fastest, count)).tolist():
+            found[k + 1 : k + 1 + count] = True
+    return found
+
+
+def leaps(t_us: Ints, path: Floats, far: float, fastest: float) -> int:
+    """How many samples are farther off than ``far`` from both neighbours, as where two paths are in one."""
+    return int(np.count_nonzero(_out_and_back(t_us, path, far, fastest, 1)))
+
+
+def _out_and_back(t_us: Ints, path: Floats, far: float, fastest: float, count: int) -> Bools:
+    """Behind which samples a path leaps, and leaps back ``count`` samples later to where it was going."""
+    if len(t_us) < count + 2:
+        return np.zeros(0, np.bool_)
+    leg = _steps(path)
+    past = np.linalg.norm(path[count + 1 :] - path[: -count - 1], axis=1)
     with np.errstate(invalid="ignore"):
-        off = np.minimum(leg[:-1], leg[1:]) > far + _USUAL_STEPS * (past + usual_step(path))
-        fast = (leg[:-1] > fastest * step_s[:-1]) & (leg[1:] > fastest * step_s[1:])
-    found[1:-1] = off & fast
-    return found
-
-
-def leaps(t_us: Ints, path: Floats, far: float, fastest: float) -> NDArray[np.bool_]:
-    """(n,) which samples lie farther off than ``far`` from neighbours who are near each other, as of two paths in one.
-
-    As ``alone``, but however many there are.
-    """
-    leg, step_s = _steps(path), np.diff(t_us) * 1e-6
-    past = np.linalg.norm(path[2:] - path[:-2], axis=1)
-    found = np.zeros(len(t_us), np.bool_)
-    fast = leg > fastest * step_s
-    found[1:-1] = (np.minimum(leg[:-1], leg[1:]) > far + _USUAL_STEPS * past) & fast[:-1] & fast[1:]
-    return found
+        fast = leg > fastest * np.diff(t_us) * 1e-6
+        off = np.minimum(leg[:-count], leg[count:]) > far + _USUAL_STEPS * past
+    return np.asarray(off & fast[:-count] & fast[count:])
 
 
 def usual_step(path: Floats) -> float:

@@ -22,6 +22,7 @@ __all__ = [
     "ascending",
     "check_one_clock",
     "first_frame_us",
+    "gaps",
     "longest_level",
     "row_times",
     "unix_seconds",
@@ -148,13 +149,11 @@ def _check_one_path(times: Ints, path_m: Floats, source: str) -> None:
     Raises:
         ImportFileError: it is.
     """
-    off = leaps(times, path_m, _BESIDE_M, _FASTEST_MPS)
-    if np.count_nonzero(off) > _SHARE_BESIDE * len(times):
-        row = int(np.argmax(off))
-        away_m = float(np.hypot(*(path_m[row] - path_m[row - 1])))
+    count = leaps(times, path_m, _BESIDE_M, _FASTEST_MPS)
+    if count > _SHARE_BESIDE * len(times):
         raise ImportFileError(
-            f"{source}: {np.count_nonzero(off)} of its {len(times)} positions leap away and back, the first, position "
-            f"{row + 1}, by {away_m:.0f} m: two vehicles or receivers take turns in it; give them one by one"
+            f"{source}: {count} of its {len(times)} positions leap away by more than {_BESIDE_M:.0f} m and back: two "
+            "vehicles or receivers take turns in it; give them one by one"
         )
 
 
@@ -203,11 +202,18 @@ def _longest_ascent(t_us: Ints) -> Ints:
     return np.array(found[::-1], np.int64)
 
 
-def _gap_words(times: Ints) -> tuple[str, ...]:
-    """The longest gap, if it is one: a clock that was set forward looks the same."""
+def gaps(times: Ints) -> Ints:
+    """Behind which rows of ascending times (n,) nothing was logged for long."""
     steps = np.diff(times)
-    if not len(steps) or steps.max() < max(_GAP_US, _GAP_STEPS * float(np.median(steps))):
+    usual_us = float(np.median(steps)) if len(steps) else 0.0
+    return np.asarray(np.flatnonzero(steps >= max(_GAP_US, _GAP_STEPS * usual_us)), np.int64)
+
+
+def _gap_words(times: Ints) -> tuple[str, ...]:
+    """The longest gap: a clock that was set forward looks the same."""
+    if not len(gaps(times)):
         return ()
+    steps = np.diff(times)
     row = int(np.argmax(steps))
     return (f"nothing was logged for {steps[row] * 1e-6:.1f} s after position {row + 1} of {len(times)}",)
 

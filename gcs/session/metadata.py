@@ -51,6 +51,8 @@ MOST_COUNTED_BYTES = 8 << 30
 
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_FARTHEST_S = 1e9
+"""Of anything from a film that was imported."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,6 +72,8 @@ class FlightNotes:
     """Records that were rejected; None: the flight was not ended in order."""
     imported: tuple[tuple[str, str], ...] = ()
     """What and how, of each file that an import read."""
+    spans: tuple[tuple[str, tuple[tuple[float, float], ...]], ...] = ()
+    """Of whom such a file tells, and from and to which seconds of the film."""
     started_us: int = 0
     """When the flight began and ended, Unix µs; 0 unknown."""
     ended_us: int = 0
@@ -88,6 +92,7 @@ class FlightNotes:
             lost=_values_of(int, table.get("lost")),
             refused=refused if isinstance(refused, int) else None,
             imported=tuple(import_rows(table.get("imported"))),
+            spans=tuple(_import_spans(table.get("imported"))),
             started_us=_unix_us(table.get("started")),
             ended_us=_unix_us(table.get("ended")),
         )
@@ -119,16 +124,30 @@ def _values_of(kind: type[Kind], table: object) -> dict[str, Kind]:
 
 def import_rows(table: object) -> Iterator[tuple[str, str]]:
     """What and how, file by file, of the account that an import has written; of anything else nothing."""
+    for each in _sources(table):
+        yield str(each.get("role", "")), str(each.get("name", ""))
+        for what in ("clock", "read", "assumed"):
+            told = each.get(what)
+            yield from ((what, text) for text in (told if isinstance(told, list) else [told]) if isinstance(text, str))
+        yield from (("left out", f"{n} {reason}") for reason, n in _values_of(int, each.get("left_out")).items())
+
+
+def _import_spans(table: object) -> Iterator[tuple[str, tuple[tuple[float, float], ...]]]:
+    """Of whom, and when, by the account that an import has written; what can be none is left out."""
+    for each in _sources(table):
+        for whose, parts in _values_of(list, each.get("spans")).items():
+            yield whose, tuple((part[0], part[1]) for part in parts if _is_span(part))
+
+
+def _is_span(part: object) -> bool:
+    if not (isinstance(part, list) and len(part) == 2 and all(isinstance(end, float) for end in part)):
+        return False
+    return bool(-_FARTHEST_S < part[0] <= part[1] < _FARTHEST_S)
+
+
+def _sources(table: object) -> list[Mapping[str, Any]]:
     sources = table.get("sources") if isinstance(table, Mapping) else None
-    for each in sources if isinstance(sources, list) else []:
-        if isinstance(each, Mapping):
-            yield str(each.get("role", "")), str(each.get("name", ""))
-            for what in ("clock", "read", "assumed"):
-                told = each.get(what)
-                yield from (
-                    (what, text) for text in (told if isinstance(told, list) else [told]) if isinstance(text, str)
-                )
-            yield from (("left out", f"{n} {reason}") for reason, n in _values_of(int, each.get("left_out")).items())
+    return [each for each in (sources if isinstance(sources, list) else []) if isinstance(each, Mapping)]
 
 
 def mission_table(mission: Mission, notes: Mapping[str, Any]) -> str:

@@ -69,6 +69,7 @@ def report(
             },
             files={path.name: _digest(path) for path in [*_read_files(opened), *mission_files(opened.mission)]},
             imported=opened.notes.imported,
+            spans=opened.notes.spans,
         )
     finally:
         analysis.close()

@@ -107,8 +107,8 @@ def log_of_messages(source: str, messages: Sequence[TimedBytes]) -> VehicleLog:
         record = _record(message.data[len(TELEMETRY_UUID) :])
         if record is None:
             skipped["messages that cannot be read"] += 1
-        else:
-            rows.setdefault(message.t_us, record)
+        elif rows.setdefault(message.t_us, record) is not record:
+            skipped["messages with the time of another"] += 1
     t_us = np.array(sorted(rows), np.int64)
     records = [rows[t] for t in t_us.tolist()]
     places = np.array([_place(record) for record in records]).reshape(-1, 7)

@@ -12,7 +12,7 @@ from gcs.report.page.html import empty, page, section, table, words
 from gcs.report.page.map_drawing import draw_map
 from gcs.report.page.score_parts import score_parts
 from gcs.report.page.stills import Stills
-from gcs.report.page.timeline import clock, draw_timeline
+from gcs.report.page.timeline import clock, draw_sources, draw_timeline
 from gcs.report.page.vehicle_parts import rollcall_table, vehicle_parts
 from gcs.report.score import Matched
 from gcs.report.vehicle_names import text_with_sender
@@ -44,6 +44,8 @@ class Provenance:
     """SHA-256 of each file that was read, by name."""
     imported: Sequence[tuple[str, str]] = ()
     """What and how, of the files of others that the recording was made from."""
+    spans: Sequence[tuple[str, Sequence[tuple[float, float]]]] = ()
+    """Of whom these tell, and from and to which seconds of the film."""
 
 
 def flight_report(record: FlightSummary, stills: Stills, matched: Matched | None, about: Provenance) -> str:
@@ -134,4 +136,4 @@ def _made_of(about: Provenance) -> str:
     settings = table(("what", "which"), list(about.settings.items()), caption="Programs and options")
     files = table(("file", "SHA-256"), list(about.files.items()), caption="Files that were read")
     imported = table(("what", "how"), list(about.imported), caption="Files of others that the recording was made from")
-    return settings + files + (imported if about.imported else "")
+    return settings + files + (draw_sources(about.spans) + imported if about.imported else "")

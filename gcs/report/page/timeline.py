@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -11,7 +13,7 @@ from gcs.health.alarm_history import AlarmSpan
 from gcs.report.page.flight_summary import FlightSummary, VehicleRecord
 from gcs.report.page.html import CHART_WIDTH, COLOURS, chart, words
 
-__all__ = ["clock", "draw_timeline"]
+__all__ = ["clock", "draw_sources", "draw_timeline"]
 
 LEFT, WIDTH, RIGHT = 160, CHART_WIDTH, 10
 ROW, GAP = 34, 8
@@ -22,6 +24,7 @@ ALARM_ROW: Final = 22
 NUMBER: Final = 30
 """Wide, of an alarm."""
 MOST_ALARM_ROWS: Final = 8
+MOST_SOURCES: Final = 40
 STEPS_S: Final = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400)
 MOST_TICKS: Final = 9
 MOST_LETTERS: Final = 15
@@ -69,9 +72,32 @@ def draw_timeline(record: FlightSummary) -> str:
     return f'{drawing}<p class="soft">{legend}</p>'
 
 
+def draw_sources(sources: Sequence[tuple[str, Sequence[tuple[float, float]]]]) -> str:
+    """A bar for each of whom files of others tell, where they do; empty without any.
+
+    Args:
+        sources: who, and from and to which seconds of the film.
+    """
+    rows = [(whose, spans) for whose, spans in sources if spans][:MOST_SOURCES]
+    ends = [end for _, spans in rows for span in spans for end in span]
+    if not ends or min(ends) == max(ends):
+        return ""
+    first_s, last_s, bars, y = min(ends), max(ends), [], 10.0
+    for index, (whose, spans) in enumerate(rows):
+        bars.append(f'<g class="c{index % COLOURS}"><text x="0" y="{y + 15:.1f}">{words(whose[:MOST_LETTERS])}</text>')
+        for since_s, until_s in spans:
+            x, until = place(since_s, first_s, last_s), place(until_s, first_s, last_s)
+            width = max(until - x, 1.0)
+            bars.append(f'<rect x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{LOW_ROW}" fill="currentColor"/>')
+        bars.append("</g>")
+        y += LOW_ROW + LOW_GAP
+    label = "From when to when each file tells of whom"
+    legend = "Minutes and seconds since the film's first frame; where a bar is broken, nothing was logged."
+    return chart(y + 26, label, axis(first_s, last_s, y) + "".join(bars)) + f'<p class="soft">{legend}</p>'
+
+
 def _x(record: FlightSummary, t_us: int) -> float:
-    share = min(max((t_us - record.start_us) / (record.stop_us - record.start_us), 0.0), 1.0)
-    return LEFT + share * (WIDTH - LEFT - RIGHT)
+    return place(t_us, record.start_us, record.stop_us)
 
 
 def _row(vehicle: VehicleRecord, top: float, height: float, kind: str) -> str:
@@ -114,14 +140,27 @@ def _runs(flags: np.ndarray) -> list[tuple[int, int]]:
 
 
 def _axis(record: FlightSummary, y: float) -> str:
-    step_s = next((step for step in STEPS_S if record.span_s / step <= MOST_TICKS), 86_400)
+    return axis(0.0, record.span_s, y)
+
+
+def axis(first_s: float, last_s: float, y: float) -> str:
+    """Lines at round times down to ``y``, and these times below it."""
+    span_s = last_s - first_s
+    step_s = next((step for step in STEPS_S if span_s / step <= MOST_TICKS), 86_400 * math.ceil(span_s / 86_400 / 9))
     ticks = []
-    for k in range(int(record.span_s // step_s) + 1):
-        x = _x(record, record.start_us + round(k * step_s * 1e6))
-        minutes, seconds = divmod(k * step_s, 60)
+    for k in range(math.ceil(first_s / step_s), int(last_s // step_s) + 1):
+        x = place(k * step_s, first_s, last_s)
+        minutes, seconds = divmod(abs(k) * step_s, 60)
         anchor = "end" if x > WIDTH - 30 else "middle"
         ticks.append(f'<path class="rule" d="M{x:.1f} 4V{y:.1f}"/>')
         ticks.append(
-            f'<text class="ink" x="{x:.1f}" y="{y + 19:.1f}" text-anchor="{anchor}">{minutes}:{seconds:02d}</text>'
+            f'<text class="ink" x="{x:.1f}" y="{y + 19:.1f}" text-anchor="{anchor}">'
+            f"{'−' * (k < 0)}{minutes}:{seconds:02d}</text>"
         )
     return "".join(ticks)
+
+
+def place(t_s: float, first_s: float, last_s: float) -> float:
+    """Where a time stands on an axis from the first to the last."""
+    share = min(max((t_s - first_s) / (last_s - first_s), 0.0), 1.0)
+    return LEFT + share * (WIDTH - LEFT - RIGHT)

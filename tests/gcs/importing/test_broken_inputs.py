@@ -153,12 +153,12 @@ def test_one_time_is_damaged(name, row, by_s, folder, whole):
 
 
 @pytest.mark.parametrize("name", READERS)
-@given(row=rows, north=st.floats(0.001, 30.0), east=st.booleans())
+@given(row=rows, north=st.floats(0.001, 30.0), east=st.booleans(), count=st.integers(1, 4))
 @few
-def test_one_place_is_damaged(name, row, north, east, folder, whole):
+def test_places_are_damaged(name, row, north, east, count, folder, whole):
     drive = Straight()
-    (drive.lon if east else drive.lat)[row] += 1.5 * north if east else north
-    assert_counted_and_right(read_as(name, drive, folder), whole(name))
+    (drive.lon if east else drive.lat)[row : row + count] += 1.5 * north if east else north
+    assert_counted_and_right(read_as(name, drive, folder), whole(name), N - count)
 
 
 @pytest.mark.parametrize("name", READERS)
@@ -172,20 +172,21 @@ def test_one_place_is_none(name, row, folder, whole):
 
 
 @pytest.mark.parametrize("name", READERS)
-@given(row=rows)
+@given(row=rows, beside=st.booleans())
 @few
-def test_latitude_and_longitude_of_one_change_over(name, row, folder, whole):
+def test_latitude_and_longitude_of_one_change_over(name, row, beside, folder, whole):
     drive = Straight()
     drive.lat[row], drive.lon[row] = drive.lon[row], drive.lat[row]
-    assert_counted_and_right(read_as(name, drive, folder), whole(name))
+    drive.lat[row + 1] += beside * 1e-3
+    assert_counted_and_right(read_as(name, drive, folder), whole(name), N - 1 - beside)
 
 
 @pytest.mark.parametrize("name", READERS)
-@given(row=rows, alt_m=st.sampled_from([0.0, -500.0, 6000.0]))
+@given(row=rows, alt_m=st.sampled_from([0.0, -500.0, 6000.0]), count=st.integers(1, 4))
 @few
-def test_one_altitude_is_damaged(name, row, alt_m, folder, whole):
+def test_altitudes_are_damaged(name, row, alt_m, count, folder, whole):
     drive = Straight()
-    drive.alt_m[row] = alt_m
+    drive.alt_m[row : row + count] = alt_m
     assert_counted_and_right(read_as(name, drive, folder), whole(name))
 
 

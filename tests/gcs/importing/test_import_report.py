@@ -68,6 +68,9 @@ def test_programs_and_the_session_have_the_same_account(words, tmp_path):
     assert sources[2]["left_out"] == {"sentences with a wrong checksum": 1}
     table = tomllib.loads((tmp_path / "s" / "session.toml").read_text())
     assert table["session"]["imported"]["sources"] == sources
-    rows = open_session(tmp_path / "s").notes.imported
+    notes = open_session(tmp_path / "s").notes
+    rows, spans = notes.imported, dict(notes.spans)
+    assert list(spans)[:5] == ["video", "uav", "ugv 11", "ugv 12", "system 13"]
+    assert spans["video"] == ((0.0, pytest.approx(30.0, abs=0.5)),) and len(spans["ugv 11"]) == 1
     assert ("ugv 12", "r12.bin") in rows and ("clock", sources[3]["clock"]) in rows
     assert ("left out", "1 sentences with a wrong checksum") in rows

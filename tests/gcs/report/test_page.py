@@ -15,6 +15,7 @@ from gcs.report.page.flight_report import Provenance, flight_report
 from gcs.report.page.flight_summary import FlightSummary
 from gcs.report.page.map_drawing import draw_map
 from gcs.report.page.stills import MOST, Stills
+from gcs.report.page.timeline import draw_sources
 from gcs.report.score import Matched
 from gcs.snapshot import Alarm, Event
 from tests.support.bundled import CURVED_ROAD, swarm_session
@@ -80,6 +81,18 @@ def check_alone(text):
     assert not re.search(r"url\(|@import|https?://", text)
     assert "nan" not in re.findall(r"[a-z]+", page.text.lower())
     return page
+
+
+def test_sources_of_an_import_are_on_one_time_line():
+    spans = [("video", [(0.0, 20.0)]), ("ugv <11>", [(-40.0, 3.0), (8.0, 140.0)]), ("silent", [])]
+    drawing = draw_sources(spans)
+    assert drawing.count("<rect") == 3 and "ugv &lt;11&gt;" in drawing and "silent" not in drawing
+    assert re.findall(r">(−?\d+:\d\d)<", drawing) == ["−0:30", *(f"{k // 2}:{k % 2 * 30:02}" for k in range(5))]
+    # a bar begins where its time is between the ticks, and the film's at 0
+    film, tick = (
+        float(re.search(rf'<{what}="([\d.]+)', drawing).group(1)) for what in ("rect x", 'text class="ink" x')
+    )
+    assert film > tick and draw_sources([]) == draw_sources([("a", [(1.0, 1.0)])]) == ""
 
 
 def test_the_bundled_flight(tmp_path):
