@@ -21,7 +21,8 @@ from bench.importing.flights import FLIGHTS, LAYOUTS, recorded
 from gcs.errors import ImportFileError
 from gcs.report.score import score
 
-CASES = ("as recorded", *LAYOUTS)
+OWN_CLOCKS = "own clocks"
+CASES = ("as recorded", OWN_CLOCKS, *LAYOUTS)
 Row = tuple[str, str, int, float, float, float, float]
 """Kind of flight, case, seed; shares of the boxes right and wrong, seconds wrong and sure, 1 if refused."""
 
@@ -37,7 +38,10 @@ def rows_of(
         for case in cases:
             out = folder / case.replace(" ", "_")
             try:
-                session = flight.session if case not in LAYOUTS else flight.imported(case, out, ahead_s)
+                if case == OWN_CLOCKS:
+                    session = flight.with_own_clocks(out)
+                else:
+                    session = flight.session if case not in LAYOUTS else flight.imported(case, out, ahead_s)
             except ImportFileError:
                 rows.append((kind, case, seed, 0.0, 0.0, 0.0, 1.0))
                 continue

@@ -49,6 +49,8 @@ FlightKind = Literal["hover", "straight", "winding", "orbit"]
 FLIGHTS: tuple[FlightKind, ...] = ("hover", "straight", "winding", "orbit")
 LAYOUTS: dict[str, tuple[int, float]] = {"six decimals": (6, 0.1), "five decimals": (5, 0.1), "four decimals": (4, 1.0)}
 """Decimals of a degree, and seconds from one subtitle to the next."""
+OWN_S = (0.1, 1.1)
+"""By how much a vehicle's own clock is ahead."""
 SEARCH_S = 0.25
 """Between frames in which the clock is searched."""
 
@@ -110,6 +112,20 @@ class RecordedFlight:
         (folder / METADATA).write_text(mission_table(mission, {"format": 1}))
         for name in (DETECTIONS.name, TRUTH.name):
             shutil.copyfile(self.session / name, folder / name)
+        return folder
+
+    def with_own_clocks(self, folder: Path) -> Path:
+        """The session, its ground vehicles' clocks ahead by 0.1 to 1.1 s, each by its own.
+
+        Args:
+            folder: must not exist.
+        """
+        ids = self.scenario.ugv_ids
+        rng = np.random.default_rng(self.scenario.seed)
+        ahead_us = dict(zip(ids, np.rint(rng.uniform(*OWN_S, len(ids)) * 1e6).astype(int).tolist(), strict=True))
+        shutil.copytree(self.session, folder)
+        records = sorted((p.t_us + ahead_us.get(p.system_id, 0), p.raw) for p in self._tlog().packets())
+        (folder / LOG).write_bytes(b"".join(struct.pack(">Q", t_us) + raw for t_us, raw in records))
         return folder
 
     def _tlog(self) -> Tlog:
