@@ -9,13 +9,18 @@ each; in films the encoder was told. The error is a picture's time less the time
 from __future__ import annotations
 
 import http.server
+import re
+import socket
+import socketserver
+import struct
 import sys
 import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from contextlib import closing, suppress
 from fractions import Fraction
+from io import BufferedIOBase
 from pathlib import Path
 
 import av
@@ -56,7 +61,7 @@ def at_a_steady_rate(seconds: float, taken: Taken) -> Iterator[tuple[int, NDArra
         yield number, picture(number)
 
 
-def send(address: str, kind: str, seconds: float, taken: Taken) -> None:
+def send(address: str | BufferedIOBase, kind: str, seconds: float, taken: Taken) -> None:
     """As an encoder without delay sends it."""
     with av.open(address, "w", format=kind, options={"flush_packets": "1"}) as container:
         options = {"preset": "ultrafast", "tune": "zerolatency", "x264-params": "bframes=0:repeat-headers=1"}
@@ -68,31 +73,105 @@ def send(address: str, kind: str, seconds: float, taken: Taken) -> None:
             container.mux(stream.encode(frame))
 
 
-def serve_mjpeg(port: int, seconds: float, taken: Taken) -> None:
-    """As cameras in a browser send it, without a time stamp anywhere."""
+def send_mjpeg(out: BufferedIOBase, seconds: float, taken: Taken) -> None:
+    """As cameras send it to a browser, without a time stamp anywhere."""
+    for _, image in at_a_steady_rate(seconds, taken):
+        data = cv2.imencode(".jpg", image)[1].tobytes()
+        out.write(b"--b\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n" % len(data) + data)
 
-    class MjpegCamera(http.server.BaseHTTPRequestHandler):
+
+def serve(port: int, content: str, body: Callable[[BufferedIOBase], None]) -> None:
+    """Answer one request over HTTP."""
+
+    class HttpCamera(http.server.BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             self.send_response(200)
-            self.send_header("Content-Type", "multipart/x-mixed-replace; boundary=b")
+            self.send_header("Content-Type", content)
             self.end_headers()
-            for _, image in at_a_steady_rate(seconds, taken):
-                data = cv2.imencode(".jpg", image)[1].tobytes()
-                self.wfile.write(b"--b\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n" % len(data) + data)
+            body(self.wfile)
 
         def log_message(self, format: str, *args: object) -> None:
             """Nothing is said."""
 
-    with http.server.HTTPServer(("127.0.0.1", port), MjpegCamera) as server:
+    with http.server.HTTPServer(("127.0.0.1", port), HttpCamera) as server:
         server.timeout = 10.0
         server.handle_request()
+
+
+class RtspCamera(socketserver.StreamRequestHandler):
+    """Answers who plays over RTSP, and hands on what is sent by RTP to ``relay``, over TCP or as datagrams."""
+
+    server: RtspServer
+
+    def handle(self) -> None:
+        peer: int | None = None
+        while request := self.rfile.readline():
+            if request.startswith(b"$"):
+                return  # the player's reports
+            head = dict(line.split(b": ", 1) for line in iter(self.rfile.readline, b"\r\n") if b": " in line)
+            method, status, more, body = request.split()[0], "200 OK", "Session: 1\r\n", ""
+            if method == b"DESCRIBE":
+                body = (
+                    "v=0\r\no=- 0 0 IN IP4 127.0.0.1\r\ns=camera\r\nt=0 0\r\nm=video 0 RTP/AVP 96\r\n"
+                    "a=rtpmap:96 H264/90000\r\na=fmtp:96 packetization-mode=1\r\na=control:track\r\n"
+                )
+                more = f"Content-Type: application/sdp\r\nContent-Length: {len(body)}\r\n"
+            elif method == b"SETUP" and self.server.datagrams:
+                asked = re.search(rb"client_port=(\d+)", head[b"Transport"])
+                peer, status = (int(asked[1]), status) if asked else (None, "461 Unsupported Transport")
+                more += f"Transport: RTP/AVP;unicast;client_port={peer}-{(peer or 0) + 1};server_port=1-2\r\n"
+            elif method == b"SETUP":
+                more += "Transport: RTP/AVP/TCP;unicast;interleaved=0-1\r\n"
+            sequence = head.get(b"CSeq", b"0").strip().decode()
+            self.wfile.write(f"RTSP/1.0 {status}\r\nCSeq: {sequence}\r\n{more}\r\n{body}".encode())
+            if method == b"PLAY":
+                threading.Thread(target=self._play, args=(peer,), daemon=True).start()
+
+    def _play(self, peer: int | None) -> None:
+        relay = self.server.relay
+        with suppress(BlockingIOError):
+            while relay.recv(2048, socket.MSG_DONTWAIT):
+                pass  # nobody played yet
+        with suppress(OSError):
+            while data := relay.recv(2048):
+                if peer is None:
+                    self.wfile.write(struct.pack("!cBH", b"$", 0, len(data)) + data)
+                else:
+                    relay.sendto(data, ("127.0.0.1", peer))
+
+
+class RtspServer(socketserver.ThreadingTCPServer):
+    """Of one camera."""
+
+    allow_reuse_address = daemon_threads = True
+
+    def __init__(self, port: int, *, datagrams: bool) -> None:
+        super().__init__(("127.0.0.1", port), RtspCamera)
+        self.datagrams = datagrams
+        self.relay = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.relay.bind(("127.0.0.1", 0))
+
+
+def serve_rtsp(port: int, seconds: float, taken: Taken, *, datagrams: bool) -> None:
+    """As a camera that sends all the time, whether somebody plays or not."""
+    with RtspServer(port, datagrams=datagrams) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        send(f"rtp://127.0.0.1:{server.relay.getsockname()[1]}?pkt_size=1200", "rtp", seconds, taken)
+        server.shutdown()
+        server.relay.close()
 
 
 def sender_of(kind: str, port: int) -> tuple[str, Callable[[float, Taken], None]]:
     """Address for the product, and what sends to it."""
     at = f"127.0.0.1:{port}"
     if kind == "MJPEG over HTTP":
-        return f"http://{at}/", lambda seconds, taken: serve_mjpeg(port, seconds, taken)
+        content = "multipart/x-mixed-replace; boundary=b"
+        return f"http://{at}/", lambda s, taken: serve(port, content, lambda out: send_mjpeg(out, s, taken))
+    if kind == "MPEG-TS over HTTP":
+        return f"http://{at}/", lambda s, taken: serve(port, "video/mp2t", lambda out: send(out, "mpegts", s, taken))
+    if kind.startswith("RTSP"):
+        datagrams = kind.endswith("UDP")
+        return f"rtsp://{at}/main", lambda s, taken: serve_rtsp(port, s, taken, datagrams=datagrams)
     product, sender, container = {
         "MPEG-TS over UDP": (f"udp://{at}", f"udp://{at}?pkt_size=1316", "mpegts"),
         "H.264 over RTP": (f"rtp://{at}", f"rtp://{at}", "rtp"),
@@ -105,7 +184,7 @@ def sender_of(kind: str, port: int) -> tuple[str, Callable[[float, Taken], None]
 
 STREAMS = (
     *("MPEG-TS over UDP", "H.264 over RTP", "MPEG-TS over TCP", "raw H.264 over TCP", "MJPEG over HTTP"),
-    "RTMP that is pushed",
+    *("MPEG-TS over HTTP", "RTSP over TCP", "RTSP over UDP", "RTMP that is pushed"),
 )
 
 

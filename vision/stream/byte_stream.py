@@ -27,6 +27,8 @@ TICK_HZ = 1_000_000
 _AT_ONCE = {"probesize": "32", "analyzeduration": "0"}
 _MOST_ARRIVALS = 1 << 16
 """Pieces of a connection of which none was a picture's: a minute at a thousand datagrams a second."""
+_SYNC, _TS_PACKET = b"G", 188
+"""What each packet of a transport stream begins with, and how long it is."""
 _PARTS, _JPEG, _START_CODES = b"--", b"\xff\xd8\xff", (b"\0\0\1", b"\0\0\0\1")
 """What multipart MJPEG, a bare JPEG and raw video begin with."""
 
@@ -76,10 +78,12 @@ class ByteStream:
         self._rest = b""
         self.arrivals = Arrivals()
 
-    def begins_without_stamps(self) -> bool:
-        """Whether the first bytes look like pictures one after the other."""
-        head = (self._rest or self._receive()).lstrip(b"\r\n")
-        return head.startswith((_PARTS, _JPEG, *_START_CODES))
+    def begins_as_stream(self) -> bool:
+        """Whether the first bytes look like pictures one after the other, or like a transport stream."""
+        head = self._rest or self._receive()
+        packets = head[::_TS_PACKET]
+        as_pictures = head.lstrip(b"\r\n").startswith((_PARTS, _JPEG, *_START_CODES))
+        return as_pictures or packets == _SYNC * len(packets)
 
     def read(self, size: int) -> bytes:
         """At most ``size`` bytes, none at the end."""

@@ -29,6 +29,7 @@ from vision.stream.port import Port
 from vision.stream.redirect import sent_on
 from vision.stream.rtp import TICK_HZ, Depacketizer, Unit, parse
 from vision.stream.source import Codec, Source
+from vision.stream.stamps import HeldBack
 from vision.stream.trial import SEARCH, mpegts_payload
 from vision.video.frame_index import ONE_FILE, reason
 
@@ -129,7 +130,7 @@ def _open_line(source: Source) -> Input | None:
     line = ByteStream(source, (OPEN_TIMEOUT_S, READ_TIMEOUT_S))
     try:
         # playlists and files over HTTP are read in pieces
-        if not source.address.startswith("tcp") and not line.begins_without_stamps():
+        if not source.address.startswith("tcp") and not line.begins_as_stream():
             line.close()
             return None
         opened = replace(
@@ -225,6 +226,8 @@ def _input(source: Source, container: InputContainer) -> Input:
     tick_s = float(stream.time_base or 1e-6)
     drains = source.kind == "datagrams"
     opened = Input(stream=stream, tick_s=tick_s, packets=iter(()), container=container, drains=drains)
+    if source.kind == "session" or source.address.startswith("rtsp"):
+        opened = replace(opened, arrival_s=HeldBack(tick_s))
     return replace(opened, packets=_video_packets(opened, bare=has_no_stamps(container) and not source.paced))
 
 

@@ -1,8 +1,10 @@
-"""The time stamps of one connection's packets: missing ones, and those that start again from another zero."""
+"""The time stamps of one connection's packets: missing ones, those that start again from another zero, and those
+that come out of FFmpeg late."""
 
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Sequence
 from typing import TypeAlias
 
@@ -11,9 +13,34 @@ from av.video.stream import VideoStream as CodedStream
 
 from vision.stream.frame_clock import BACK_S, JUMP_S
 
-__all__ = ["Coded", "Stamps"]
+__all__ = ["Coded", "HeldBack", "Stamps"]
 
 Coded: TypeAlias = "Packet[CodedStream]"
+
+
+_RECENT = 16
+
+
+class HeldBack:
+    """When frames arrived that FFmpeg hands out with the first bytes of the next one, as those of RTP.
+
+    That is earlier by one frame: by the shortest of the recent steps, since to date a frame early is remembered long.
+    """
+
+    def __init__(self, tick_s: float) -> None:
+        self._tick_s = tick_s
+        self._last: int | None = None
+        self._steps: deque[int] = deque(maxlen=_RECENT)
+
+    def __call__(self, packet: Coded) -> float:
+        """Unix time, as the packet comes out."""
+        now_s = time.time()
+        stamp = packet.pts if packet.dts is None else packet.dts
+        if stamp is not None:
+            if self._last is not None and stamp != self._last:
+                self._steps.append(abs(stamp - self._last))
+            self._last = stamp
+        return now_s - min(self._steps, default=0) * self._tick_s
 
 
 class Stamps:

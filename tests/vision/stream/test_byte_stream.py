@@ -16,8 +16,10 @@ from tests.support.ports import free_port
 from tests.support.video_senders import HEIGHT, WIDTH, coded, image, mjpeg, number_of, pictures
 from tests.support.waiting import until
 from vision.stream import byte_stream
+from vision.stream import stamps as stamps_module
 from vision.stream.connection import datagrams, open_input
 from vision.stream.source import parse_source
+from vision.stream.stamps import HeldBack
 from vision.stream.stream import VideoStream
 from vision.video.video import VideoFile
 
@@ -91,19 +93,37 @@ class TakingTurns:
         self.live = False
 
 
-@pytest.mark.parametrize("by", ["datagrams", "tcp"])
+@pytest.mark.parametrize("by", ["datagrams", "tcp", "http"])
 def test_pictures_of_a_transport_stream_came_when_their_first_bytes_did(by, monkeypatch):
     """Not when the container handed them out, which is with the picture after the next one."""
     line = TakingTurns()
-    if by == "tcp":
+    if by != "datagrams":
         monkeypatch.setattr(byte_stream, "av", SimpleNamespace(open=lambda *_, **__: line))
         monkeypatch.setattr(byte_stream, "time", SimpleNamespace(time=lambda: line.arrival_s))
-        opened = open_input(parse_source("tcp://10.0.0.2:5000"))
+        opened = open_input(parse_source(f"{by}://10.0.0.2:5000"))
     else:
         opened = datagrams(parse_source("udp://:5600"), line, lambda: True)
     came_s = [opened.arrival_s(packet) for packet in opened.packets if packet.size]
     opened.close()
     assert came_s == pytest.approx(T0_S + STEP_S * np.arange(N), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("stamps", "early"),
+    [
+        ([0, 3000, 6000, 9000], [0, 3000, 3000, 3000]),
+        # a silence is no step: to date a picture early is remembered long
+        ([0, 3000, 93_000, 96_000], [0, 3000, 3000, 3000]),
+        # shown in another order than coded
+        ([0, 9000, 3000, 6000], [0, 9000, 6000, 3000]),
+        ([5, 5, None, 5], [0, 0, 0, 0]),
+    ],
+)
+def test_frames_that_come_out_with_the_next_one_came_earlier(stamps, early, monkeypatch):
+    monkeypatch.setattr(stamps_module, "time", SimpleNamespace(time=lambda: T0_S))
+    arrival_s = HeldBack(1 / 90_000)
+    came_s = [arrival_s(SimpleNamespace(pts=stamp, dts=None)) for stamp in stamps]
+    assert T0_S - np.array(came_s) == pytest.approx(np.array(early) / 90_000, abs=1e-6)
 
 
 def serve_pictures(listener, password):
