@@ -183,7 +183,7 @@ def _class_names(folder: Path) -> dict[int, str]:
         return {}
     text = read_text(path)
     if path.suffix != ".yaml":
-        return dict(enumerate(line.strip() for line in text.splitlines() if line.strip()))
+        return {number: line.strip() for number, line in enumerate(text.splitlines()) if line.strip()}
     return _yaml_names(text, path)
 
 

@@ -104,6 +104,8 @@ def test_labels_may_lie_in_a_folder_of_their_own(tmp_path, labels):
         ("data.yaml", "names: ['bus, passenger', \"car\"]  # two\n"),
         ("data.yaml", "names:\n    0: bus\n    1: car\n"),
         ("classes.txt", "bus\ncar\n"),
+        # a class without a name has a number all the same
+        ("obj.names", "\ncar\n\n"),
     ],
 )
 def test_class_names_are_read_beside_the_labels(tmp_path, file, text):
