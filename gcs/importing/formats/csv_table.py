@@ -46,6 +46,7 @@ _LATEST_US = 4_102_444_800_000_000  # the year 2100
 _MOST_ROWS = 2_000_000
 _MOST_SHOWN = 200
 _AROUND = " \t\r\n\"'"
+_MOST_NAMED, _MOST_NAME = 8, 40
 _NO_NUMBER = "cells that are no numbers"
 _UNKNOWN = ("", "nan", "null", "none", "n/a", "na", "-", "--")
 """What stands in a cell where nothing is known."""
@@ -72,7 +73,12 @@ def read_csv(path: Path) -> list[VehicleLog]:
     times, clock, said = unix_us(table.time, by_name[table.time], dated=table.dated, where=where)
     t_us = np.rint(np.clip(times, -1.0, _LATEST_US))
     assumed += said + ((NO_ZONE,) if table.zoneless else ())
-    return _vehicles(path, by_name, t_us, clock, ImportNotes(assumed=assumed, skipped=table.skipped))
+    titles = zip((plain(cell.strip(_AROUND))[:_MOST_NAME] for cell in cells), table.names, strict=True)
+    unread = [title for title, name in titles if title and name not in KNOWN]
+    more = f" and {len(unread) - _MOST_NAMED} more" if len(unread) > _MOST_NAMED else ""
+    found = (f"columns left alone: {', '.join(unread[:_MOST_NAMED])}{more}",) if unread else ()
+    notes = ImportNotes(found=found, assumed=assumed, skipped=table.skipped)
+    return _vehicles(path, by_name, t_us, clock, notes)
 
 
 def _vehicles(
@@ -105,7 +111,8 @@ def _vehicles(
         at = np.column_stack([columns["lat"][mine], columns["lon"][mine]])
         ordered = row_times(t_us[mine].astype(np.int64), at, whose)
         part = {name: column[mine[ordered.rows]] for name, column in columns.items()}
-        told = ImportNotes(assumed=(*assumed, *ordered.assumed), skipped=dict(+(skipped + Counter(ordered.skipped))))
+        left_out = dict(+(skipped + Counter(ordered.skipped)))
+        told = replace(notes, assumed=(*assumed, *ordered.assumed), skipped=left_out)
         logs.append(_log(path, int(system_id), ordered.t_us, clock, part, told))
     if not logs:
         why = f"system ids are 1 to 255, not {owner[good][0]:g}" if good.any() else "its times are none of 1970 to 2099"
@@ -261,7 +268,7 @@ def _log(
         attitudes=AngleTrack(t_us=t_us[whole], angles=body[whole]),
         gimbal=AngleTrack(t_us=t_us[pitched], angles=gimbal[pitched]),
         view=ViewTrack(t_us=t_us[seen], hfov=hfov[seen], source=f"field of view in {path.name}"),
-        notes=replace(notes, found=(f"table, {len(t_us)} positions", *words)),
+        notes=replace(notes, found=(f"table, {len(t_us)} positions", *words, *notes.found)),
     )
 
 

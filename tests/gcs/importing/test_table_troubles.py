@@ -193,6 +193,21 @@ def test_what_cannot_be_trusted_is_refused_in_words(header, row, words, tmp_path
 
 
 @pytest.mark.parametrize("name", ["rover.csv", "rover.gpx"])
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ([*range(20), 23, 20, 21, 22, *range(24, 60)], "3 positions stand behind later ones: put in order"),
+        ([*range(20), *range(40, 70)], "nothing was logged for 10.5 s after position 20 of 50"),
+    ],
+)
+def test_the_order_of_rows_is_told(name, rows, said, tmp_path):
+    rows = [(iso(k), *path_of(k)) for k in rows]
+    text = "time,lat,lon,alt\n" + "".join(f"{t},{lat},{lon},{alt}\n" for t, lat, lon, alt in rows)
+    log = read(tmp_path, gpx_of(rows) if name.endswith("gpx") else text, name)
+    assert log.notes.assumed == (said,)
+
+
+@pytest.mark.parametrize("name", ["rover.csv", "rover.gpx"])
 def test_whole_seconds_that_rows_share_are_spread(name, tmp_path):
     rows = [(f"2025-10-09T08:53:{20 + k // 10}Z", *path_of(k)) for k in range(3, 97)]
     text = "time,lat,lon,alt\n" + "".join(f"{t},{lat},{lon},{alt}\n" for t, lat, lon, alt in rows)
