@@ -54,6 +54,32 @@ def test_heights_before_home_is_set_are_none():
     assert (log.places.height_m == height).all()
 
 
+@pytest.mark.parametrize(
+    ("factor", "turned", "kept"),
+    [
+        (1.0, 0.0, True),
+        (1.1, 0.1, True),
+        (100.0, 0.0, False),
+        (3.6, 0.0, False),
+        (1 / 3.6, 0.0, False),
+        (1.0, 1.5, False),
+    ],
+)
+def test_velocities_in_another_unit_or_frame_than_the_path_are_left_out(factor, turned, kept):
+    speed_mps, t_s = 8.0, np.arange(N) * 0.1
+    rng = np.random.default_rng(1)
+    lat = 47.1 + (speed_mps * t_s + rng.normal(0.0, 0.5, N)) / 111_320.0
+    v_ned = speed_mps * factor * np.column_stack([np.full(N, np.cos(turned)), np.full(N, np.sin(turned)), np.zeros(N)])
+    log = plausible(log_of(lat_deg=lat, lon_deg=np.full(N, 8.1), v_ned=v_ned))
+    assert np.isfinite(log.places.v_ned).all() == kept
+    assert log.notes.skipped == ({} if kept else {"velocities that are not those of the path": N})
+
+
+def test_a_drift_that_the_filter_tells_of_a_vehicle_that_stands_is_none():
+    log = plausible(log_of(lat_deg=np.full(N, 47.1), lon_deg=np.full(N, 8.1), v_ned=np.full((N, 3), 6.0)))
+    assert np.isnan(log.places.v_ned).all()
+
+
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory):
     return fly(tmp_path_factory.mktemp("flown"), 60)
