@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs.importing.row_times import gaps
 from infra.plain_text import plain
 from vision.video.frame_index import film_stream, first_picture, open_video
 from vision.video.video import VideoFile
@@ -20,6 +21,8 @@ _MODEL_TAGS = ("encoder", "model", "com.apple.quicktime.model", "com.android.mod
 _MOST_WORDS = 60
 _HDR = {16: "PQ", 18: "HLG"}
 """Transfer characteristics of ITU-T H.273 that stand for more than a screen shows."""
+_SLANT_DEG = 3
+"""What a picture is turned by less than this is rounding."""
 _LEAST_YEAR = 2005
 """Cameras whose clock was never set begin in 1904, 1970 or 2000."""
 
@@ -56,6 +59,7 @@ def open_film(path: Path) -> ImportedFilm:
         aspect, shown_as = video.aspect, video.shown_as
     with closing(open_video(path)) as container:
         transfer = _HDR.get(film_stream(container).codec_context.color_trc)
+        others = sum(track.frames > 1 for track in container.streams.video) - 1
         tags = {name.lower(): value for name, value in container.metadata.items()}
     return ImportedFilm(
         path=path,
@@ -64,14 +68,21 @@ def open_film(path: Path) -> ImportedFilm:
         height=size[1],
         aspect=aspect,
         shown_as=shown_as,
-        assumed=_taken_for(path, transfer),
+        assumed=_taken_for(path, transfer, others, elapsed_us),
         created_us=_unix_us(tags.get("creation_time", "")),
         model=plain(next((tags[name] for name in _MODEL_TAGS if name in tags), ""))[:_MOST_WORDS],
     )
 
 
-def _taken_for(path: Path, transfer: str | None) -> tuple[str, ...]:
+def _taken_for(path: Path, transfer: str | None, others: int, elapsed_us: NDArray[np.int64]) -> tuple[str, ...]:
     first, words = first_picture(path), []
+    if others > 0:
+        words.append(f"{path.name} has {others + 1} films in it: the one that players show first is taken")
+    if first is not None and abs(turned_deg := (first.rotation + 45) % 90 - 45) > _SLANT_DEG:
+        words.append(f"{path.name} is to be turned by {turned_deg}° more, which players differ about and is not done")
+    for frame in gaps(elapsed_us)[:1].tolist():
+        away_s = float(elapsed_us[frame + 1] - elapsed_us[frame]) * 1e-6
+        words.append(f"{path.name} has no picture for {away_s:.1f} s after frame {frame}")
     if first is not None and first.interlaced_frame:
         words.append(
             f"{path.name} is interlaced: every other line of a picture is of half a picture's time later, and is taken "

@@ -33,3 +33,42 @@ def test_what_pictures_are_taken_for(x264, words, tmp_path):
     said = open_film(film(tmp_path / "a.mp4", x264)).assumed
     assert len(said) == len(words)
     assert all(text.startswith(word) for text, word in zip(said, words, strict=True))
+
+
+def two_films(old, new):
+    tracks = [new.add_stream_from_template(old.streams.video[0]) for _ in range(2)]
+    for packet in (packet for packet in old.demux(video=0) if packet.size):
+        for packet.stream in tracks:
+            new.mux(packet)
+
+
+def slanting(old, new):
+    copy = new.add_stream_from_template(old.streams.video[0])
+    copy.set_display_rotation(30)
+    for packet in (packet for packet in old.demux(video=0) if packet.size):
+        packet.stream = copy
+        new.mux(packet)
+
+
+def interrupted(old, new):
+    copy = new.add_stream_from_template(old.streams.video[0])
+    for k, packet in enumerate(packet for packet in old.demux(video=0) if packet.size):
+        later = round((k > 2) * 7 / packet.time_base)
+        packet.pts, packet.dts, packet.stream = packet.pts + later, packet.dts + later, copy
+        new.mux(packet)
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        (two_films, "b.mp4 has 2 films in it"),
+        (slanting, "b.mp4 is to be turned by"),
+        (interrupted, "b.mp4 has no picture for 7.0 s after frame 2"),
+    ],
+)
+def test_what_a_container_has_that_is_not_done(made, said, tmp_path):
+    whole = film(tmp_path / "a.mp4", "keyint=1:bframes=0")
+    with av.open(str(whole)) as old, av.open(str(tmp_path / "b.mp4"), "w") as new:
+        made(old, new)
+    (words,) = open_film(tmp_path / "b.mp4").assumed
+    assert words.startswith(said)
