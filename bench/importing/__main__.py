@@ -1,9 +1,10 @@
 """Right, wrong and missing names of flights as recorded, and as imported from a drone's subtitles.
 
-python -m bench.importing [--flights 4] [--first 1] [--length 40] [--kinds hover,straight] [--ahead 30] [--jobs 1]
+python -m bench.importing [--flights 4] [--first 1] [--length 40] [--kinds hover,straight] [--ahead 30] [--above 47]
 
 Heading, attitude and velocity are in the recording, and in none of the subtitles. With ``--ahead`` the fleet's clock is
-so many seconds ahead of the film's and searched; a refusal names nobody.
+so many seconds ahead of the film's and searched; a refusal names nobody. With ``--above`` only altitudes are known, and
+so much too high, as those above an ellipsoid are.
 """
 
 from __future__ import annotations
@@ -28,7 +29,14 @@ Row = tuple[str, str, int, float, float, float, float]
 
 
 def rows_of(
-    kind: str, seed: int, length_s: float, cases: tuple[str, ...], *, ahead_s: float | None = None, others: bool = False
+    kind: str,
+    seed: int,
+    length_s: float,
+    cases: tuple[str, ...],
+    *,
+    ahead_s: float | None = None,
+    above_m: float | None = None,
+    others: bool = False,
 ) -> list[Row]:
     """One flight in some cases."""
     rows: list[Row] = []
@@ -41,7 +49,7 @@ def rows_of(
                 if case == OWN_CLOCKS:
                     session = flight.with_own_clocks(out)
                 else:
-                    session = flight.session if case not in LAYOUTS else flight.imported(case, out, ahead_s)
+                    session = flight.session if case not in LAYOUTS else flight.imported(case, out, ahead_s, above_m)
             except ImportFileError:
                 rows.append((kind, case, seed, 0.0, 0.0, 0.0, 1.0))
                 continue
@@ -62,13 +70,16 @@ def main() -> None:
     parser.add_argument("--cases", default=",".join(CASES), help="how a flight is read (%(default)s)")
     parser.add_argument("--others", action="store_true", help="film another flight: nobody is ours")
     parser.add_argument("--ahead", type=float, help="the fleet's clock is so far ahead, s, and searched")
+    parser.add_argument("--above", type=float, help="altitudes, and no heights, that are so much too high, m")
     parser.add_argument("--jobs", type=count, default=1, help="processes (%(default)s)")
     parser.add_argument("--each", action="store_true", help="print every flight too")
     given = parser.parse_args()
     cases = tuple(given.cases.split(","))
     with ProcessPoolExecutor(given.jobs) as pool:
         tasks = [
-            pool.submit(rows_of, kind, seed, given.length, cases, ahead_s=given.ahead, others=given.others)
+            pool.submit(
+                rows_of, kind, seed, given.length, cases, ahead_s=given.ahead, above_m=given.above, others=given.others
+            )
             for kind in given.kinds.split(",")
             for seed in range(given.first, given.first + given.flights)
         ]

@@ -64,19 +64,24 @@ class RecordedFlight:
     session: Path
     """As the station would have recorded it."""
 
-    def imported(self, layout: str, folder: Path, ahead_s: float | None) -> Path:
+    def imported(self, layout: str, folder: Path, ahead_s: float | None, above_m: float | None = None) -> Path:
         """The session that an import makes.
 
         Args:
             layout: of ``LAYOUTS``.
             folder: must not exist.
             ahead_s: by how much the fleet's clock is ahead of the film's, which is searched; None: told to be none.
+            above_m: only altitudes are known, and are so much too high, as those above an ellipsoid; None: heights.
 
         Raises:
             ImportFileError: the clock is not found.
         """
         t, stamps_us = frame_times(self.scenario)
-        uav = self._log(*LAYOUTS[layout], int(stamps_us[0]))
+        uav, home_m = self._log(*LAYOUTS[layout], int(stamps_us[0])), 0.0
+        if above_m is not None:
+            places, home_m = uav.places, self.scenario.altitude_m
+            height_m = np.full(len(places), np.nan)
+            uav = replace(uav, places=replace(places, alt_m=places.alt_m + above_m, height_m=height_m))
         camera = self.scenario.camera
         film = ImportedFilm(
             path=Path("film.mp4"),
@@ -104,7 +109,7 @@ class RecordedFlight:
         found_us = 0 if ahead_s is None else self._found_us(mission, log, shift_us, t, stamps_us)
         folder.mkdir()
         records = [(p.t_us + shift_us, p.raw) for p in self._tlog().packets(system_ids=self.scenario.ugv_ids)]
-        records += vehicle_records(log, UAV_ID, int(stamps_us[0]) + found_us, flies=True, home_m=0.0)
+        records += vehicle_records(log, UAV_ID, int(stamps_us[0]) + found_us, flies=True, home_m=home_m)
         records.sort(key=lambda record: record[0])
         (folder / LOG).write_bytes(b"".join(struct.pack(">Q", t_us) + raw for t_us, raw in records))
         rows = "".join(f"{k},{stamp + found_us}\n" for k, stamp in enumerate(stamps_us.tolist()))
