@@ -239,7 +239,7 @@ def test_another_unit(name, unit, folder, whole):
 
 
 @pytest.mark.parametrize("name", [name for name in FILES if name not in ("rover.bin", "rover.ulg", "rover.tlog")])
-@pytest.mark.parametrize("strange", ["4_7.100096", "٤٧.100096", "nan", "infinity", "1e999", "47.1x"])
+@pytest.mark.parametrize("strange", ["4_7.100096", "٤٧.100096", "infinity", "47.1x"])
 def test_what_is_no_number_costs_its_row(name, strange, folder, whole):
     # degrees and minutes of the 25th row
     text, found = re.subn(r"\b47(06\.00576|\.100096)0*\b", strange, FILES[name](Straight()))
@@ -255,11 +255,10 @@ def test_radians(name, folder, whole):
 
 
 @pytest.mark.parametrize("name", READERS)
-@pytest.mark.parametrize("every", [2, 3])
 @pytest.mark.parametrize("later_us", [0, 40_000])
-def test_rows_of_another_component(name, every, later_us, folder, whole):
+def test_rows_of_another_component(name, later_us, folder, whole):
     drive = Straight()
-    drive.mix_in(every, 1e-3, later_us)
+    drive.mix_in(3, 1e-3, later_us)
     assert_not_silent(name, drive, folder, whole)
 
 
