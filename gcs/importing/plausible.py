@@ -118,9 +118,17 @@ def _without_spikes(places: PlaceTrack) -> tuple[PlaceTrack, int]:
 
 def _still(track: AngleTrack) -> tuple[AngleTrack, int]:
     """Without attitudes that nothing turns to and back, and how many these are."""
-    off = alone(track.t_us, _on_circle(track.angles[:, 2]), _FAR_RAD, _TURN_RAD_S)
+    off = alone(track.t_us, _axes(track.angles), _FAR_RAD, _TURN_RAD_S)
     kept = ~off
     return replace(track, t_us=track.t_us[kept], angles=track.angles[kept]), int(np.count_nonzero(off))
+
+
+def _axes(angles: Floats) -> Floats:
+    """(n, 6) where nose and right side point, √½ each: a yaw alone leaps where a camera looks straight down."""
+    (roll_c, pitch_c, yaw_c), (roll_s, pitch_s, yaw_s) = np.cos(angles).T, np.sin(angles).T
+    nose = yaw_c * pitch_c, yaw_s * pitch_c, -pitch_s
+    right = yaw_c * pitch_s * roll_s - yaw_s * roll_c, yaw_s * pitch_s * roll_s + yaw_c * roll_c, pitch_c * roll_s
+    return np.column_stack([*nose, *right]) / math.sqrt(2.0)
 
 
 def _on_circle(angle: Floats) -> Floats:

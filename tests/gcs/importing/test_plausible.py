@@ -1,5 +1,7 @@
 """Damage and contradictions within a log, whatever its format, and receivers that are all there is."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from gcs.errors import ImportFileError
 from gcs.importing.formats import px4_log
 from gcs.importing.plausible import plausible
 from gcs.importing.sources import read_vehicle_logs
-from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog
+from gcs.importing.vehicle_log import AngleTrack, ImportNotes, PlaceTrack, VehicleLog
 from tests.support.imports.flown import fly
 from tests.support.imports.log_writers import gpx, positions_csv, ulog, wire_places
 
@@ -78,6 +80,15 @@ def test_velocities_in_another_unit_or_frame_than_the_path_are_left_out(factor, 
 def test_a_drift_that_the_filter_tells_of_a_vehicle_that_stands_is_none():
     log = plausible(log_of(lat_deg=np.full(N, 47.1), lon_deg=np.full(N, 8.1), v_ned=np.full((N, 3), 6.0)))
     assert np.isnan(log.places.v_ned).all()
+
+
+def test_a_camera_that_looks_straight_down_keeps_its_angles():
+    # yaw and roll leap together there, and the camera does not
+    turned = 0.01 * np.arange(N)
+    yaw = turned + 2.0 * (np.arange(N) // 2 == 25)
+    angles = np.column_stack([turned - yaw, np.full(N, -np.pi / 2), yaw])
+    log = plausible(dataclasses.replace(log_of(), gimbal=AngleTrack(t_us=T_US, angles=angles)))
+    assert len(log.gimbal) == N and not log.notes.skipped
 
 
 @pytest.fixture(scope="module")
