@@ -3,29 +3,27 @@
 from __future__ import annotations
 
 from gcs.errors import SessionError
-from gcs.mission.mission import Mission, MissionVehicle
+from gcs.mission.mission import Mission
+from gcs.mission.roster import Role, Roster, mission_of, proposed_roles
 from gcs.session.log import SessionLog
-from mavlink.protocol.decode import decode
-from mavlink.protocol.messages import Heartbeat
-from mavlink.protocol.modes import is_aircraft, is_ground_vehicle
 
 __all__ = ["discover"]
 
 
 def discover(log: SessionLog) -> Mission:
-    """Who flies and who drives, from the heartbeats of a log.
+    """Who flies and who drives, from the heartbeats of a log; of several aircraft the one of the lowest id films.
 
     Raises:
         SessionError: no aircraft or no ground vehicle sends in it.
     """
-    kinds: dict[int, int] = {}
+    roster = Roster()
     for packet in log.accepted_packets(0):
-        sample = decode(packet)
-        if isinstance(sample, Heartbeat):
-            kinds.setdefault(sample.system_id, sample.type)
-    aircraft = sorted(i for i, kind in kinds.items() if is_aircraft(kind))
-    ground = sorted(i for i, kind in kinds.items() if is_ground_vehicle(kind))
+        roster.add_packet(packet)
+    roles = proposed_roles(roster.vehicles, {})
+    aircraft = [i for i, role in roles.items() if role == "films"]
+    ground = [i for i, role in roles.items() if role == "named"]
     if not aircraft or not ground:
         missing = "aircraft" if not aircraft else "ground vehicle"
         raise SessionError(f"{log.path}: no {missing} heartbeat in it; name the vehicles with --mission")
-    return Mission(uav=MissionVehicle(system_id=aircraft[0]), ugv=tuple(MissionVehicle(system_id=i) for i in ground))
+    films: dict[int, Role] = {aircraft[0]: "films"}
+    return mission_of(films | dict.fromkeys(ground, "named"))
