@@ -61,18 +61,24 @@ class Forwarder:
         own: int = 0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._refused = refused
-        self._not_behind = frozenset(vehicles) | {own}
-        self._vehicles = frozenset(vehicles) | ({uav} - {0})
+        self._refused, self._own = refused, own
         self._last_received_us: dict[tuple[int, int, int], int] = {}
         self._now_us = 0
         self._outputs: list[Output] = []
         try:
             for url in outs:
-                self._outputs.append(Output(url, uav, clock))
+                self._outputs.append(Output(url, clock))
         except BaseException:
             self.close()
             raise
+        self.know(vehicles, uav)
+
+    def know(self, vehicles: Collection[int], uav: int) -> None:
+        """Who is in the mission, and which of them is the UAV; as of the constructor."""
+        self._not_behind = frozenset(vehicles) | {self._own}
+        self._vehicles = frozenset(vehicles) | ({uav} - {0})
+        for output in self._outputs:
+            output.allow(uav)
 
     @property
     def counts(self) -> tuple[OutputCounts, ...]:

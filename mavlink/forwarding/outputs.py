@@ -67,22 +67,26 @@ class Output:
 
     Args:
         url: of the link, with the option of the output.
-        uav: system id of the UAV, to which `?rw` lets a program send; 0: none.
         clock: seconds, monotonic.
 
     Raises:
         LinkError: it cannot be opened.
     """
 
-    def __init__(self, url: str, uav: int, clock: Callable[[], float]) -> None:
-        link_url, named = parse_output(url)
-        self.allowed = named if named is None else (named | {uav}) - {0}
+    def __init__(self, url: str, clock: Callable[[], float]) -> None:
+        link_url, self._named = parse_output(url)
+        self.allowed = self._named
         """System ids that it may send to, None: it only listens."""
         self.link = open_link(link_url, LinkOptions(is_output=True))
         self._sent = self._dropped = self._withheld = self._returned = self._stopped = 0
         self._inbound: dict[InboundFrames, int] = {}
         self._recently_sent, self._recently_returned = _RecentFrames(clock, ECHO_S), _RecentFrames(clock, ECHO_S)
         self._recently_tried = _RecentFrames(clock, REPEAT_S)
+
+    def allow(self, uav: int) -> None:
+        """Programs behind it may send to this UAV, 0: to none, where the URL lets them send at all."""
+        if self._named is not None:
+            self.allowed = (self._named | {uav}) - {0}
 
     @property
     def counts(self) -> OutputCounts:

@@ -24,7 +24,7 @@ from mavlink.errors import LinkError, MavlinkError, SigningError, TlogError
 from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.health_events import HealthEvents
 from mavlink.ingest.ingest_memory import RING_BYTES, IngestMemory, Slot, make_ingest_memory
-from mavlink.ingest.messages import AcceptHeld, CannotOpen, IngestReport, SendFrame
+from mavlink.ingest.messages import AcceptHeld, CannotOpen, IngestReport, KnownFleet, SendFrame
 from mavlink.ingest.plan import Outputs, Plan, Signing, check_links
 from mavlink.links.kinds import kind_of, parse_url
 from mavlink.links.recvmmsg import BATCH
@@ -188,6 +188,16 @@ class Ingest:
         """
         self._request(AcceptHeld(system_id))
 
+    def know(self, system_ids: Collection[int], uav: int) -> None:
+        """Only frames of these systems make a sender known from now on, and outputs may send to this UAV.
+
+        Raises:
+            LinkError: the process does not take it; the one after it will.
+        """
+        outputs = replace(self._plan.outputs, uav=uav)
+        self._plan = msgspec.structs.replace(self._plan, system_ids=tuple(system_ids), outputs=outputs)
+        self._request(KnownFleet(self._plan.system_ids, uav))
+
     def address(self, link: int, peer: int) -> str:
         """Host and port of a sender, as packets of a link number them; empty where they are not known.
 
@@ -339,7 +349,7 @@ class Ingest:
 
     # ---- between the two
 
-    def _request(self, request: SendFrame | AcceptHeld) -> None:
+    def _request(self, request: SendFrame | AcceptHeld | KnownFleet) -> None:
         if self._stopping.is_set():
             raise LinkError("the ingest has ended")
         try:

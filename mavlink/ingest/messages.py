@@ -9,7 +9,7 @@ import msgspec
 
 from mavlink.ingest.plan import Plan
 
-__all__ = ["AcceptHeld", "CannotOpen", "IngestReport", "IngestRequest", "Opened", "SendFrame"]
+__all__ = ["AcceptHeld", "CannotOpen", "IngestReport", "IngestRequest", "KnownFleet", "Opened", "SendFrame"]
 
 
 class SendFrame(msgspec.Struct, frozen=True, tag=True):
@@ -26,6 +26,14 @@ class AcceptHeld(msgspec.Struct, frozen=True, tag=True):
     system_id: int
 
 
+class KnownFleet(msgspec.Struct, frozen=True, tag=True):
+    """Whose frames make a sender known from now on, where that was not decided when the links were opened."""
+
+    system_ids: tuple[int, ...]
+    uav: int
+    """To which programs behind outputs may send."""
+
+
 class Opened(msgspec.Struct, frozen=True, tag=True):
     """Everything is open."""
 
@@ -37,5 +45,5 @@ class CannotOpen(msgspec.Struct, frozen=True, tag=True):
     text: str
 
 
-IngestRequest = Plan | SendFrame | AcceptHeld
+IngestRequest = Plan | SendFrame | AcceptHeld | KnownFleet
 IngestReport = Opened | CannotOpen

@@ -21,7 +21,7 @@ from infra.wall_clock import now_us
 from mavlink.errors import LinkError, MavlinkError
 from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.ingest_memory import IngestMemory, Slot
-from mavlink.ingest.messages import AcceptHeld, CannotOpen, IngestRequest, Opened, SendFrame
+from mavlink.ingest.messages import AcceptHeld, CannotOpen, IngestRequest, KnownFleet, Opened, SendFrame
 from mavlink.ingest.plan import Plan
 from mavlink.ingest.receiver import Receiver, Signatures, open_outputs
 from mavlink.links.base import Link, LinkOptions
@@ -148,6 +148,11 @@ class _IngestWorker:
                     self._send(request)
                 elif isinstance(request, AcceptHeld):
                     self._signatures.accept_held(request.system_id)
+                elif isinstance(request, KnownFleet):
+                    for link in self._links:
+                        link.know(request.system_ids)
+                    if self._outputs:
+                        self._outputs.know(request.system_ids, request.uav)
         except EOFError:
             self._open = False
 

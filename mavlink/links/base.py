@@ -113,6 +113,9 @@ class Link(ABC):
     def maintain(self) -> None:  # noqa: B027 - most links need none
         """Connects again, adapts filters; to be called every tenth of a second or so."""
 
+    def know(self, system_ids: Collection[int]) -> None:  # noqa: B027 - as trust
+        """Only frames of these systems make a sender known from now on."""
+
     def trust(self, claims: set[Claim], t_us: int) -> None:  # noqa: B027 - a link to one other end trusts it anyway
         """Marks senders as known: their signatures are valid."""
 

@@ -6,7 +6,7 @@ import contextlib
 import socket
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Callable, Collection, Sequence, Set
 from dataclasses import replace
 from itertools import chain
 
@@ -202,6 +202,10 @@ class UdpLink(Link):
             mixed=tuple(self.peers.mixed),
             limits=self.limits(),
         )
+
+    def know(self, system_ids: Collection[int]) -> None:
+        """Only frames of these systems make a sender known from now on; who is known already stays so for a minute."""
+        self._system_ids = frozenset(system_ids)
 
     def resume(self, before: LinkReport) -> None:
         """What the socket dropped in the meantime is counted."""

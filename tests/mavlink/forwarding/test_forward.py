@@ -137,6 +137,20 @@ def test_only_who_may_write_reaches_a_vehicle(receiver, option, passes):
     forwarder.close()
 
 
+def test_a_uav_that_becomes_known_later_is_sent_to_from_then_on(receiver):
+    forwarder = Forwarder([receiver.url + "?rw"])
+    forwarder.forward(packets(UAV.heartbeat()), nowhere)
+    receiver.get(1)
+    sent: list[tuple[int, bytes, int]] = []
+    for known, sequence in ((False, 1), (True, 2)):
+        if known:
+            forwarder.know((1, 7), 1)
+        receiver.answer(command(MavlinkEncoder(255, 190), 1))
+        settle(forwarder, sent, sequence)
+        assert len(sent) == known
+    forwarder.close()
+
+
 def test_addressed_frames_go_only_where_the_target_was_heard(receiver):
     forwarder = Forwarder([receiver.url + "?rw=7,33"], uav=1)
     forwarder.forward(packets(UAV.heartbeat(), link=0) + packets(ROVER.heartbeat(), link=2), nowhere)
