@@ -39,6 +39,7 @@ __all__ = [
     "Mission",
     "MissionVehicle",
     "SigningChoice",
+    "keys_folder",
     "load_mission",
     "load_table",
     "parse_mission",
@@ -294,7 +295,7 @@ def load_mission(path: Path) -> Mission:
     if _came_with_a_recording(path, table):
         mission = _without_reach(mission, path)
     camera = _with_lens(mission.camera, path.parent, str(path)) if mission.camera else None
-    signing = replace(mission.signing, keys=_keys_folder(mission.signing.keys, path.parent))
+    signing = replace(mission.signing, keys=keys_folder(mission.signing.keys, path.parent))
     shown = MapChoice(tiles=_beside(path, mission.map.tiles), terrain=_beside(path, mission.map.terrain))
     detector = _placed(mission.detector, path.parent)
     return replace(mission, detector=detector, camera=camera, signing=signing, map=shown)
@@ -343,7 +344,8 @@ def user_keys() -> Path:
     return Path(os.environ.get("XDG_CONFIG_HOME") or "~/.config").expanduser() / "rollcall" / "keys"
 
 
-def _keys_folder(text: str, folder: Path) -> str:
+def keys_folder(text: str = "", folder: Path = Path()) -> str:
+    """What ``[signing] keys`` of a file in a folder means: a path, the user's own where there is one, or none."""
     if text == NO_KEYS:
         return text
     if not text:

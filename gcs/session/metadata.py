@@ -20,7 +20,8 @@ from types import MappingProxyType
 from typing import Any, TypeVar
 
 from gcs.errors import SessionError
-from gcs.mission.mission import NO_KEYS, Mission
+from gcs.mission.mission import Mission
+from gcs.mission.written import mission_tables
 from gcs.session.log import SessionLog
 from infra.files.safe_open import create, open_folder, open_to_read
 from infra.files.segment import segments
@@ -152,37 +153,9 @@ def _sources(table: object) -> list[Mapping[str, Any]]:
 
 def mission_table(mission: Mission, notes: Mapping[str, Any]) -> str:
     """The text of ``session.toml``: the mission as it flew and a ``[session]`` table of notes."""
-    table: dict[str, Any] = {"session": dict(notes), "uav": _vehicle(mission, mission.uav.system_id)}
-    table["ugv"] = [_vehicle(mission, i) for i in mission.ugv_ids]
-    for name in ("camera", "clock", "detector", "identity", "limits"):
-        part = getattr(mission, name)
-        if part is not None:
-            table[name] = _values(part)
-    if mission.fence:
-        table["fence"] = [_values(fence) for fence in mission.fence]
-    if mission.map.tiles or mission.map.terrain:
-        table["map"] = _values(mission.map)
-    signing = mission.signing
-    table["signing"] = {"unsigned": list(signing.unsigned), "keyless": signing.keyless}
-    if signing.keys == NO_KEYS:
-        # other folders of keys are the flight's computer's own
-        table["signing"]["keys"] = NO_KEYS
-    text = toml_text(table)
+    text = toml_text({"session": dict(notes), **mission_tables(mission)})
     tomllib.loads(text)
     return text
-
-
-def _values(part: Any) -> dict[str, Any]:  # noqa: ANN401 - any part of a mission
-    """What a part of a mission says; what it leaves open is left out."""
-    return {
-        name: list(value) if isinstance(value, tuple) else value
-        for name in part.__slots__
-        if (value := getattr(part, name)) not in ("", None, ())
-    }
-
-
-def _vehicle(mission: Mission, system_id: int) -> dict[str, Any]:
-    return {"system_id": system_id, "name": mission.name_of(system_id)}
 
 
 class SessionFile:
