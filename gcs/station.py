@@ -160,6 +160,13 @@ class Station(Protocol):
     def accept_held(self, system_ids: Sequence[int]) -> None:
         """The operator vouches for vehicles whose signed packets are held; nothing in a recording."""
 
+    def save_mission(self) -> str:
+        """Write what flies as a mission file, never over one; tells where, or why not.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+
     def take_rival_video(self) -> None:
         """The operator takes the other video where two senders contest its port; nothing in a recording."""
 

@@ -57,6 +57,10 @@ class ScriptedStation(Station):
     def accept_held(self, system_ids: Sequence[int]) -> None:
         return None
 
+    def save_mission(self) -> str:
+        """Nowhere."""
+        return ""
+
     def take_rival_video(self) -> None:
         return None
 

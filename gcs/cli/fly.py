@@ -9,7 +9,7 @@ import os
 import resource
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -17,10 +17,12 @@ from typing import Annotated
 import typer
 
 from gcs.cli.arguments import hide_in_process_list
-from gcs.cli.attach.client import flies_on, show_flight
+from gcs.cli.attach.client import naming_own_flight, show_flight
 from gcs.cli.attach.place import ScreenOptions
 from gcs.cli.attach.server import AttachServer, LentTerminal
+from gcs.cli.contact import Wanted, parse_ids, prepare
 from gcs.cli.output.console import (
+    CONSOLE,
     FAR_S,
     GRAPHICS,
     MOST_FPS,
@@ -43,17 +45,15 @@ from gcs.cli.sharing.telling import Show, Tell, parse_sinks, telling
 from gcs.errors import GcsError
 from gcs.flight.flight import Flight, FlightPlan
 from gcs.live_out.sink import SinkSource
-from gcs.mission.mission import Mission, load_mission, unheeded_links
-from gcs.mission.terrain_file import TerrainFile
-from gcs.mission.tile_file import TileFile
+from gcs.mission.mission import Mission, unheeded_links
 from gcs.report.rollcall import RollCall
 from gcs.session.sealing import Sealing
 from gcs.snapshot import Event, Level
 from infra.files.safe_open import is_shared
 from infra.processes.end_signals import AskedBySignals, noted_signals
 from infra.secrets import concealed, secrets_of
+from infra.session_format import METADATA
 from infra.wall_clock import now_us
-from mavlink.errors import LinkError
 from mavlink.forwarding.outputs import parse_output
 
 __all__ = ["fly"]
@@ -64,14 +64,15 @@ LOOK_S = 0.2
 """A flight without a screen looks this often whether it is to end or to be shown."""
 LEAST_FILES = 128
 """Open files and sockets: a flight with video has some fifty, and as many for clients, terminals and replacements."""
-CONSOLE = "console.log"
-"""In the session folder: output of libraries while the screens are up."""
 
 
 def fly(
     mission: Annotated[
         Path | None,
-        typer.Argument(help="Mission file: vehicles, camera, clocks. With --attach a session folder, or nothing."),
+        typer.Argument(
+            help="Mission file: vehicles, camera, clocks; without one, whoever is heard. With --attach a session "
+            "folder, or nothing."
+        ),
     ] = None,
     link: Annotated[list[str] | None, typer.Option("--link", "-l", help="Telemetry link; may be repeated.")] = None,
     video: Annotated[
@@ -85,6 +86,26 @@ def fly(
             "listen; ?rw behind it lets them send to the UAV, ?rw=11 to vehicle 11 too (needs --command).",
         ),
     ] = None,
+    uav: Annotated[
+        int | None,
+        typer.Option(
+            callback=check_range(1, 255), metavar="ID", help="Without a mission file: the aircraft that films."
+        ),
+    ] = None,
+    ugv: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="IDS", help="Without a mission file: who is named, as 11-17 or 11,13-15; may be repeated."
+        ),
+    ] = None,
+    listen_s: Annotated[
+        float,
+        typer.Option(
+            "--listen",
+            callback=check_range(0.0, FAR_S),
+            help="Without a mission file and a screen: seconds until who was heard has to do.",
+        ),
+    ] = 20.0,
     command: Annotated[
         bool, typer.Option("--command", help="May send to the UAV, and to it alone: heartbeat, message rates, orders.")
     ] = False,
@@ -127,33 +148,40 @@ def fly(
     if attach:
         print_note(show_flight(mission, options, take_over=take_over))
         return
-    if mission is None:
-        raise GcsError("no mission file; docs/mission.md has what belongs into it")
     if video is not None:
         _hide_password(video)
-    loaded = load_mission(mission)
-    if model is not None:
-        loaded = replace(loaded, detector=replace(loaded.detector, model=str(model.absolute())))
-    links = tuple(link or ()) or loaded.links.telemetry
-    screen = not headless and sys.stdout.isatty() and sys.stdin.isatty()
-    _check(links, duration, loaded, screen=screen)
-    source = loaded.links.video if video is None else video
-    forward = tuple(out or ()) or _checked_outputs(mission, loaded.links.forward, command=command)
-    sinks = parse_sinks(tell, show, (*links, *forward))
-    plan = FlightPlan(
-        mission=loaded,
-        links=links,
-        video=source,
+    wanted = Wanted(
+        links=tuple(link or ()),
+        video=video,
+        uav=uav,
+        ugv=parse_ids(ugv or ()),
+        forward=tuple(out or ()),
+        accept_late=tuple(accept_late or ()),
         sessions=sessions,
-        forward=forward,
-        command=command,
-        accept_late=_check_vehicles(accept_late or (), loaded),
+        listen_s=listen_s,
     )
-    calls = RollCall(loaded)
+    screen = not headless and sys.stdout.isatty() and sys.stdin.isatty()
+    _check(duration, screen=screen)
     # from here until the recording is sealed no signal interrupts anything
     with noted_signals() as asked, contextlib.ExitStack() as ending:
-        with _naming_own_flight(links):
-            flight = Flight(plan, lambda snapshot: calls.add(snapshot, time.monotonic_ns() // 1000))
+        ask = theme if screen and not as_json else None
+        ready = prepare(mission, wanted, asked, ending, command=command, screen=screen, ask=ask)
+        links, source, flown = ready.links, ready.video, _with_model(ready.mission, model)
+        sinks = parse_sinks(tell, show, (*links, *ready.forward))
+        plan = FlightPlan(
+            mission=flown,
+            links=links,
+            video=source,
+            sessions=sessions,
+            forward=ready.forward,
+            command=command,
+            accept_late=_check_vehicles(wanted.accept_late, flown),
+            spare=ready.spare,
+            origins=ready.origins,
+        )
+        calls = RollCall(flown)
+        with naming_own_flight(links):
+            flight = Flight(plan, lambda snapshot: calls.add(snapshot, time.monotonic_ns() // 1000), ready.listening)
         ending.callback(flight.stop)
         ending.callback(_tell_start(flight, plan, mission, screen=screen).close)
         door = AttachServer(flight.folder, links)
@@ -166,9 +194,26 @@ def fly(
     if asked.hung_up:
         redirect_if_terminal_gone(flight.folder / CONSOLE)
     calls.end(flight.frames)
+    if mission is None:
+        _save_mission(flight)
     _report(flight, calls, as_json=as_json)
     if source and not calls.named:
         raise SystemExit(NO_NAMES)
+
+
+def _with_model(mission: Mission, model: Path | None) -> Mission:
+    """With another detector, where one is given."""
+    if model is None:
+        return mission
+    return replace(mission, detector=replace(mission.detector, model=str(model.absolute())))
+
+
+def _save_mission(flight: Flight) -> None:
+    """What flew without a mission file is kept as one; where that fails the session has it all the same."""
+    try:
+        print_note(flight.save_mission())
+    except OSError as error:
+        print_note(f"the mission cannot be saved here ({error.strerror}); {flight.folder / METADATA} has it")
 
 
 def _report(flight: Flight, calls: RollCall, *, as_json: bool) -> None:
@@ -198,22 +243,7 @@ def _hide_password(video: str) -> None:
         print_note("other users could see the password in --video for a moment; [links] video in a mission is safer")
 
 
-def _checked_outputs(mission: Path, forward: tuple[str, ...], *, command: bool) -> tuple[str, ...]:
-    """The outputs of a mission file, whose author orders the UAV by them.
-
-    Raises:
-        GcsError: a program behind one may send, and others may write into the file.
-    """
-    asked = [out for out in forward if parse_output(out)[1] is not None]
-    if command and asked and is_shared(mission):
-        raise GcsError(
-            f"{mission}: others may change this file, so {asked[0]} in it does not let a program send; "
-            f"name it with --out, or make the file your own alone"
-        )
-    return forward
-
-
-def _tell_start(flight: Flight, plan: FlightPlan, mission: Path, *, screen: bool) -> Sealing:
+def _tell_start(flight: Flight, plan: FlightPlan, mission: Path | None, *, screen: bool) -> Sealing:
     """Seal interrupted recordings, and tell where packets go, what in the mission does not count, and which folders
     others may write to: in the flight's events, and on stderr where there is no screen."""
 
@@ -234,7 +264,7 @@ def _tell_start(flight: Flight, plan: FlightPlan, mission: Path, *, screen: bool
             'make keys with gcs keys, or set [signing] keys = "none"',
             "warning",
         )
-    if unheeded := unheeded_links(mission):
+    if mission is not None and (unheeded := unheeded_links(mission)):
         addresses = ", ".join(map(concealed, unheeded))
         report(
             f"{mission} came with a recording: its links do not count ({addresses}); give --link, --video, --out",
@@ -260,9 +290,7 @@ def _check_vehicles(system_ids: Sequence[int], mission: Mission) -> tuple[int, .
     return tuple(system_ids)
 
 
-def _check(links: tuple[str, ...], duration: float | None, mission: Mission, *, screen: bool) -> None:
-    if not links:
-        raise GcsError("no telemetry link; give --link (for example --link 14550) or [links] telemetry in the mission")
+def _check(duration: float | None, *, screen: bool) -> None:
     if screen and duration is not None:
         raise GcsError("--duration is for flights without a screen; add --headless")
     if screen:
@@ -273,27 +301,11 @@ def _check(links: tuple[str, ...], duration: float | None, mission: Mission, *, 
         resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
         if wanted < LEAST_FILES:
             raise GcsError(f"only {hard} files may be open, and a flight needs {LEAST_FILES}: see ulimit -n")
-    if screen and mission.tiles is not None:
-        TileFile(mission.tiles).close()
-    if mission.terrain is not None:
-        TerrainFile(mission.terrain)
 
 
 def _gone_on(flight: Flight, why: str, door: AttachServer) -> str:
     shown = door.trouble or "gcs fly --attach shows it on any terminal"
     return f"{why} in {flight.folder}: stop with Ctrl-C, or kill {os.getpid()}; {shown}"
-
-
-@contextlib.contextmanager
-def _naming_own_flight(links: Sequence[str]) -> Iterator[None]:
-    """A link that a flight of this user has: the error names that flight and how to show it."""
-    try:
-        yield
-    except LinkError as error:
-        if (flying := flies_on(links)) is not None:
-            hint = f"your flight in {flying.folder} has it, and gcs fly --attach shows its screens here"
-            raise LinkError(f"{error}; {hint}") from error
-        raise
 
 
 def _wait(flight: Flight, door: AttachServer, asked: AskedBySignals, duration: float | None = None) -> None:

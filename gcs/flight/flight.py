@@ -13,19 +13,21 @@ import platform
 import shutil
 import threading
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gcs.errors import FlightError
 from gcs.flight.frame_loop import FrameLoop
+from gcs.flight.listening import Listening, open_ingest
 from gcs.flight.monitor import FlightMonitor
 from gcs.flight.video import FlightVideo, check_source
 from gcs.fold.detector_factory import fingerprints, open_mission_detector
 from gcs.fold.pipeline import Pipeline
 from gcs.health.faults import Faults
 from gcs.mission.mission import Mission
+from gcs.mission.written import save_mission
 from gcs.session.metadata import PROGRAM, key_notes
 from gcs.session.recorder import Recorder
 from gcs.snapshot import Alarm, Event, Health, Snapshot, Statement
@@ -34,10 +36,8 @@ from infra.wall_clock import now_us
 from mavlink.errors import LinkError
 from mavlink.forwarding.outputs import parse_output
 from mavlink.ingest.ingest import Ingest
-from mavlink.ingest.plan import Outputs, Signing
 from mavlink.signing.keys import KeyRing, read_ring
 from mavlink.transmit.message_rates import MessageRates, uav_rates
-from mavlink.transmit.transmitter import SYSTEM_ID
 from vision.detect.detector import Detector
 
 if TYPE_CHECKING:
@@ -73,6 +73,10 @@ class FlightPlan:
     """Whether this station may send: beat, ask for rates, and command the UAV."""
     accept_late: tuple[int, ...] = ()
     """Vehicles whose signed packets are accepted without a proof that they are made now."""
+    spare: tuple[str, ...] = ()
+    """Links that nobody asked for: they count once something came over them."""
+    origins: Mapping[str, str] = field(default_factory=dict)
+    """Where the parts of the mission come from, for the file that it may be saved in."""
 
 
 class Flight:
@@ -80,17 +84,25 @@ class Flight:
 
     timeline = None
 
-    def __init__(self, plan: FlightPlan, on_snapshot: Callable[[Snapshot], None] = lambda snapshot: None) -> None:
+    def __init__(
+        self,
+        plan: FlightPlan,
+        on_snapshot: Callable[[Snapshot], None] = lambda snapshot: None,
+        listening: Listening | None = None,
+    ) -> None:
         """Open links, camera, detector and recording, then start.
 
         Args:
             plan: What to listen to.
             on_snapshot: Called in the fold's thread with each snapshot, of a frame or without one.
+            listening: has the links open already, and what was heard so far; its folder is the session's.
 
         Raises:
             LinkError, ModelError, SessionError: something cannot be opened; nothing is left open.
         """
+        self._plan = plan
         mission = self._mission = plan.mission
+        _check_outputs(plan)
         self._ring = read_ring(mission.signing.folder) if mission.signing.folder else KeyRing()
         detector: Detector | None = None
         notes: dict[str, Any] = {"keys": key_notes(self._ring)}
@@ -98,17 +110,20 @@ class Flight:
             check_source(plan.video)
             detector = open_mission_detector(mission.detector, threads=LOOK_THREADS)
             notes["models"] = fingerprints(mission.detector)
-        self._recorder = Recorder(plan.sessions, mission, video=bool(plan.video), notes=notes)
+        folder = listening.folder if listening else None
+        self._recorder = Recorder(plan.sessions, mission, video=bool(plan.video), notes=notes, folder=folder)
         _log.info("%s records %s in process %d", PROGRAM, self._recorder.folder.name, os.getpid())
         _log.info("Python %s on %s", platform.python_version(), platform.platform())
         self._commands: CommandService | None = None
         try:
-            self._ingest = _open_ingest(plan, self._recorder.tlog_path)
+            self._ingest = listening.ingest if listening else _open_ingest(plan, self._recorder.tlog_path)
         except BaseException:
             # nothing was received: what is in the folder are headings
             self._recorder.close()
             shutil.rmtree(self._recorder.folder, ignore_errors=True)
             raise
+        if listening:
+            listening.close_video()
         self._video = FlightVideo(plan.video, self._recorder)
         self._pipeline = Pipeline(mission, links=self._ingest.names, address=self._ingest.address)
         rates = uav_rates(gimbal=mission.follows_gimbal)
@@ -132,8 +147,12 @@ class Flight:
             self._video,
             None if self._commands else self._rates,
             keys=len(self._ring),
+            spare=plan.spare,
             on_event=self._loop.add_event,
         )
+        if listening:
+            self._ingest.know((mission.uav.system_id, *mission.ugv_ids), mission.uav.system_id)
+            self._loop.add_packets(listening.hand_over(), self._ingest.heard_us)
         jobs = {"listening": self._receive, "naming": self._process, "looking after the flight": self._check_health}
         self._threads = [
             threading.Thread(target=self._repeat, args=job, name=job[0], daemon=True) for job in jobs.items()
@@ -231,6 +250,11 @@ class Flight:
         """The operator withdraws a statement."""
         self._pipeline.state_name(Statement(track_id=track_id, system_id=0, undone=True))
 
+    def save_mission(self) -> str:
+        """Write the mission as a file of the working folder, never over one, to be flown again; tells where."""
+        path, new = save_mission(self._mission, self._plan.origins, Path.cwd())
+        return f"the mission is {'saved' if new else 'already'} in {path.name}: gcs fly {path.name} flies it again"
+
     def accept_held(self, system_ids: Sequence[int]) -> None:
         """The operator vouches for vehicles whose signed packets are held: an event each."""
         for system_id in system_ids:
@@ -326,19 +350,24 @@ class Flight:
 
 def _open_ingest(plan: FlightPlan, log: Path) -> Ingest:
     mission = plan.mission
-    signing = mission.signing
+    uav = mission.uav.system_id
+    return open_ingest(
+        plan.links,
+        log,
+        mission.signing,
+        forward=plan.forward,
+        accept_late=plan.accept_late,
+        uav=uav,
+        system_ids=(uav, *mission.ugv_ids),
+    )
+
+
+def _check_outputs(plan: FlightPlan) -> None:
+    """Refuse outputs that let a program send in a flight that may not.
+
+    Raises:
+        LinkError: there is one.
+    """
     for out in plan.forward:
         if not plan.command and parse_output(out)[1] is not None:
             raise LinkError(f"{out}: ?rw lets a program send to vehicles, which takes --command; ?ro only listens")
-    return Ingest(
-        plan.links,
-        log,
-        system_ids=(mission.uav.system_id, *mission.ugv_ids),
-        signing=Signing(
-            keys=str(signing.folder) if signing.folder else "",
-            unsigned=signing.unsigned,
-            keyless=signing.keyless,
-            accept_late=plan.accept_late,
-        ),
-        outputs=Outputs(urls=plan.forward, uav=mission.uav.system_id, own=SYSTEM_ID),
-    )

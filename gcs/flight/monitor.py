@@ -6,7 +6,7 @@ It has a thread of its own, so that neither a slow detector nor a busy fold make
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 from gcs.flight.video import FlightVideo
@@ -44,6 +44,7 @@ class FlightMonitor:
         video: the camera, if there is one.
         rates: message rates to report; None where the command service does.
         keys: signing keys in use.
+        spare: names of links that are not told of before something came over them.
         on_event: called with each change.
     """
 
@@ -55,10 +56,11 @@ class FlightMonitor:
         rates: MessageRates | None,
         *,
         keys: int,
+        spare: Collection[str] = (),
         on_event: Callable[[Event], None],
     ) -> None:
         self._ingest, self._recorder, self._video, self._rates = ingest, recorder, video, rates
-        self._keys, self._on_event = keys, on_event
+        self._keys, self._spare, self._on_event = keys, frozenset(spare), on_event
 
     def check(self, throughput: Throughput, faults: Faults, offer: VideoStreamInformation | None) -> Health:
         """The health at this moment, and events for what has changed; to be called once a second or more often.
@@ -92,7 +94,7 @@ class FlightMonitor:
             video_sender=str(stream.sender or "") if stream else "",
             video_rival=str(stream.rival or "") if stream else "",
             undecoded=stream.undecoded if stream else 0,
-            links=tuple(map(_link, ingest.links)),
+            links=tuple(_link(link) for link in ingest.links if link.counts.packets or link.name not in self._spare),
             recorded_bytes=recorder.bytes,
             recording_since_us=recorder.began_us,
             free_bytes=recorder.free_bytes,

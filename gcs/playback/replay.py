@@ -226,6 +226,10 @@ class Replay:
     def accept_held(self, system_ids: Sequence[int]) -> None:
         """What was held in flight stays held."""
 
+    def save_mission(self) -> str:
+        """A recording has its own."""
+        return "a recording has its mission in its session.toml"
+
     def take_rival_video(self) -> None:
         """The video of a flight stays as it was recorded."""
 

@@ -54,6 +54,7 @@ class Recorder:
         mission: what flies.
         video: whether there is a camera.
         notes: what a replay has to know beside the mission (``gcs.session.metadata``).
+        folder: one that was made already and has the telemetry of so far; None: a new one.
         disk: the operating system, or a test's.
 
     Attributes:
@@ -73,9 +74,10 @@ class Recorder:
         *,
         video: bool,
         notes: Mapping[str, Any] = MappingProxyType({}),
+        folder: Path | None = None,
         disk: Disk = OS_DISK,
     ) -> None:
-        self.folder = create_folder(parent)
+        self.folder = folder or create_folder(parent)
         self.video_path = self.folder / "video.mkv" if video else None
         self.tlog_path = self.folder / LOG
         self.full_in_s = math.inf
@@ -92,7 +94,8 @@ class Recorder:
             self._make_files(video, disk)
         except BaseException:
             self._log.close()
-            shutil.rmtree(self.folder, ignore_errors=True)  # nothing but headings is in it
+            if folder is None:
+                shutil.rmtree(self.folder, ignore_errors=True)  # nothing but headings is in it
             raise
         self._flusher = Flusher([file.file for file in self._files], SYNC_S)
         self._watch = RecordingEvents()

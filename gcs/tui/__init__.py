@@ -8,16 +8,18 @@ from __future__ import annotations
 import contextlib
 import gc
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
+from gcs.flight.listening import Listening
+from gcs.mission.roster import Found, Role
 from gcs.station import Station
 from gcs.tui.app import RollcallApp
 from gcs.tui.draw.pixels import Graphics
 from gcs.tui.terminal.terminal_app import MOST_FPS
 from gcs.tui.themes import ThemeName
 
-__all__ = ["Ended", "RollcallApp", "run"]
+__all__ = ["Ended", "RollcallApp", "run", "run_start"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,6 +61,26 @@ def run(
     with _handlers_kept():
         app.run()
     return Ended(code=app.return_code or 0, left=app.left)
+
+
+def run_start(
+    listening: Listening,
+    chosen: Mapping[int, Role],
+    *,
+    whole_fleet: bool,
+    video: str | None,
+    theme: ThemeName,
+    to_end: Callable[[], bool],
+    hung_up: Callable[[], bool],
+) -> Found | None:
+    """Show who is heard until the operator flies, or quits: None. As of :class:`gcs.tui.start_app.StartApp`."""
+    from gcs.tui.start_app import StartApp
+
+    app = StartApp(listening, chosen, whole_fleet=whole_fleet, video=video, theme=theme)
+    app.to_end, app.hung_up = to_end, hung_up
+    with _handlers_kept():
+        app.run()
+    return app.found
 
 
 @contextlib.contextmanager

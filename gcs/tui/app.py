@@ -324,6 +324,14 @@ class RollcallApp(ReplayApp):
         """Save the screen."""
         ask_to_save_screen(self, self.snapshot)
 
+    def action_save_mission(self) -> None:
+        """Save who flies as a mission file."""
+        try:
+            told = self._station.save_mission()
+        except OSError as error:
+            told = f"the mission cannot be saved here: {error.strerror}"
+        self.notify(told, timeout=6, markup=False)
+
     def action_leave(self) -> None:
         """Quit a replay, or a flight that is over; ask before a flight is ended."""
         flies = self._station.timeline is None and (

@@ -102,6 +102,7 @@ STATION: Final = (
     _key("m", "mark", "mark", "Mark this moment with a text", id="station.mark"),
     _key("s", "still", "still", "Still: save the full frame with names as PNG", id="station.still"),
     _key("S", "save", "save", "Save this screen as SVG, never over a file", id="station.save"),
+    _key("w", "save_mission", "mission", "Save the mission as a file, to fly it again", id="station.mission"),
     _key("t", "next_theme", "theme", "Theme: dark, light, high contrast", id="station.theme"),
     _key("ctrl+p", "command_palette", "palette", "Command palette: any action by its words", id="station.palette"),
     _key("question_mark", "help", "help", "All keys, marks and colours, by pages", id="station.help", shown="?"),

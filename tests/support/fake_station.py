@@ -274,6 +274,9 @@ class FakeStation:
     def accept_held(self, system_ids: Sequence[int]) -> None:
         self.accepted += system_ids
 
+    def save_mission(self) -> str:
+        return "the mission is saved in mission.toml"
+
     def take_rival_video(self) -> None:
         self.taken += 1
 

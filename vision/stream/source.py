@@ -26,7 +26,7 @@ from urllib.parse import parse_qsl, urlsplit
 from infra.secrets import concealed
 from vision.errors import VideoError
 
-__all__ = ["Codec", "Source", "offered", "parse_source"]
+__all__ = ["PORT", "Codec", "Source", "offered", "parse_source"]
 
 Codec = Literal["", "h264", "hevc", "mpegts"]
 """Of datagrams; empty: to be found out."""

@@ -21,8 +21,9 @@ import msgspec
 from gcs.cli.attach.place import MOST_BYTES, VARIABLES, Answer, Flying, ScreenOptions, Wish, connect
 from gcs.cli.output.console import check_terminal
 from gcs.errors import GcsError
+from mavlink.errors import LinkError
 
-__all__ = ["flies_on", "show_flight"]
+__all__ = ["flies_on", "naming_own_flight", "show_flight"]
 
 SIZE_VARIABLES = ("COLUMNS", "LINES")
 """The pseudo terminal knows its size, and follows it."""
@@ -157,3 +158,15 @@ def _size_changes(controller: int, connection: socket.socket) -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGWINCH, before)
+
+
+@contextlib.contextmanager
+def naming_own_flight(links: Sequence[str]) -> Iterator[None]:
+    """A link that a flight of this user has: the error names that flight and how to show it."""
+    try:
+        yield
+    except LinkError as error:
+        if (flying := flies_on(links)) is not None:
+            hint = f"your flight in {flying.folder} has it, and gcs fly --attach shows its screens here"
+            raise LinkError(f"{error}; {hint}") from error
+        raise

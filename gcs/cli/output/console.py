@@ -34,6 +34,7 @@ from vision.errors import VisionError
 
 __all__ = [
     "BAD_INPUT",
+    "CONSOLE",
     "FAR_S",
     "FRAME_SIZE",
     "GRAPHICS",
@@ -47,6 +48,7 @@ __all__ = [
     "LogLevel",
     "PlainStream",
     "Theme",
+    "ThemeName",
     "VideoStart",
     "check_range",
     "check_terminal",
@@ -70,9 +72,8 @@ AsJson = Annotated[bool, typer.Option("--json", help="For programs: one JSON obj
 MOST_PX = 16384
 """No camera has a longer side."""
 Graphics = Literal["auto", "pixels", "blocks", "sextants", "octants"]
-Theme = Annotated[
-    Literal["dark", "light", "high-contrast"], typer.Option(help="Colours of the screens; the key t changes them.")
-]
+ThemeName = Literal["dark", "light", "high-contrast"]
+Theme = Annotated[ThemeName, typer.Option(help="Colours of the screens; the key t changes them.")]
 GRAPHICS = (
     "How the terminal shows video: pixels (kitty, sixel, iTerm2), half blocks, or sextants or octants where its fonts "
     "have them; auto: the finest that it is known to show."
@@ -80,6 +81,8 @@ GRAPHICS = (
 MOST_FPS = 12.0
 """As the screens have it, which are not loaded for it."""
 LogLevel = Literal["debug", "info", "warning", "error"]
+CONSOLE = "console.log"
+"""In the session folder: output of libraries while the screens are up."""
 FAR_S = 1e9
 """Some thirty years: further from its log no video begins."""
 

@@ -7,7 +7,6 @@ import pytest
 from gcs.cli import fly
 from gcs.cli.output.console import check_terminal
 from gcs.errors import GcsError
-from gcs.mission.mission import load_mission
 from tests.support.command_line import run_gcs_process
 from tests.support.ports import free_port
 
@@ -24,17 +23,16 @@ def test_vehicles_without_a_key_are_named_with_the_folder(tmp_path):
 
 
 @pytest.mark.parametrize(("hard", "flies"), [(36, False), (4096, True), (resource.RLIM_INFINITY, True)])
-def test_few_files_are_raised_or_refused(hard, flies, tmp_path, monkeypatch):
-    (tmp_path / "mission.toml").write_text(MISSION)
-    mission, asked = load_mission(tmp_path / "mission.toml"), []
+def test_few_files_are_raised_or_refused(hard, flies, monkeypatch):
+    asked = []
     monkeypatch.setattr(resource, "getrlimit", lambda kind: (36, hard))
     monkeypatch.setattr(resource, "setrlimit", lambda kind, limits: asked.append(limits))
     if flies:
-        fly._check(("14550",), None, mission, screen=False)
+        fly._check(None, screen=False)
         assert asked == [(fly.LEAST_FILES, hard)]
     else:
         with pytest.raises(GcsError, match="only 36 files may be open, and a flight needs 128"):
-            fly._check(("14550",), None, mission, screen=False)
+            fly._check(None, screen=False)
 
 
 def test_a_terminal_that_cannot_show_screens_is_refused(monkeypatch):

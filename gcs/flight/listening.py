@@ -1,0 +1,206 @@
+"""Listening before it is known who flies: links are opened once, recorded from the first packet, and handed to the
+flight."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import socket
+from collections import deque
+from collections.abc import Sequence
+from pathlib import Path
+
+from gcs.mission.mission import SigningChoice
+from gcs.mission.roster import Roster
+from gcs.session.session import create_folder
+from infra.session_format import LOG
+from infra.wall_clock import now_us
+from mavlink.errors import LinkError
+from mavlink.ingest.ingest import Ingest
+from mavlink.ingest.plan import Outputs, Signing
+from mavlink.links.kinds import kind_of, parse_url
+from mavlink.protocol.packet import Packet
+from mavlink.transmit.transmitter import SYSTEM_ID
+from vision.errors import VideoError
+from vision.stream.port import bind
+from vision.stream.source import PORT, offered
+from vision.stream.trial import looks_like
+
+__all__ = ["HEARD_VIDEO", "USUAL_LINKS", "Listening", "open_ingest", "serial_hint", "usual_links"]
+
+USUAL_LINKS = tuple(f"udpin:0.0.0.0:{port}" for port in (14550, 14540, 14551))
+"""The UDP ports that autopilots, simulators and routers send to unless they are told otherwise."""
+HEARD_VIDEO = f"udp://:{PORT}"
+"""The video of whoever sends RTP or MPEG-TS to the usual port."""
+MOST_KEPT = 50_000
+"""Packets for the flight: a minute of a large fleet. What was heard before is recorded and not folded in."""
+_MOST_DATAGRAMS = 200
+"""Of video, looked at in one turn."""
+_ENOUGH_DATAGRAMS = 3
+"""Datagrams that look like video: one may be anything."""
+
+
+def usual_links() -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Links on the usual ports that are free, and in words which are not.
+
+    Raises:
+        LinkError: none is.
+    """
+    links, taken = [], []
+    for url in USUAL_LINKS:
+        try:
+            _, sock = kind_of(url).prepare(parse_url(url))
+        except LinkError as error:
+            taken.append(str(error))
+            continue
+        links.append(url)
+        if sock is not None:
+            sock.close()
+    if not links:
+        raise LinkError("; ".join(taken))
+    return tuple(links), tuple(taken)
+
+
+def serial_hint() -> str:
+    """How to name a radio that is plugged in, one of this computer where there is one: no device is opened unasked."""
+    devices = sorted(str(path) for kind in ("ttyUSB*", "ttyACM*") for path in Path("/dev").glob(kind))
+    return f": gcs fly -l {devices[0] if devices else '/dev/ttyUSB0'},57600"
+
+
+def open_ingest(
+    links: Sequence[str],
+    log: Path,
+    signing: SigningChoice,
+    *,
+    forward: Sequence[str] = (),
+    accept_late: tuple[int, ...] = (),
+    uav: int = 0,
+    system_ids: tuple[int, ...] = (),
+) -> Ingest:
+    """The links of a flight, and where packets go on to; as of :class:`mavlink.ingest.ingest.Ingest`."""
+    return Ingest(
+        links,
+        log,
+        system_ids=system_ids,
+        signing=Signing(
+            keys=str(signing.folder) if signing.folder else "",
+            unsigned=signing.unsigned,
+            keyless=signing.keyless,
+            accept_late=accept_late,
+        ),
+        outputs=Outputs(urls=tuple(forward), uav=uav, own=SYSTEM_ID),
+    )
+
+
+class Listening:
+    """Links in, a session folder that begins with them, and who is heard. One thread polls.
+
+    Args:
+        links: what to listen to.
+        sessions: where the folder is made.
+        signing: whose packets count.
+        forward: where packets go on to.
+        accept_late: vehicles whose signed packets are accepted without a proof that they are made now.
+        for_video: whether to look for video on the usual port.
+
+    Attributes:
+        folder: of the session.
+        ingest: the links.
+        roster: who is heard.
+        video_trouble: why the usual port of video could not be looked at, empty where it is.
+
+    Raises:
+        LinkError, SessionError: something cannot be opened; nothing is left open.
+    """
+
+    def __init__(
+        self,
+        links: Sequence[str],
+        sessions: Path,
+        signing: SigningChoice,
+        *,
+        forward: Sequence[str] = (),
+        accept_late: tuple[int, ...] = (),
+        for_video: bool = True,
+    ) -> None:
+        self.links = tuple(links)
+        self.began_us = now_us()
+        self.roster = Roster()
+        self.video_trouble = ""
+        self._kept: deque[Packet] = deque(maxlen=MOST_KEPT)
+        self._handed_over = False
+        self._video: socket.socket | None = None
+        self._datagrams = 0
+        self._video_us = 0
+        self.folder = create_folder(sessions)
+        try:
+            self.ingest = open_ingest(links, self.folder / LOG, signing, forward=forward, accept_late=accept_late)
+        except BaseException:
+            shutil.rmtree(self.folder, ignore_errors=True)
+            raise
+        if for_video:
+            try:
+                self._video = bind("", PORT)
+                self._video.setblocking(False)
+            except VideoError as error:
+                self.video_trouble = str(error)
+
+    @property
+    def where(self) -> str:
+        """What is listened to, in a few words: ports that any address may send to together."""
+        usual = [link.rpartition(":")[2] for link in self.links if link in USUAL_LINKS]
+        others = [name for link, name in zip(self.links, self.ingest.names, strict=True) if link not in USUAL_LINKS]
+        return ", ".join([f"UDP {', '.join(usual)}"] * bool(usual) + others)
+
+    def poll(self, timeout_s: float) -> None:
+        """Take in what has come, waiting for it at most so long."""
+        packets = self.ingest.read(timeout_s)
+        for packet in packets:
+            self.roster.add_packet(packet)
+        self._kept.extend(packets)
+        self._look_at_datagrams()
+
+    @property
+    def offer(self) -> str:
+        """Address of the video that a vehicle offers, empty while none does."""
+        offers = (each.video for each in self.roster.vehicles if each.video is not None)
+        return next((url for offer in offers if (url := offered(offer.type, offer.uri, offer.encoding))), "")
+
+    @property
+    def hears_video(self) -> bool:
+        """Whether somebody sends what looks like video to the usual port."""
+        return self._datagrams >= _ENOUGH_DATAGRAMS
+
+    @property
+    def quiet_s(self) -> float:
+        """For how long nothing new was heard."""
+        return (now_us() - max(self.began_us, self.roster.news_us, self._video_us)) * 1e-6
+
+    def hand_over(self) -> tuple[Packet, ...]:
+        """The links belong to the flight from now on, with the packets of so far."""
+        self.poll(0.0)  # what came while the flight was made: it is not to begin late
+        self._handed_over = True
+        return tuple(self._kept)
+
+    def close_video(self) -> None:
+        """Give the port of video back, for whoever receives it."""
+        if self._video is not None:
+            self._video.close()
+            self._video = None
+
+    def close(self) -> None:
+        """Close the links and delete what was recorded, unless a flight has it."""
+        self.close_video()
+        if not self._handed_over:
+            self.ingest.stop()
+            shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _look_at_datagrams(self) -> None:
+        if self._video is None or self.hears_video:
+            return
+        with contextlib.suppress(OSError):  # nothing more
+            for _ in range(_MOST_DATAGRAMS):
+                data = self._video.recv(65536)
+                if data and looks_like(data, ""):
+                    self._datagrams += 1
+                    self._video_us = now_us()

@@ -1,0 +1,370 @@
+"""The screen before a flight without a mission file: who is heard, what each is to be, and which video is offered."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar, Final
+
+from textual import events
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.strip import Strip
+from textual.widget import Widget
+
+from gcs.errors import ConfigError
+from gcs.flight.listening import HEARD_VIDEO, Listening, serial_hint
+from gcs.flight.video import check_source
+from gcs.mission.roster import Found, HeardVehicle, Role, mission_of, proposed_roles
+from gcs.tui import palette
+from gcs.tui.draw.format import age, plain
+from gcs.tui.draw.strips import Part, blank, fitted, line, split_line
+from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, PANEL, PICKED, WARN, Colour, ink
+from gcs.tui.panes.key_hints import KeyHints
+from gcs.tui.screens.prompts import Prompt
+from gcs.tui.terminal.terminal_app import TerminalApp
+from gcs.tui.themes import THEMES, ThemeName, textual_theme
+from infra.secrets import concealed
+from infra.wall_clock import now_us
+from mavlink.protocol.packet import Auth
+from mavlink.state import SILENT_S
+from vision.errors import VideoError
+
+__all__ = ["StartApp"]
+
+POLL_S = 0.1
+LONG_S = 5.0
+"""Who has a vehicle that sends has heard it by now."""
+NAME_CELLS = 14
+COLUMNS: Final = (
+    ("ROLE", 6),
+    ("ID", 3),
+    ("NAME", NAME_CELLS),
+    ("TYPE", 10),
+    ("AUTOPILOT", 9),
+    ("POSITION", 9),
+    ("SIGNED", 17),
+)
+ROLE_COLOURS: Final[Mapping[Role, Colour]] = {"films": ACCENT, "named": GOOD, "out": FAINT}
+HINTS: Final = (
+    ("enter", "fly"),
+    ("q", "quit"),
+    ("↑↓", "vehicle"),
+    ("space", "in or out"),
+    ("f", "films"),
+    ("r", "rename"),
+    ("v", "video"),
+    ("t", "theme"),
+)
+
+
+class StartApp(TerminalApp):
+    """Listens until the operator flies or quits.
+
+    Args:
+        listening: what is heard.
+        chosen: roles that the command line gives.
+        whole_fleet: whether ground vehicles that it does not name are in the fleet.
+        video: as of the command line; None: what is offered or heard.
+        theme: colours to begin with.
+
+    Attributes:
+        found: who is to fly; None until the operator says so.
+    """
+
+    CSS_PATH = "app.tcss"
+    TITLE = "Rollcall"
+    ENABLE_COMMAND_PALETTE = False
+    ALLOW_SELECT = False
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("enter", "fly", "Fly", id="start.fly", tooltip="Fly with those who film and are named"),
+        Binding("up,k", "pick(-1)", "Up", id="start.up", tooltip="Vehicle above"),
+        Binding("down,j", "pick(1)", "Down", id="start.down", tooltip="Vehicle below"),
+        Binding("space", "in_or_out", "In or out", id="start.toggle", tooltip="Leave it out, or take it in again"),
+        Binding("f", "film", "Films", id="start.film", tooltip="It carries the camera, and no other one"),
+        Binding("r", "rename", "Rename", id="start.rename", tooltip="Call it otherwise"),
+        Binding("v", "video", "Video", id="start.video", tooltip="Type the address of the video"),
+        Binding("t", "next_theme", "Theme", id="start.theme", tooltip="Dark, light, high contrast"),
+        Binding("q,ctrl+q,escape", "leave", "Quit", id="start.quit", tooltip="Quit; nothing has flown"),
+    ]
+
+    def __init__(
+        self,
+        listening: Listening,
+        chosen: Mapping[int, Role],
+        *,
+        whole_fleet: bool = True,
+        video: str | None = None,
+        theme: ThemeName = "dark",
+    ) -> None:
+        super().__init__()
+        for each in THEMES.values():
+            self.register_theme(textual_theme(each))
+        self.theme = theme
+        self.found: Found | None = None
+        self._listening = listening
+        self._chosen, self._whole_fleet = dict(chosen), whole_fleet
+        self._names: dict[int, str] = {}
+        self._video = video
+        self._picked = 0
+        self._table = _Table(id="panes")
+
+    def compose(self) -> ComposeResult:
+        """The table and the keys."""
+        yield self._table
+        yield KeyHints(HINTS, id="hints")
+
+    def on_mount(self) -> None:
+        """Start to listen."""
+        self._poll()
+        self.set_interval(POLL_S, self._poll)
+
+    @property
+    def roles(self) -> dict[int, Role]:
+        """Who is what at present, by system id."""
+        return proposed_roles(self._listening.roster.vehicles, self._chosen, whole_fleet=self._whole_fleet)
+
+    def action_fly(self) -> None:
+        """Fly, unless something is not clear yet."""
+        found = Found(roles=self.roles, names=dict(self._names), chosen=frozenset(self._chosen), video=self._video)
+        try:
+            mission_of(found.roles)
+        except ConfigError:
+            self.notify(_standing(found.roles)[0], severity="warning", timeout=6, markup=False)
+            return
+        self.found = found
+        self.exit()
+
+    def action_leave(self) -> None:
+        """Quit without a flight."""
+        self.exit()
+
+    def action_pick(self, steps: int) -> None:
+        """The vehicle above or below."""
+        ids = list(self.roles)
+        if ids:
+            place = ids.index(self._picked) if self._picked in ids else 0
+            self._picked = ids[min(max(place + steps, 0), len(ids) - 1)]
+        self._show_all()
+
+    def action_pick_vehicle(self, system_id: int) -> None:
+        """One that was clicked."""
+        self._picked = system_id
+        self._show_all()
+
+    def action_in_or_out(self) -> None:
+        """Leave the picked one out, or take it in as what it is: an aircraft films, anything else is named."""
+        if self._picked in (roles := self.roles):
+            kinds = {each.system_id: each.role for each in self._listening.roster.vehicles}
+            inside: Role = "films" if kinds.get(self._picked) == "films" else "named"
+            self._choose(self._picked, inside if roles[self._picked] == "out" else "out")
+
+    def action_film(self) -> None:
+        """The picked one carries the camera."""
+        if self._picked in self.roles:
+            self._choose(self._picked, "films")
+
+    def action_rename(self) -> None:
+        """Prompt for the picked one's name."""
+        if (system_id := self._picked) not in self.roles:
+            return
+
+        def check(text: str) -> str:
+            name = plain(text.strip())
+            others = {each: self._called(each, role) for each, role in self.roles.items() if each != system_id}
+            if name in others.values():
+                raise ValueError("another vehicle is called that")
+            return name
+
+        def rename(name: str | None) -> None:
+            if name:
+                self._names[system_id] = name
+            elif name is not None:
+                self._names.pop(system_id, None)
+            self._show_all()
+
+        value = self._called(system_id, self.roles[system_id])
+        self.push_screen(Prompt(f"Name of vehicle {system_id}", "nothing: as it was", check, value=value), rename)
+
+    def action_video(self) -> None:
+        """Prompt for the address of the video."""
+
+        def check(text: str) -> str:
+            try:
+                check_source(text.strip())
+            except VideoError as error:
+                raise ValueError(str(error)) from error
+            return text.strip()
+
+        def take(text: str | None) -> None:
+            if text is not None:
+                self._video = text or None
+            self._show_all()
+
+        hint = "rtsp://192.168.1.10:8554/main, udp://:5600, /dev/video0; nothing: as offered or heard"
+        self.push_screen(Prompt("Address of the video", hint, check, value=self._video or ""), take)
+
+    def action_next_theme(self) -> None:
+        """Dark, light, high contrast, dark …"""
+        names = list(THEMES)
+        self.theme = names[(names.index(self.theme) + 1) % len(names)]
+
+    def watch_theme(self, theme: str) -> None:
+        """Everything in other colours."""
+        palette.use_theme(theme)
+        for widget in self.screen_stack[0].query("*") if self.screen_stack else ():
+            widget.refresh()
+
+    def _choose(self, system_id: int, role: Role) -> None:
+        if role == "films":  # one films: who did before is as it would be without a choice
+            self._chosen = {i: each for i, each in self._chosen.items() if each != "films"}
+        self._chosen[system_id] = role
+        self._show_all()
+
+    def _called(self, system_id: int, role: Role) -> str:
+        return self._names.get(system_id, "UAV" if role == "films" else f"UGV-{system_id}" if role == "named" else "")
+
+    def _poll(self) -> None:
+        if self.to_end():
+            self.exit()
+            return
+        self._listening.poll(0.0)
+        self._show_all()
+
+    def _show_all(self) -> None:
+        roles = self.roles
+        if self._picked not in roles:
+            self._picked = next(iter(roles), 0)
+        heard = {each.system_id: each for each in self._listening.roster.vehicles}
+        rows = [_row(i, self._called(i, role), role, heard.get(i)) for i, role in sorted(roles.items())]
+        ids = sorted(roles)
+        self._table.show(
+            self._heading(), [(i, row) for i, row in zip(ids, rows, strict=True)], self._picked, self._below(roles)
+        )
+
+    def _heading(self) -> tuple[Sequence[Part], Sequence[Part]]:
+        listening = self._listening
+        since = age((now_us() - listening.began_us) * 1e-6)
+        return [(" Who flies?", ink(ACCENT, HEAD, bold=True))], [
+            (f"listening on {listening.where} · {since} ", ink(INK, HEAD))
+        ]
+
+    def _below(self, roles: Mapping[int, Role]) -> list[list[Part]]:
+        """What is to be known under the table, the standing last."""
+        standing, good = _standing(roles)
+        lines = [[(" video  ", ink(FAINT)), self._video_part()]]
+        if not roles and (now_us() - self._listening.began_us) * 1e-6 > LONG_S:
+            lines.append([(f" A radio on a serial port{serial_hint()}", ink(INK))])
+        return [*lines, [(f" {standing}", ink(GOOD if good else WARN, bold=True))]]
+
+    def _video_part(self) -> Part:
+        if self._video is not None:
+            return (f"{plain(concealed(self._video))}" if self._video else "none, as given"), ink(INK)
+        if offer := self._listening.offer:
+            return f"offered by the UAV: {plain(concealed(offer))}", ink(INK)
+        if self._listening.hears_video:
+            return f"heard at {HEARD_VIDEO}", ink(INK)
+        return "none offered, and none heard on UDP 5600 yet: v types its address", ink(WARN)
+
+
+class _Table(Widget):
+    """Rows of vehicles, and lines under them; a click picks."""
+
+    ALLOW_SELECT: ClassVar[bool] = False
+
+    def __init__(self, *, id: str) -> None:
+        super().__init__(id=id)
+        self._heading: tuple[Sequence[Part], Sequence[Part]] = (), ()
+        self._vehicles: list[tuple[int, Sequence[tuple[str, Colour]]]] = []
+        self._picked = 0
+        self._below: list[list[Part]] = []
+
+    def show(
+        self,
+        heading: tuple[Sequence[Part], Sequence[Part]],
+        vehicles: list[tuple[int, Sequence[tuple[str, Colour]]]],
+        picked: int,
+        below: list[list[Part]],
+    ) -> None:
+        """Draw these."""
+        self._heading, self._vehicles, self._picked, self._below = heading, vehicles, picked, below
+        self.refresh()
+
+    def render_line(self, y: int) -> Strip:
+        """Heading, titles, as many vehicles as there is room for about the picked one, and what is under them."""
+        width = self.size.width
+        if y == 0:
+            return split_line(*self._heading, width)
+        if y == 1:
+            return blank(width)
+        if y == 2:
+            titles = "".join(f" {fitted(title, cells)}" for title, cells in COLUMNS)
+            return line([(" " + titles, ink(FAINT))], width)
+        shown = self._shown()
+        place = y - 3
+        if place < len(shown):
+            return self._vehicle(*shown[place], width)
+        place -= len(shown) + 1
+        return line(self._below[place], width) if 0 <= place < len(self._below) else blank(width)
+
+    def on_click(self, event: events.Click) -> None:
+        """Pick the vehicle there."""
+        shown, place = self._shown(), event.y - 3
+        if 0 <= place < len(shown) and isinstance(self.app, StartApp):
+            self.app.action_pick_vehicle(shown[place][0])
+
+    def _shown(self) -> list[tuple[int, Sequence[tuple[str, Colour]]]]:
+        room = max(self.size.height - 4 - len(self._below), 1)
+        ids = [system_id for system_id, _ in self._vehicles]
+        place = ids.index(self._picked) if self._picked in ids else 0
+        first = min(max(place - room // 2, 0), max(len(ids) - room, 0))
+        return self._vehicles[first : first + room]
+
+    def _vehicle(self, system_id: int, cells: Sequence[tuple[str, Colour]], width: int) -> Strip:
+        picked = system_id == self._picked
+        paper = PICKED if picked else PANEL
+        parts: list[Part] = [("▌" if picked else " ", ink(ACCENT, paper))]
+        for (text, colour), (_, room) in zip(cells, COLUMNS, strict=True):
+            parts.append((f" {fitted(text, room)}", ink(colour, paper)))
+        return line(parts, width, paper)
+
+
+def _row(system_id: int, name: str, role: Role, heard: HeardVehicle | None) -> list[tuple[str, Colour]]:
+    """The cells of a vehicle, as ``COLUMNS`` has them."""
+    text = FAINT if role == "out" else INK
+    word = "…" if role == "out" and heard is not None and heard.type < 0 else role
+    first: list[tuple[str, Colour]] = [(word, ROLE_COLOURS[role]), (str(system_id), text), (plain(name), BRIGHT)]
+    if heard is None:
+        return [*first, ("not heard", WARN), ("", text), ("", text), ("", text)]
+    refused = heard.auth > Auth.GOOD
+    return [
+        *first,
+        (heard.kind, text),
+        (heard.maker or "–", text),
+        _position(heard),
+        (heard.trust, ALARM if refused else INK if heard.auth is Auth.GOOD else text),
+    ]
+
+
+def _position(heard: HeardVehicle) -> tuple[str, Colour]:
+    """How often it comes, or since when it does not."""
+    if not heard.positions:
+        return "none", WARN
+    silent_s = (now_us() - heard.positions[-1]) * 1e-6
+    if silent_s > SILENT_S:
+        return f"lost {age(silent_s)}", ALARM
+    return (f"{heard.position_hz:.0f}/s" if heard.position_hz >= 1 else "yes"), INK
+
+
+def _standing(roles: Mapping[int, Role]) -> tuple[str, bool]:
+    """What is still to be done before a flight, in words; and whether that is nothing."""
+    films = [i for i, role in roles.items() if role == "films"]
+    named = [i for i, role in roles.items() if role == "named"]
+    if not roles:
+        return "Nobody is heard yet: have the vehicles send their telemetry here.", False
+    if len(films) > 1:
+        return f"{len(films)} aircraft: pick the one that films, and press f.", False
+    if not films:
+        return "No aircraft films: pick the one that does, and press f.", False
+    if not named:
+        return "No ground vehicle is named: one that is heard is taken in by space.", False
+    return f"enter flies: vehicle {films[0]} films, {len(named)} {'is' if len(named) == 1 else 'are'} named.", True
