@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import socket
 import threading
 import time
@@ -12,10 +13,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from infra.wall_clock import now_us
 from sim.errors import PlayError
 from sim.render.broadcast import VideoSender
+from sim.telemetry.messages import camera
 from sim.telemetry.vehicle_telemetry import TELEMETRY_FROM_S, TelemetryPacket, fleet_telemetry
 from sim.world.scenario import UAV_ID, Scenario
 from sim.world.world import World
@@ -26,6 +29,9 @@ TICK_S = 0.2
 """Interval of ``on_tick``, and longest time until ``stop`` is noticed."""
 LEAD_S, LEAD_PER_VEHICLE_SECOND = 0.3, 1e-4
 """Time before the first packet is due, and more per vehicle and second of flight: readings are computed in advance."""
+
+CAMERA_US = 1_000_000
+"""Between two reports of the camera."""
 
 BOOT_NOISE = (b"\n\nInit ArduRover V4.6.0\n\nFree RAM: 131072\n", b"Init Gyro", b"*", b"0 ")
 """Plain text of an autopilot's boot console, which receivers must skip."""
@@ -55,6 +61,7 @@ def play(
     stop: threading.Event | None = None,
     boot_noise: bool = False,
     truth_path: Path | None = None,
+    tells_camera: bool = False,
 ) -> PlaybackCounts:
     """Play a scenario until its duration is over or ``stop`` is set.
 
@@ -69,6 +76,7 @@ def play(
         on_tick: called about five times a second with the seconds since the first frame (negative before it).
         stop: ends it early when set.
         boot_noise: begin with the plain text that autopilots send while they boot.
+        tells_camera: the UAV's camera reports its field of view and its video once a second.
         truth_path: a new file for ``time_us,cx,cy,w,h,angle,system_id`` of every visible body in every sent frame.
 
     Raises:
@@ -84,6 +92,7 @@ def play(
     start_us = now_us() + round((lead_s - TELEMETRY_FROM_S) * 1e6)
     packets = dict.fromkeys((UAV_ID, *scenario.ugv_ids), 0)
     ids = (*scenario.ugv_ids, UAV_ID)
+    camera_frames, camera_due_us = _camera_frames(scenario, video_url), 0
     with ExitStack() as stack:
         sockets = [stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in ids]
         if sender is not None:
@@ -95,8 +104,25 @@ def play(
         for packet in _on_time(fleet_telemetry(world, start_us), start_us, stop, on_tick):
             sockets[packet.vehicle].sendto(packet.raw, target)
             packets[ids[packet.vehicle]] += 1
+            if tells_camera and packet.t_us >= camera_due_us:
+                camera_due_us = packet.t_us + CAMERA_US
+                for raw in next(camera_frames):
+                    sockets[-1].sendto(raw, target)
     frames, skipped = (sender.sent, sender.skipped) if sender is not None else (0, 0)
     return PlaybackCounts(packets=packets, frames=frames, frames_skipped=skipped, start_us=start_us)
+
+
+def _camera_frames(scenario: Scenario, video_url: str | None) -> Iterator[tuple[bytes, ...]]:
+    """What the camera sends time and again; a component of the UAV's system."""
+    port = re.search(r":(\d+)", (video_url or "").partition("://")[2])
+    told = camera(scenario, int(port[1]) if port else 0)
+    mav = dialect.MAVLink(None, srcSystem=UAV_ID, srcComponent=dialect.MAV_COMP_ID_CAMERA)
+    while True:
+        frames = []
+        for message in told:
+            frames.append(bytes(message.pack(mav)))
+            mav.seq = (mav.seq + 1) % 256
+        yield tuple(frames)
 
 
 def _on_time(

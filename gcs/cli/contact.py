@@ -18,6 +18,7 @@ from gcs.mission.mission import Links, Mission, SigningChoice, keys_folder, load
 from gcs.mission.roster import Found, HeardVehicle, Role, mission_of, proposed_roles
 from gcs.mission.terrain_file import TerrainFile
 from gcs.mission.tile_file import TileFile
+from gcs.mission.written import MISSION_FILE
 from infra.files.safe_open import is_shared
 from infra.processes.end_signals import AskedBySignals
 from infra.secrets import concealed
@@ -165,6 +166,8 @@ def _listen(wanted: Wanted) -> Listening:
     links, taken = (wanted.links, ()) if wanted.links else usual_links()
     for text in taken:
         print_note(text)
+    if Path(MISSION_FILE).is_file():
+        print_note(f"{MISSION_FILE} is here, and not used: gcs fly {MISSION_FILE} flies it")
     listening = Listening(
         links,
         wanted.sessions,

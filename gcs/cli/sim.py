@@ -33,6 +33,9 @@ def sim(
         "udp://127.0.0.1:5600"
     ),
     truth: Annotated[Path | None, typer.Option(help="File for the true boxes that --live shows.")] = None,
+    tells_camera: Annotated[
+        bool, typer.Option("--camera/--no-camera", help="Whether the UAV of --live reports its camera and video.")
+    ] = True,
     duration: Annotated[float | None, typer.Option(help="Seconds, instead of the scenario's.")] = None,
     seed: Annotated[int | None, typer.Option(help="Instead of the scenario's.")] = None,
     as_json: AsJson = False,
@@ -49,7 +52,12 @@ def sim(
         raise GcsError("--live writes no folder; leave --out away, and record with gcs fly")
     with progress("sim") as report:
         sent = play(
-            world, telemetry, stream or None, truth_path=truth, on_tick=lambda s: report(int(s), int(world.duration_s))
+            world,
+            telemetry,
+            stream or None,
+            truth_path=truth,
+            on_tick=lambda s: report(int(s), int(world.duration_s)),
+            tells_camera=tells_camera,
         )
     if as_json:
         print_json(asdict(sent))

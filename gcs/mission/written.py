@@ -13,8 +13,9 @@ from gcs.mission.mission import NO_KEYS, Mission, MissionVehicle, load_mission
 from infra.files.safe_open import create
 from infra.toml_tables import toml_text
 
-__all__ = ["mission_tables", "mission_text", "save_mission"]
+__all__ = ["MISSION_FILE", "mission_tables", "mission_text", "save_mission"]
 
+MISSION_FILE = "mission.toml"
 _MOST_FILES = 1000
 _PARTS = ("camera", "clock", "detector", "identity", "limits")
 _DEFAULTS = Mission(uav=MissionVehicle(system_id=1), ugv=())
@@ -76,7 +77,7 @@ def save_mission(mission: Mission, origins: Mapping[str, str], folder: Path) -> 
         OSError: it cannot be made.
     """
     for k in range(1, _MOST_FILES):
-        path = folder / ("mission.toml" if k == 1 else f"mission-{k}.toml")
+        path = folder / (MISSION_FILE if k == 1 else f"mission-{k}.toml")
         if path.is_file():
             with contextlib.suppress(ConfigError):
                 if load_mission(path) == mission:

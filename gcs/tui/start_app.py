@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import ClassVar, Final
 
 from textual import events
@@ -15,6 +16,7 @@ from gcs.errors import ConfigError
 from gcs.flight.listening import HEARD_VIDEO, Listening, serial_hint
 from gcs.flight.video import check_source
 from gcs.mission.roster import Found, HeardVehicle, Role, mission_of, proposed_roles
+from gcs.mission.written import MISSION_FILE
 from gcs.tui import palette
 from gcs.tui.draw.format import age, plain
 from gcs.tui.draw.strips import Part, blank, fitted, line, split_line
@@ -244,9 +246,8 @@ class StartApp(TerminalApp):
     def _heading(self) -> tuple[Sequence[Part], Sequence[Part]]:
         listening = self._listening
         since = age((now_us() - listening.began_us) * 1e-6)
-        return [(" Who flies?", ink(ACCENT, HEAD, bold=True))], [
-            (f"listening on {listening.where} · {since} ", ink(INK, HEAD))
-        ]
+        where = f"listening on {listening.where} · {since} "
+        return [(" Who flies?", ink(ACCENT, HEAD, bold=True))], [(where, ink(INK, HEAD))]
 
     def _below(self, roles: Mapping[int, Role]) -> list[list[Part]]:
         """What is to be known under the table, the standing last."""
@@ -254,6 +255,8 @@ class StartApp(TerminalApp):
         lines = [[(" video  ", ink(FAINT)), self._video_part()]]
         if not roles and (now_us() - self._listening.began_us) * 1e-6 > LONG_S:
             lines.append([(f" A radio on a serial port{serial_hint()}", ink(INK))])
+        if Path(MISSION_FILE).is_file():
+            lines.append([(f" {MISSION_FILE} is here: gcs fly {MISSION_FILE} flies that one", ink(INK))])
         return [*lines, [(f" {standing}", ink(GOOD if good else WARN, bold=True))]]
 
     def _video_part(self) -> Part:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -14,7 +15,18 @@ from sim.world.earth import to_geodetic
 from sim.world.scenario import Scenario
 from sim.world.world import random_stream
 
-__all__ = ["BootClock", "Stream", "attitudes", "fixes", "gimbal", "heartbeats", "positions", "system_times", "texts"]
+__all__ = [
+    "BootClock",
+    "Stream",
+    "attitudes",
+    "camera",
+    "fixes",
+    "gimbal",
+    "heartbeats",
+    "positions",
+    "system_times",
+    "texts",
+]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -131,6 +143,22 @@ def gimbal(scenario: Scenario, clock: BootClock, t: FloatArray) -> Stream:
                 0, 0, boot_ms, flags, q, 0.0, 0.0, 0.0, 0, nan, nan, 1
             ),
         )
+
+
+def camera(scenario: Scenario, video_port: int) -> tuple[Any, ...]:
+    """CAMERA_FOV_STATUS, and VIDEO_STREAM_INFORMATION of MPEG-TS that goes to a UDP port; 0: there is no video."""
+    lens, nan = scenario.camera, float("nan")
+    hfov, vfov = (
+        2.0 * math.degrees(math.atan(0.5 * size / f)) for size, f in ((lens.width, lens.fx), (lens.height, lens.fy))
+    )
+    view = dialect.MAVLink_camera_fov_status_message(0, 0, 0, 0, 0, 0, 0, [nan] * 4, hfov, vfov)
+    if not video_port:
+        return (view,)
+    stream = dialect.MAVLink_video_stream_information_message(
+        *(1, 1, dialect.VIDEO_STREAM_TYPE_MPEG_TS, dialect.VIDEO_STREAM_STATUS_FLAGS_RUNNING),
+        *(scenario.fps, lens.width, lens.height, 0, 0, round(hfov), b"main", str(video_port).encode()),
+    )
+    return view, stream
 
 
 def _whole_degrees(scenario: Scenario, p_enu: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -145,3 +145,14 @@ def test_a_bad_video_address_and_a_truth_file_in_the_way_are_refused(tmp_path):
     with pytest.raises(PlayError, match="cannot be made"):
         play(SMALL, "udpout:127.0.0.1:9", "udp://127.0.0.1:9", 1.0, truth_path=tmp_path / "truth.csv")
     assert (tmp_path / "truth.csv").read_text() == "mine"
+
+
+@pytest.mark.parametrize(("url", "names"), [(None, 1), ("udp://127.0.0.1:5605?pkt_size=1316", 2)])
+def test_a_camera_tells_how_wide_it_sees_and_where_its_video_goes(url, names):
+    frames = live._camera_frames(SMALL, url)
+    first, second = next(frames), next(frames)
+    parser = dialect.MAVLink(None)
+    view, *stream = (parser.decode(bytearray(raw)) for raw in first)
+    assert view.hfov == pytest.approx(77.32, abs=0.01) and view.vfov == pytest.approx(48.46, abs=0.01)
+    assert len(first) == names and not set(first) & set(second), "none looks like a repeated frame"
+    assert [each.uri for each in stream] == ["5605"] * (names - 1)

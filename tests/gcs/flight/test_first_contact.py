@@ -1,8 +1,11 @@
 """A flight without a mission file: who is heard flies, from the first packet on, and can be flown again."""
 
+import json
 import socket
+import threading
 import tomllib
 from contextlib import ExitStack
+from dataclasses import replace
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -18,12 +21,16 @@ from gcs.session.session import open_session
 from mavlink.protocol.encoder import COPTER, ROVER
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.tlog.log import Tlog
-from tests.support.command_line import run_gcs
+from sim.live import play
+from sim.world.presets import nominal
+from sim.world.scenario import ScenarioCamera
+from tests.support.command_line import run_gcs, run_gcs_process
 from tests.support.fake_vehicles import FakeVehicle
 from tests.support.frames import MessageEncoder
 from tests.support.ports import free_port
 
 GIMBAL, STATION, BOAT = 26, 6, 11
+SMALL = ScenarioCamera(width=640, height=360, fx=400.0, fy=400.0, cx=320.0, cy=180.0)
 
 
 @pytest.mark.parametrize(
@@ -152,3 +159,24 @@ def test_usual_ports_that_others_have_are_told(monkeypatch, tmp_path):
         links, taken = listening.usual_links()
     assert links == (f"udpin:127.0.0.1:{ports[0]}", f"udpin:127.0.0.1:{ports[2]}")
     assert len(taken) == 1 and f"UDP port {ports[1]} is in use by process" in taken[0]
+
+
+@pytest.mark.slow
+def test_a_camera_that_tells_of_itself_gets_its_vehicles_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    telemetry, video = free_port(), free_port()
+    scenario = replace(nominal(5), camera=SMALL, duration_s=90.0)
+    stop = threading.Event()
+    words = (scenario, f"udpout:127.0.0.1:{telemetry}", f"udp://127.0.0.1:{video}?pkt_size=1316")
+    air = threading.Thread(target=play, args=words, kwargs={"stop": stop, "tells_camera": True})
+    air.start()
+    try:
+        link = f"udpin:127.0.0.1:{telemetry}"
+        code, out, told = run_gcs_process("fly", "-l", link, "--headless", "--json", "--duration", 30)
+    finally:
+        stop.set()
+        air.join()
+    assert code == 0 and "video: the UAV offers" in told, told
+    assert json.loads(out)["named"] >= 1, out
+    saved = load_mission(tmp_path / "mission.toml")
+    assert (saved.links.video, saved.ugv_ids) == ("auto", scenario.ugv_ids)
