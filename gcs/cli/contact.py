@@ -164,8 +164,6 @@ def _listen(wanted: Wanted) -> Listening:
         LinkError, SessionError: they cannot be opened.
     """
     links, taken = (wanted.links, ()) if wanted.links else usual_links()
-    for text in taken:
-        print_note(text)
     if Path(MISSION_FILE).is_file():
         print_note(f"{MISSION_FILE} is here, and not used: gcs fly {MISSION_FILE} flies it")
     listening = Listening(
@@ -175,9 +173,10 @@ def _listen(wanted: Wanted) -> Listening:
         forward=wanted.forward,
         accept_late=wanted.accept_late,
         for_video=wanted.video is None,
+        troubles=taken,
     )
-    if listening.video_trouble:
-        print_note(listening.video_trouble)
+    for text in listening.troubles:
+        print_note(text)
     return listening
 
 

@@ -102,12 +102,13 @@ class Listening:
         forward: where packets go on to.
         accept_late: vehicles whose signed packets are accepted without a proof that they are made now.
         for_video: whether to look for video on the usual port.
+        troubles: of opening the links.
 
     Attributes:
         folder: of the session.
         ingest: the links.
         roster: who is heard.
-        video_trouble: why the usual port of video could not be looked at, empty where it is.
+        troubles: which ports could not be had and who has them, a line each.
 
     Raises:
         LinkError, SessionError: something cannot be opened; nothing is left open.
@@ -122,11 +123,12 @@ class Listening:
         forward: Sequence[str] = (),
         accept_late: tuple[int, ...] = (),
         for_video: bool = True,
+        troubles: Sequence[str] = (),
     ) -> None:
         self.links = tuple(links)
         self.began_us = now_us()
         self.roster = Roster()
-        self.video_trouble = ""
+        self.troubles = tuple(troubles)
         self._kept: deque[Packet] = deque(maxlen=MOST_KEPT)
         self._handed_over = False
         self._video: socket.socket | None = None
@@ -143,7 +145,7 @@ class Listening:
                 self._video = bind("", PORT)
                 self._video.setblocking(False)
             except VideoError as error:
-                self.video_trouble = str(error)
+                self.troubles += (str(error),)
 
     @property
     def where(self) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gcs.errors import ConfigError
-from gcs.mission.mission import NO_KEYS, Mission, MissionVehicle, load_mission
+from gcs.mission.mission import NO_KEYS, Mission, MissionVehicle, keys_folder, load_mission
 from infra.files.safe_open import create
 from infra.toml_tables import toml_text
 
@@ -48,6 +48,8 @@ def mission_text(mission: Mission, origins: Mapping[str, str]) -> str:
             under the empty name, of the whole.
     """
     tables, usual = mission_tables(mission), mission_tables(_DEFAULTS)
+    if (keys := mission.signing.keys) not in ("", keys_folder()):
+        tables["signing"]["keys"] = keys
     blocks = [_comment(origins.get("")), _block("[uav]", tables["uav"], origins.get(str(mission.uav.system_id)))]
     blocks += [_block("[[ugv]]", each, origins.get(str(each["system_id"]))) for each in tables["ugv"]]
     if mission.camera is None:

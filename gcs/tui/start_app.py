@@ -19,7 +19,7 @@ from gcs.mission.roster import Found, HeardVehicle, Role, mission_of, proposed_r
 from gcs.mission.written import MISSION_FILE
 from gcs.tui import palette
 from gcs.tui.draw.format import age, plain
-from gcs.tui.draw.strips import Part, blank, fitted, line, split_line
+from gcs.tui.draw.strips import Part, blank, fitted, folded, line, split_line
 from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, PANEL, PICKED, WARN, Colour, ink
 from gcs.tui.panes.key_hints import KeyHints
 from gcs.tui.screens.prompts import Prompt
@@ -108,7 +108,7 @@ class StartApp(TerminalApp):
         self._names: dict[int, str] = {}
         self._video = video
         self._picked = 0
-        self._table = _Table(id="panes")
+        self._table = _HeardTable(id="panes")
 
     def compose(self) -> ComposeResult:
         """The table and the keys."""
@@ -255,6 +255,8 @@ class StartApp(TerminalApp):
         lines = [[(" video  ", ink(FAINT)), self._video_part()]]
         if not roles and (now_us() - self._listening.began_us) * 1e-6 > LONG_S:
             lines.append([(f" A radio on a serial port{serial_hint()}", ink(INK))])
+        for trouble in self._listening.troubles:
+            lines += [[(f" {part}", ink(WARN))] for part in folded(plain(trouble), max(self.size.width - 2, 20))]
         if Path(MISSION_FILE).is_file():
             lines.append([(f" {MISSION_FILE} is here: gcs fly {MISSION_FILE} flies that one", ink(INK))])
         return [*lines, [(f" {standing}", ink(GOOD if good else WARN, bold=True))]]
@@ -269,7 +271,7 @@ class StartApp(TerminalApp):
         return "none offered, and none heard on UDP 5600 yet: v types its address", ink(WARN)
 
 
-class _Table(Widget):
+class _HeardTable(Widget):
     """Rows of vehicles, and lines under them; a click picks."""
 
     ALLOW_SELECT: ClassVar[bool] = False

@@ -21,11 +21,12 @@ def vehicle(system_id, kind, **known):
     return heard
 
 
-def air(*vehicles, offer="", hears_video=False):
+def air(*vehicles, offer="", hears_video=False, troubles=()):
     return SimpleNamespace(
         roster=SimpleNamespace(vehicles=vehicles),
         offer=offer,
         hears_video=hears_video,
+        troubles=troubles,
         where="UDP 14550, 14540, 14551",
         began_us=now_us() - 8_000_000,
         poll=lambda timeout_s: None,
@@ -106,6 +107,15 @@ async def test_a_name_is_typed_and_another_ones_refused():
 async def test_the_video_is_told_without_its_password(listening, told):
     _, text = await press(listening)
     assert told in text and "secret" not in text
+
+
+async def test_a_port_that_another_program_has_is_told_whole(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    taken = "udpin:0.0.0.0:14550: UDP port 14550 is in use by process 5432 (QGroundControl); stop it or use another"
+    _, text = await press(air(troubles=(taken,)))
+    assert taken in " ".join(text.split()) and "mission.toml is here" not in text
+    (tmp_path / "mission.toml").touch()
+    assert "mission.toml is here: gcs fly mission.toml flies that one" in (await press(air()))[1]
 
 
 @pytest.mark.parametrize("text", HOSTILE)
