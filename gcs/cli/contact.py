@@ -130,7 +130,7 @@ def prepare(
     """
     if mission is None:
         with naming_own_flight(wanted.links or USUAL_LINKS):
-            listening = _listen(wanted)
+            listening = _listen(wanted, command=command)
         ending.callback(listening.close)
         if ask and not wanted.complete:
             found = _ask_who_flies(listening, wanted, asked, ask)
@@ -157,7 +157,7 @@ def prepare(
     )
 
 
-def _listen(wanted: Wanted) -> Listening:
+def _listen(wanted: Wanted, *, command: bool) -> Listening:
     """Open the links, and tell which ports are others'.
 
     Raises:
@@ -171,6 +171,7 @@ def _listen(wanted: Wanted) -> Listening:
         wanted.sessions,
         SigningChoice(keys=keys_folder()),
         forward=wanted.forward,
+        command=command,
         accept_late=wanted.accept_late,
         for_video=wanted.video is None,
         troubles=taken,

@@ -34,7 +34,6 @@ from gcs.snapshot import Alarm, Event, Health, Snapshot, Statement
 from gcs.station import Commands
 from infra.wall_clock import now_us
 from mavlink.errors import LinkError
-from mavlink.forwarding.outputs import parse_output
 from mavlink.ingest.ingest import Ingest
 from mavlink.signing.keys import KeyRing, read_ring
 from mavlink.transmit.message_rates import MessageRates, uav_rates
@@ -102,7 +101,6 @@ class Flight:
         """
         self._plan = plan
         mission = self._mission = plan.mission
-        _check_outputs(plan)
         self._ring = read_ring(mission.signing.folder) if mission.signing.folder else KeyRing()
         detector: Detector | None = None
         notes: dict[str, Any] = {"keys": key_notes(self._ring)}
@@ -356,18 +354,8 @@ def _open_ingest(plan: FlightPlan, log: Path) -> Ingest:
         log,
         mission.signing,
         forward=plan.forward,
+        command=plan.command,
         accept_late=plan.accept_late,
         uav=uav,
         system_ids=(uav, *mission.ugv_ids),
     )
-
-
-def _check_outputs(plan: FlightPlan) -> None:
-    """Refuse outputs that let a program send in a flight that may not.
-
-    Raises:
-        LinkError: there is one.
-    """
-    for out in plan.forward:
-        if not plan.command and parse_output(out)[1] is not None:
-            raise LinkError(f"{out}: ?rw lets a program send to vehicles, which takes --command; ?ro only listens")

@@ -16,6 +16,7 @@ from gcs.session.session import create_folder
 from infra.session_format import LOG
 from infra.wall_clock import now_us
 from mavlink.errors import LinkError
+from mavlink.forwarding.outputs import parse_output
 from mavlink.ingest.ingest import Ingest
 from mavlink.ingest.plan import Outputs, Signing
 from mavlink.links.kinds import kind_of, parse_url
@@ -73,11 +74,19 @@ def open_ingest(
     signing: SigningChoice,
     *,
     forward: Sequence[str] = (),
+    command: bool = False,
     accept_late: tuple[int, ...] = (),
     uav: int = 0,
     system_ids: tuple[int, ...] = (),
 ) -> Ingest:
-    """The links of a flight, and where packets go on to; as of :class:`mavlink.ingest.ingest.Ingest`."""
+    """The links of a flight, and where packets go on to; as of :class:`mavlink.ingest.ingest.Ingest`.
+
+    Raises:
+        LinkError: also for an output that lets a program send, in a flight that may not.
+    """
+    for out in forward:
+        if not command and parse_output(out)[1] is not None:
+            raise LinkError(f"{out}: ?rw lets a program send to vehicles, which takes --command; ?ro only listens")
     return Ingest(
         links,
         log,
@@ -100,6 +109,7 @@ class Listening:
         sessions: where the folder is made.
         signing: whose packets count.
         forward: where packets go on to.
+        command: whether the flight may send, and programs behind outputs that say so.
         accept_late: vehicles whose signed packets are accepted without a proof that they are made now.
         for_video: whether to look for video on the usual port.
         troubles: of opening the links.
@@ -121,6 +131,7 @@ class Listening:
         signing: SigningChoice,
         *,
         forward: Sequence[str] = (),
+        command: bool = False,
         accept_late: tuple[int, ...] = (),
         for_video: bool = True,
         troubles: Sequence[str] = (),
@@ -136,7 +147,9 @@ class Listening:
         self._video_us = 0
         self.folder = create_folder(sessions)
         try:
-            self.ingest = open_ingest(links, self.folder / LOG, signing, forward=forward, accept_late=accept_late)
+            self.ingest = open_ingest(
+                links, self.folder / LOG, signing, forward=forward, command=command, accept_late=accept_late
+            )
         except BaseException:
             shutil.rmtree(self.folder, ignore_errors=True)
             raise
