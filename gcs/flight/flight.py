@@ -150,7 +150,10 @@ class Flight:
         )
         if listening:
             self._ingest.know((mission.uav.system_id, *mission.ugv_ids), mission.uav.system_id)
-            self._loop.add_packets(listening.hand_over(), self._ingest.heard_us)
+            # twice: folding in a minute takes seconds, after which the flight is not to begin late
+            for _ in range(2):
+                self._loop.add_packets(listening.hand_over(), self._ingest.heard_us)
+                self._loop.take_in_packets()
         jobs = {"listening": self._receive, "naming": self._process, "looking after the flight": self._check_health}
         self._threads = [
             threading.Thread(target=self._repeat, args=job, name=job[0], daemon=True) for job in jobs.items()

@@ -122,8 +122,7 @@ class FrameLoop:
             frame: the newest, None if none came since the last turn.
         """
         heard_us = self._heard_us
-        while self._waiting:
-            self._process_packet(self._waiting.popleft())
+        self.take_in_packets()
         while self._new_events:
             self._pipeline.add_event(self._new_events.popleft())
         if frame:
@@ -132,6 +131,11 @@ class FrameLoop:
             self._show(self._process_without_frame(heard_us))
         while self._looked_at and not self._awaits(self._looked_at[0], heard_us):
             self._show(self._process_frame(self._looked_at.popleft(), heard_us))
+
+    def take_in_packets(self) -> None:
+        """Fold in the queued packets alone; of the thread of ``run_once``, or before there is one."""
+        while self._waiting:
+            self._process_packet(self._waiting.popleft())
 
     @property
     def frames_wait(self) -> bool:

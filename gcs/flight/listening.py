@@ -192,10 +192,12 @@ class Listening:
         return (now_us() - max(self.began_us, self.roster.news_us, self._video_us)) * 1e-6
 
     def hand_over(self) -> tuple[Packet, ...]:
-        """The links belong to the flight from now on, with the packets of so far."""
-        self.poll(0.0)  # what came while the flight was made: it is not to begin late
+        """The links belong to the flight from now on; the packets until now that it does not have yet."""
+        self.poll(0.0)
         self._handed_over = True
-        return tuple(self._kept)
+        kept = tuple(self._kept)
+        self._kept.clear()
+        return kept
 
     def close_video(self) -> None:
         """Give the port of video back, for whoever receives it."""

@@ -237,11 +237,9 @@ class StartApp(TerminalApp):
         if self._picked not in roles:
             self._picked = next(iter(roles), 0)
         heard = {each.system_id: each for each in self._listening.roster.vehicles}
-        rows = [_row(i, self._called(i, role), role, heard.get(i)) for i, role in sorted(roles.items())]
-        ids = sorted(roles)
-        self._table.show(
-            self._heading(), [(i, row) for i, row in zip(ids, rows, strict=True)], self._picked, self._below(roles)
-        )
+        several = list(roles.values()).count("films") > 1
+        rows = [(i, _row(i, self._called(i, role), role, heard.get(i), several)) for i, role in sorted(roles.items())]
+        self._table.show(self._heading(), rows, self._picked, self._below(roles))
 
     def _heading(self) -> tuple[Sequence[Part], Sequence[Part]]:
         listening = self._listening
@@ -279,14 +277,14 @@ class _HeardTable(Widget):
     def __init__(self, *, id: str) -> None:
         super().__init__(id=id)
         self._heading: tuple[Sequence[Part], Sequence[Part]] = (), ()
-        self._vehicles: list[tuple[int, Sequence[tuple[str, Colour]]]] = []
+        self._vehicles: Sequence[tuple[int, Sequence[tuple[str, Colour]]]] = ()
         self._picked = 0
         self._below: list[list[Part]] = []
 
     def show(
         self,
         heading: tuple[Sequence[Part], Sequence[Part]],
-        vehicles: list[tuple[int, Sequence[tuple[str, Colour]]]],
+        vehicles: Sequence[tuple[int, Sequence[tuple[str, Colour]]]],
         picked: int,
         below: list[list[Part]],
     ) -> None:
@@ -317,7 +315,7 @@ class _HeardTable(Widget):
         if 0 <= place < len(shown) and isinstance(self.app, StartApp):
             self.app.action_pick_vehicle(shown[place][0])
 
-    def _shown(self) -> list[tuple[int, Sequence[tuple[str, Colour]]]]:
+    def _shown(self) -> Sequence[tuple[int, Sequence[tuple[str, Colour]]]]:
         room = max(self.size.height - 4 - len(self._below), 1)
         ids = [system_id for system_id, _ in self._vehicles]
         place = ids.index(self._picked) if self._picked in ids else 0
@@ -333,11 +331,12 @@ class _HeardTable(Widget):
         return line(parts, width, paper)
 
 
-def _row(system_id: int, name: str, role: Role, heard: HeardVehicle | None) -> list[tuple[str, Colour]]:
-    """The cells of a vehicle, as ``COLUMNS`` has them."""
+def _row(system_id: int, name: str, role: Role, heard: HeardVehicle | None, several: bool) -> list[tuple[str, Colour]]:
+    """The cells of a vehicle, as ``COLUMNS`` has them; of several who could film none does yet."""
     text = FAINT if role == "out" else INK
     word = "…" if role == "out" and heard is not None and heard.type < 0 else role
-    first: list[tuple[str, Colour]] = [(word, ROLE_COLOURS[role]), (str(system_id), text), (plain(name), BRIGHT)]
+    what = ("films?", WARN) if several and role == "films" else (word, ROLE_COLOURS[role])
+    first: list[tuple[str, Colour]] = [what, (str(system_id), text), (plain(name), BRIGHT)]
     if heard is None:
         return [*first, ("not heard", WARN), ("", text), ("", text), ("", text)]
     refused = heard.auth > Auth.GOOD

@@ -84,6 +84,7 @@ async def test_keys_change_what_a_vehicle_is(vehicles, keys, roles):
 )
 async def test_the_screen_says_what_is_still_to_be_done(vehicles, told):
     app, text = await press(air(*vehicles))
+    assert ("films?" in text) == (told.startswith("2 aircraft"))
     assert told in text and "listening on UDP 14550, 14540, 14551" in text and app.found is None
     if "enter flies" not in told:
         assert (await press(air(*vehicles), "enter"))[0].found is None
