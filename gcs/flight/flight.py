@@ -108,8 +108,8 @@ class Flight:
             check_source(plan.video)
             detector = open_mission_detector(mission.detector, threads=LOOK_THREADS)
             notes["models"] = fingerprints(mission.detector)
-        folder = listening.folder if listening else None
-        self._recorder = Recorder(plan.sessions, mission, video=bool(plan.video), notes=notes, folder=folder)
+        made: dict[str, Any] = {"folder": listening.folder, "began_us": listening.began_us} if listening else {}
+        self._recorder = Recorder(plan.sessions, mission, video=bool(plan.video), notes=notes, **made)
         _log.info("%s records %s in process %d", PROGRAM, self._recorder.folder.name, os.getpid())
         _log.info("Python %s on %s", platform.python_version(), platform.platform())
         self._commands: CommandService | None = None

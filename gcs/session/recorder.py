@@ -13,6 +13,7 @@ import shutil
 import time
 from collections import deque
 from collections.abc import Mapping
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -55,12 +56,13 @@ class Recorder:
         video: whether there is a camera.
         notes: what a replay has to know beside the mission (``gcs.session.metadata``).
         folder: one that was made already and has the telemetry of so far; None: a new one.
+        began_us: when that was made, Unix µs.
         disk: the operating system, or a test's.
 
     Attributes:
         folder, tlog_path, video_path: where it all goes; the processes of links and video write the latter two; no
             video_path without a camera.
-        began_us: when it was made, Unix µs.
+        began_us: when it was begun, Unix µs.
         full_in_s: until the disk is full if it fills up as in the last minute, inf unknown.
 
     Raises:
@@ -75,13 +77,14 @@ class Recorder:
         video: bool,
         notes: Mapping[str, Any] = MappingProxyType({}),
         folder: Path | None = None,
+        began_us: int = 0,
         disk: Disk = OS_DISK,
     ) -> None:
         self.folder = folder or create_folder(parent)
         self.video_path = self.folder / "video.mkv" if video else None
         self.tlog_path = self.folder / LOG
         self.full_in_s = math.inf
-        self.began_us = now_us()
+        self.began_us = began_us or now_us()
         self._files: list[LineFile] = []
         self._frames: LineFile | None = None
         self._detections: LineFile | None = None
@@ -90,7 +93,8 @@ class Recorder:
         self._unfolded: LineFile | None = None
         self._log = LogFile(self.folder / PROGRAM_LOG, least_level(logging.INFO))
         try:
-            self._session = SessionFile(self.folder, mission, notes)
+            started = datetime.fromtimestamp(self.began_us * 1e-6, UTC)
+            self._session = SessionFile(self.folder, mission, {"started": started, **notes})
             self._make_files(video, disk)
         except BaseException:
             self._log.close()

@@ -6,6 +6,7 @@ import threading
 import tomllib
 from contextlib import ExitStack
 from dataclasses import replace
+from datetime import datetime
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -121,7 +122,9 @@ def test_who_is_heard_flies_and_the_saved_mission_is_the_same(air, tmp_path):
     assert len(comments) == 6 and "ArduPilot rover, by its heartbeats; heard on udpin:127.0.0.1:" in comments[2]
     # the packets that were listened to are the beginning of the recording
     began_us = tomllib.loads((folder / "session.toml").read_text())["session"]["started"].timestamp() * 1e6
-    assert Tlog.open(folder / "telemetry.tlog").packet(0).t_us < began_us - 200_000
+    first_us = Tlog.open(folder / "telemetry.tlog").packet(0).t_us
+    flew = (folder / "program.log").read_text().partition(" ")[0]
+    assert began_us <= first_us < datetime.fromisoformat(flew).timestamp() * 1e6 - 200_000
 
 
 def test_nothing_is_saved_over_a_file_and_nothing_twice(air, tmp_path):
