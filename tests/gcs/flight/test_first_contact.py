@@ -127,6 +127,7 @@ def test_who_is_heard_flies_and_the_saved_mission_is_the_same(air, tmp_path):
     assert began_us <= first_us < datetime.fromisoformat(flew).timestamp() * 1e6 - 200_000
 
 
+@pytest.mark.slow
 def test_nothing_is_saved_over_a_file_and_nothing_twice(air, tmp_path):
     (tmp_path / "mission.toml").write_text("mine\n")
     assert "saved in mission-2.toml" in air("--uav", 1, "--ugv", "11-12")[2]
