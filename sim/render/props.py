@@ -13,9 +13,11 @@ __all__ = [
     "animal",
     "bench",
     "bicycle",
+    "board",
     "building",
     "container",
     "cooler",
+    "flag",
     "motorcycle",
     "panels",
     "pedestrian",
@@ -206,6 +208,30 @@ def shelter(rng: np.random.Generator) -> Model:
     if rng.random() < 0.5:
         blocks.append(Block(x=(0.45, 0.5), y=(-0.4, 0.4), z=(0.05, 0.9), top=wall, sides=WHITE))
     return Model.of(*blocks)
+
+
+def flag(rng: np.random.Generator) -> Model:
+    """A pole with a cloth of one to three colours that hangs, or flies from it."""
+    cloth = [shade(c, rng) for c in (WHITE, (60.0, 60.0, 190.0), (150.0, 90.0, 40.0), AMBER)]
+    foot, ends = float(rng.uniform(0.2, 0.75)), np.linspace(-0.46, 0.5, int(rng.integers(2, 5)))
+    aside = float(rng.uniform(-0.3, 0.5))
+    order = rng.permutation(4)
+    return Model.of(
+        Block(x=(-0.5, -0.46), y=(-0.06, 0.06), z=(0.0, 1.0), top=STEEL, sides=STEEL),
+        *(Block(x=(a, b), y=(-0.5, aside), z=(foot, 0.98), top=cloth[k], sides=cloth[k], layer=1)
+          for k, (a, b) in zip(order, itertools.pairwise(ends), strict=False)),
+    )  # fmt: skip
+
+
+def board(rng: np.random.Generator) -> Model:
+    """A hoarding, shop window or road sign: an upright panel in two colours on posts."""
+    back, front = (shade((WHITE, STEEL, DARK, (150.0, 90.0, 40.0), AMBER)[int(rng.integers(5))], rng) for _ in range(2))
+    foot, inset = float(rng.uniform(0.1, 0.6)), float(rng.uniform(0.05, 0.4))
+    return Model.of(
+        *(Block(x=(x, x + 0.04), y=(-0.2, 0.2), z=(0.0, foot), top=STEEL, sides=DARK) for x in (-0.4, 0.36)),
+        Block(x=(-0.5, 0.5), y=(-0.3, 0.3), z=(foot, 1.0), top=back, sides=back, layer=1),
+        Block(x=(-0.5 + inset, 0.5 - inset), y=(-0.5, 0.5), z=(foot + 0.1, 0.92), top=front, sides=front, layer=2),
+    )
 
 
 def stall(rng: np.random.Generator) -> Model:

@@ -21,9 +21,11 @@ from sim.render.props import (
     animal,
     bench,
     bicycle,
+    board,
     building,
     container,
     cooler,
+    flag,
     motorcycle,
     panels,
     pedestrian,
@@ -43,6 +45,7 @@ from sim.world.road_vehicles import (
     shade,
     trailer,
     trailer_truck,
+    tram,
     van_body,
 )
 from sim.world.view import OCCLUDER, OTHER_VEHICLE, PERSON, UGV
@@ -157,19 +160,25 @@ HEAVY: tuple[Entry, ...] = (
     ("lorry", 0.2, (6.0, 10.5), (2.1, 2.55), (2.6, 3.8), lorry),
     ("trailer truck", 0.15, (14.0, 17.5), (2.45, 2.6), (3.3, 4.0), trailer_truck),
     ("trailer", 0.2, (6.0, 13.7), (2.3, 2.6), (2.8, 4.0), trailer),
+    ("tram", 0.2, (14.0, 33.0), (2.3, 2.65), (3.1, 3.7), tram),
 )
 """Road vehicles of depots and docks, in the same columns; sizes are those of common models, shares a choice."""
 URBAN: tuple[Entry, ...] = (
     ("person", 0.35, (0.4, 1.0), (0.4, 0.75), (1.5, 1.9), pedestrian),
     ("bicycle", 0.12, (1.6, 2.1), (0.5, 0.75), (1.1, 1.75), bicycle),
     ("motorcycle", 0.18, (1.8, 2.3), (0.6, 0.9), (1.1, 1.75), motorcycle),
-    ("shelter", 0.15, (3.0, 7.0), (1.2, 2.2), (2.2, 2.8), shelter),
+    ("shelter", 0.25, (2.5, 7.0), (1.2, 2.2), (2.2, 2.8), shelter),
+    ("stall", 0.15, (1.5, 5.0), (1.2, 3.0), (2.0, 3.0), stall),
+    ("flag", 0.1, (0.8, 2.5), (0.1, 0.6), (3.0, 8.0), flag),
+    ("board", 0.15, (1.0, 5.0), (0.1, 0.5), (1.8, 5.0), board),
     ("house", 0.25, (9.0, 32.0), (7.0, 12.0), (5.0, 12.0), house),
     ("flats", 0.25, (9.0, 45.0), (8.0, 20.0), (4.0, 24.0), flats),
 )
 """What stands and moves in towns and must not be detected, in the same columns; sizes and shares are a choice."""
 
 
+PLAIN_SHARE = 0.2
+"""Of kinds of road vehicles in a random catalogue, those of whose panes and fittings little is seen; a choice."""
 _ENTRIES = (*ROAD, *ROVERS, *CLUTTER)
 """Every entry, numbered from ``FIXED_KIND`` on."""
 VEHICLES: tuple[int, ...] = (UGV, OTHER_VEHICLE, *range(FIXED_KIND, FIXED_KIND + len(ROAD) + len(ROVERS)))
@@ -206,7 +215,17 @@ def _sort(group: str, table: tuple[Entry, ...], rng: np.random.Generator) -> Obj
     share = np.array([entry[1] for entry in table])
     name, _, length, width, height, draw = table[int(rng.choice(len(table), p=share / share.sum()))]
     size = (float(rng.uniform(*length)), float(rng.uniform(*width)), float(rng.uniform(*height)))
-    return ObjectKind(name=name, model=draw(rng), size=size, group=group)
+    model = draw(rng)
+    if group == "road" and rng.random() < PLAIN_SHARE:
+        model = _plain(model, rng)
+    return ObjectKind(name=name, model=model, size=size, group=group)
+
+
+def _plain(model: Model, rng: np.random.Generator) -> Model:
+    """The model with most of its panes and fittings about as light as its paint: glare, dirt, a bad camera."""
+    own = model.colors[..., :1] < 0.0
+    washed = ~own & (rng.random(own.shape) < rng.uniform(0.4, 1.0))
+    return replace(model, colors=np.where(washed, -rng.uniform(0.8, 1.1, own.shape), model.colors))
 
 
 def car_color(rng: np.random.Generator) -> NDArray[np.int64]:

@@ -19,6 +19,8 @@ __all__ = ["Slots", "TrainingGround", "random_training_ground"]
 
 OPEN_SHARE, DEPOT_SHARE = 0.3, 0.25
 """Share of grounds that are open, and of those that have depots; a choice."""
+RAILS_SHARE = 0.15
+"""Of streets, those with a track for trams; a choice."""
 NONE = np.zeros(0)
 """Column of no entries."""
 SIDE_PX = 2048
@@ -176,6 +178,8 @@ def _street(sheet: Sheet, angle: float, rng: np.random.Generator) -> list[tuple[
         red = int(rng.integers(lanes))
         sheet.lines([beside((red + 0.5) * lane_m - 0.5 * width)], near((85, 80, 150), 15, rng), lane_m, rough=0.1)
     both = 1 if lanes == 1 else lanes // 2 if rng.random() < 0.75 else lanes
+    if rng.random() < RAILS_SHARE:
+        _rails(sheet, beside(lane_m * (int(rng.integers(lanes)) + 0.5) - 0.5 * width), right, rng)
     if rng.random() < 0.85:
         _lane_marks(sheet, [beside(k * lane_m - 0.5 * width) for k in range(lanes + 1)], both, right, mark, rng)
     slots = []
@@ -194,18 +198,26 @@ def _street(sheet: Sheet, angle: float, rng: np.random.Generator) -> list[tuple[
     return slots
 
 
+def _rails(sheet: Sheet, line: FloatArray, right: FloatArray, rng: np.random.Generator) -> None:
+    """A track of 1.435 m for trams, in the road or on a bed of its own."""
+    if rng.random() < 0.5:
+        sheet.lines([line], near((120, 122, 124) if rng.random() < 0.6 else (65, 105, 90), 20, rng), 2.6, rough=0.3)
+    steel = near((70, 72, 76) if rng.random() < 0.6 else (170, 172, 176), 15, rng)
+    sheet.lines([line - 0.72 * right, line + 0.72 * right], steel, 0.1)
+
+
 def _lane_marks(
     sheet: Sheet, borders: list[FloatArray], both: int, right: FloatArray, mark: Color, rng: np.random.Generator
 ) -> None:
     """Edge lines, a double line where the directions meet, broken lines between the other lanes."""
     sheet.lines([borders[0] + 0.25 * right, borders[-1] - 0.25 * right], mark, 0.15)
-    on, off = rng.uniform(1.0, 5.0), rng.uniform(1.0, 8.0)
+    on, off, wide = rng.uniform(1.0, 5.0), rng.uniform(1.0, 8.0), float(rng.choice([0.15, 0.3, 0.5], p=[0.7, 0.2, 0.1]))
     for k, border in enumerate(borders[1:-1], start=1):
         if k == both:
             double = near(YELLOW if rng.random() < 0.5 else WHITE, 15, rng)
             sheet.lines([border - 0.15 * right, border + 0.15 * right], double, 0.12)
         else:
-            sheet.dashes(border, on, off, mark, 0.15)
+            sheet.dashes(border, on, off, mark, wide)
 
 
 def _lane_slots(line: FloatArray, back: bool, rng: np.random.Generator) -> list[tuple[float, float, float, float]]:

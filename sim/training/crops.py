@@ -42,7 +42,7 @@ PER_GROUND, PER_CATALOGUE = 15, 5
 """Crops until ground and catalogue are drawn anew: making them costs more than a crop."""
 LEAST_PX = 8.0
 """Shorter vehicles count neither way."""
-HEAVY_KINDS, URBAN_KINDS = 4, 5
+HEAVY_KINDS, URBAN_KINDS = 4, 7
 """Of a catalogue: kinds of heavy vehicles, and of what moves and stands in towns; a choice."""
 LOW_FLIGHT = 4
 """Of the kinds of views in ``_random_view``, the one from 4 to 30 m up, to the horizon."""
@@ -65,7 +65,7 @@ class Crop:
     """(SIDE, SIDE, 3) BGR."""
     boxes: FloatArray
     """(n, 6) cx, cy, length, width px, heading (rad, clockwise from image up), visible share (0 for what counts
-    neither way: the tiny, and containers like trailers)."""
+    neither way: the tiny, containers like trailers, and vehicles whose middle is beyond the edge)."""
     about: FloatArray
     """(5,) tilt from straight down, rad; height, m; light lost in shadows, 0 to 1; exposure gain; 1 where there are
     streets or car parks, else 0."""
@@ -142,8 +142,10 @@ def crop(ground: TrainingGround, catalogue: tuple[ObjectKind, ...], rng: np.rand
     vehicle = np.array([s is not None and s.group != "clutter" for s in sorts], dtype=bool)
     unclear = np.array([s is not None and s.name == "container" and s.size[0] > CONTAINER_M for s in sorts], dtype=bool)
     with np.errstate(invalid="ignore"):
-        inside = ((boxes[:, :2] > 0.0) & (boxes[:, :2] < SIDE)).all(axis=1) & (boxes[:, 2] > 3.0)
-        weight[unclear | ~(boxes[:, 2] >= LEAST_PX)] = 0.0
+        middle_inside = ((boxes[:, :2] > 0.0) & (boxes[:, :2] < SIDE)).all(axis=1)
+        reach = 0.5 * boxes[:, 2:3]
+        inside = ((boxes[:, :2] > -reach) & (boxes[:, :2] < SIDE + reach)).all(axis=1) & (boxes[:, 2] > 3.0)
+        weight[unclear | ~(boxes[:, 2] >= LEAST_PX) | ~middle_inside] = 0.0
     keep = np.flatnonzero((vehicle | unclear) & inside)[:MAX_BOXES]
     if over != 1.0:
         image = np.asarray(
@@ -210,9 +212,11 @@ def _catalogue(rng: np.random.Generator) -> tuple[ObjectKind, ...]:
 
 
 def _random_view(ground: TrainingGround, rng: np.random.Generator, side: int) -> CameraView:
-    """A camera whose image shows 2.5 m at 6 to 44 px per SIDE: straight down more often than oblique or low."""
-    gsd = 2.5 / float(np.clip(np.exp(rng.normal(np.log(19.0), 0.5)), 6.0, 44.0)) * SIDE / side
-    kind = int(rng.choice(5, p=[0.28, 0.18, 0.22, 0.16, 0.16]))
+    """A camera whose image shows 2.5 m at 6 to 44 px per SIDE, 60 in low flights; one in four looks straight down."""
+    kind = int(rng.choice(5, p=[0.26, 0.16, 0.2, 0.16, 0.22]))
+    # nearby vehicles of low flights are far larger than the middle one
+    most = 60.0 if kind == LOW_FLIGHT else 44.0
+    gsd = 2.5 / float(np.clip(np.exp(rng.normal(np.log(0.45 * most), 0.5)), 6.0, most)) * SIDE / side
     ranges = ((0.0, 0.0), (0.0, 0.5), (0.5, 1.08), (1.08, 1.34), (0.9, 1.45))
     tilt = rng.uniform(*ranges[kind]) if kind else abs(rng.normal(0.0, 0.1))
     # the last kind are low flights that see vehicles from the side

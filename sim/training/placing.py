@@ -23,7 +23,7 @@ TWO_WHEELERS = ("bicycle", "motorcycle")
 """Names of what rides and stands in lanes and bays and must not be detected."""
 TWO_WHEELER_SHARE = 0.06
 """Of lanes and bays, those with a two-wheeler where the catalogue has any; a choice."""
-SHADY_SHARE = 0.25
+SHADY_SHARE = 0.35
 """Of vehicles in some streets and car parks, those with a tree beside or over them; a choice."""
 SIDE_VIEW = 0.7
 """Cosine of a camera's tilt below which houses are seen from the side, and it may fly below their roofs."""
@@ -83,8 +83,11 @@ def random_bodies(
     placed = _Placed()
     mode = rng.choice(3, p=[0.6, 0.25, 0.15])  # traffic; a team of rovers; all kinds anywhere
     paint = rng.random()
-    # now and then most vehicles have one colour, or one that is nearly black
-    fleet = car_color(rng) if paint < 0.3 else rng.integers(8, 50) + rng.integers(0, 12, 3) if paint < 0.4 else None
+    # now and then most vehicles have one colour, or one that is nearly black or white
+    fleet = None
+    if paint < 0.55:
+        low, high = (8, 50) if paint < 0.15 else (225, 240)
+        fleet = rng.integers(low, high) + rng.integers(0, 12, 3) if paint < 0.3 else car_color(rng)
     _buildings(placed, view, ground, catalogue, rng)
     if mode != 1 or rng.random() < 0.3:
         _in_slots(placed, view, ground, catalogue, fleet, rng)
@@ -229,7 +232,7 @@ def _in_slots(
     light = [k for k, s in enumerate(catalogue) if s.name in TWO_WHEELERS]
     own = int(rng.choice(heavy)) if heavy else None
     share = float(rng.choice([0.2, 0.5, 0.9]))
-    shady = float(rng.choice([0.0, SHADY_SHARE], p=[0.7, 0.3]))
+    shady = float(rng.choice([0.0, SHADY_SHARE], p=[0.6, 0.4]))
     for x, y, heading, room in slots[rng.permutation(len(slots))]:
         if len(placed.rows) > MOST_IN_SLOTS:
             return

@@ -12,7 +12,17 @@ import numpy as np
 
 from sim.world.bodies import AMBER, DARK, GLASS, PAINT, RED, STEEL, TYRE, WHITE, Block, Color, Model, pair
 
-__all__ = ["articulated_bus", "bus", "lorry", "passenger", "pickup_truck", "trailer", "trailer_truck", "van_body"]
+__all__ = [
+    "articulated_bus",
+    "bus",
+    "lorry",
+    "passenger",
+    "pickup_truck",
+    "trailer",
+    "trailer_truck",
+    "tram",
+    "van_body",
+]
 
 Blocks = list[Block]
 
@@ -208,10 +218,28 @@ def trailer(rng: np.random.Generator) -> Model:
     )
 
 
+def tram(rng: np.random.Generator) -> Model:
+    """Two to seven cars with narrow joints, both ends alike, and on the roof long boxes and a bow that takes power."""
+    model = _jointed(rng, int(rng.integers(2, 8)), float(rng.uniform(0.012, 0.03)))
+    at, wide, boxes = float(rng.uniform(-0.4, 0.4)), float(rng.uniform(0.2, 0.4)), []
+    color = shade((STEEL, WHITE, DARK)[int(rng.integers(3))], rng)
+    for middle in np.linspace(-0.42, 0.42, int(rng.integers(3, 10))):
+        half = float(rng.uniform(0.015, 0.05))
+        boxes.append(_slab((middle - half, middle + half), (-wide, wide), 0.98, color, 3))
+    bow = [_slab((at + d, at + d + 0.003), (-0.35, 0.35), 1.0, DARK, 4) for d in (0.0, 0.012)]
+    ends = [Block(x=x, y=(-0.42, 0.42), z=(0.45, 0.9), top=GLASS, sides=GLASS, layer=2)
+            for x in ((-0.5, -0.485), (0.485, 0.5))]  # fmt: skip
+    return Model.of(*model.blocks, *boxes, *bow, *ends)
+
+
 def articulated_bus(rng: np.random.Generator) -> Model:
-    """Two or more stiff cars with dark joints between them: a long bus or a tram, stretched out straight."""
+    """Two or three stiff cars with dark joints between them, stretched out straight."""
+    return _jointed(rng, int(rng.choice([2, 2, 3])), float(rng.uniform(0.03, 0.07)))
+
+
+def _jointed(rng: np.random.Generator, cars: int, joint: float) -> Model:
+    """So many cars, joints of a share of the length between them."""
     glass, joint_color = _glass(rng), shade(TYRE, rng)
-    cars, joint = int(rng.choice([2, 2, 3])), float(rng.uniform(0.03, 0.07))
     top = paint(rng.uniform(0.9, 1.1)) if rng.random() < 0.5 else shade(WHITE, rng, 0.15)
     ends = np.linspace(-0.5, 0.5, cars + 1)
     blocks = [
@@ -226,7 +254,12 @@ def articulated_bus(rng: np.random.Generator) -> Model:
                   sides=glass, layer=1),
         ]  # fmt: skip
         for _ in range(int(rng.integers(0, 3))):
-            middle, half, wide = rng.uniform(x[0] + 0.06, x[1] - 0.06), rng.uniform(0.01, 0.05), rng.uniform(0.12, 0.38)
+            inset = min(0.06, 0.3 * (x[1] - x[0]))
+            middle, half, wide = (
+                rng.uniform(x[0] + inset, x[1] - inset),
+                rng.uniform(0.01, 0.05),
+                rng.uniform(0.12, 0.38),
+            )
             blocks.append(_slab((middle - half, middle + half), (-wide, wide), 0.97, shade(STEEL, rng), 2))
     return Model.of(*blocks)
 
