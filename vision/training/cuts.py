@@ -87,7 +87,11 @@ def cut(sample: TrainingSample, rng: np.random.Generator) -> TrainingSample:
     moved[:, 4] = turn + (-moved[:, 4] if mirror else moved[:, 4])
     moved[:, 5] *= _share_inside(moved)
     moved[(moved[:, 2] < LEAST_LENGTH_PX) | (moved[:, 3] < LEAST_WIDTH_PX), 5] = 0.0
-    inside = ((moved[:, :2] > 0.0) & (moved[:, :2] < SIDE)).all(axis=1)
+    middle_inside = ((moved[:, :2] > 0.0) & (moved[:, :2] < SIDE)).all(axis=1)
+    # of a vehicle whose middle is beyond the edge, what is seen of it counts neither way
+    moved[~middle_inside, 5] = 0.0
+    reach = 0.5 * moved[:, 2:3]
+    inside = ((moved[:, :2] > -reach) & (moved[:, :2] < SIDE + reach)).all(axis=1)
     unjudged = (sample.unjudged @ A.T + b).astype(np.float32)
     return TrainingSample(
         image=np.asarray(out, np.uint8), boxes=moved[inside], known=sample.known[inside], unjudged=unjudged

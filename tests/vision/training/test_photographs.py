@@ -163,6 +163,15 @@ def test_an_unreadable_photograph_is_left_out(caplog):
         open_photographs([bad], Finding(), 0)
 
 
+def test_what_is_seen_of_a_vehicle_whose_middle_is_cut_off_counts_neither_way():
+    boxes = np.array([[192.0, 192.0, 52.0, 24.0, 0.0, 1.0]], np.float32)
+    sample = rendered_sample(np.zeros((384, 384, 3), np.uint8), boxes)
+    made = np.concatenate([cut(sample, np.random.default_rng(seed)).boxes for seed in range(300)])
+    outside = ((made[:, :2] <= 0.0) | (made[:, :2] >= SIDE)).any(axis=1)
+    assert 3 < outside.sum() < 150
+    assert (made[outside, 5] == 0.0).all()
+
+
 @pytest.mark.parametrize(("tilt_deg", "stays"), [(20.0, False), (60.0, True)])
 def test_what_is_seen_from_the_side_stays_upright(tilt_deg, stays):
     boxes = np.array([[192.0, 192.0, 52.0, 24.0, 0.0, 1.0]], np.float32)
