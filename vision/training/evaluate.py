@@ -28,10 +28,11 @@ def detections_and_truth(
 ) -> tuple[list[Detections], list[NDArray[np.float64]]]:
     """Detections of a network on each image of a batch, ``chunk`` at a time, and the true boxes of each image."""
     net.eval()
+    device = next(net.parameters()).device
     found: list[Detections] = []
     with torch.no_grad():
         for start in range(0, len(batch.images), chunk):
-            out = net(batch.images[start : start + chunk].float() / 255.0)
+            out = net(batch.images[start : start + chunk].to(device).float() / 255.0)
             cells = torch.cat([scores(out), out[:, 1:CHANNELS]], dim=1).cpu().numpy()
             found += [decode(c, STRIDE, _LEAST_SCORE) for c in cells]
     truth = [b[r].astype(np.float64) for b, r in zip(batch.boxes.numpy(), batch.real.numpy(), strict=True)]

@@ -4,7 +4,8 @@
 
 Images come from ``.train/pool`` and, for evaluation, ``.train/held_out``; where they are missing, ``python -m
 sim.training.crops`` is run for them, and training starts with the first shard. A stopped run continues from its
-checkpoint; ``--steps`` counts over all runs. Writes checkpoint.pt, loss.csv, quality.csv, curves.png and model.onnx
+checkpoint; ``--steps`` counts over all runs, and so does ``--minutes``, with which the learning rate falls with the
+time spent instead. Writes checkpoint.pt, loss.csv, quality.csv, curves.png and model.onnx
 into the folder.
 """
 
@@ -20,6 +21,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
+from itertools import pairwise
 from pathlib import Path
 from typing import IO
 
@@ -170,19 +172,21 @@ def run(
     seed: int,
     steps: int,
     rate: float,
+    minutes: float,
     threads: int,
     batch: int,
     workers: int,
     crops: int,
+    renderers: int,
     check_every: int,
     start: Path | None,
     photographs: Sequence[tuple[Path, float]],
 ) -> None:
-    """Train until the steps are done, then export."""
+    """Train until the steps are done or the minutes over, then export."""
     torch.set_num_threads(threads)
     cv2.setNumThreads(1)
     pool, held_out = Pool(folder=out / "pool"), Pool(folder=out / "held_out")
-    makers = _render_missing(out, crops, seed)
+    makers = _render_missing(out, crops, seed, renderers)
     checkpoint = out / "checkpoint.pt"
     trainer = Trainer(seed, best_device(), rate)
     miner = open_detector(start if start and start.suffix == ".onnx" else None, score=MINING_SCORE, threads=threads)
@@ -190,34 +194,49 @@ def run(
         (open_photographs(choose_in_all(open_folder(folder).images)[0], miner, seed), share)
         for folder, share in photographs
     ]
-    while pool.refresh() == 0 or held_out.refresh() == 0:
-        if any(maker.poll() not in (None, 0) for maker in makers):
-            raise RuntimeError(
-                f"{out}: no images were made; run python -m sim.training.crops --out {out / 'pool'} to see why"
-            )
-        time.sleep(1.0)
+    _await(pool, makers)
     mixture = Mixture(rendered=pool, photographs=sources, seed=seed)
     if checkpoint.exists():
         trainer.load(checkpoint)
         log.info("goes on from step %d after %.1f min", trainer.step_count, trainer.spent_s / 60.0)
     elif start is not None:
         trainer.start_from(start, mixture.batch(0, STATISTICS_IMAGES).values())
-    while trainer.step_count < steps:
-        tick = time.monotonic()
+
+    def progress() -> float:
+        return max(trainer.step_count / steps, trainer.spent_s / (60.0 * minutes))
+
+    while progress() < 1.0:
+        begun, tick = trainer.spent_s, time.monotonic()
         # what was rendered meanwhile joins after each look at the held-out images
         until = min(steps, (trainer.step_count // check_every + 1) * check_every)
         for training in batches(mixture, range(trainer.step_count, until), batch, workers):
-            row = trainer.step(training, trainer.step_count / steps)
-            if trainer.step_count % 50 == 0:
+            row = trainer.step(training, progress())
+            trainer.spent_s = begun + time.monotonic() - tick
+            done = progress() >= 1.0
+            if done or trainer.step_count % 50 == 0:
                 append_row(out / "loss.csv", row)
-        trainer.spent_s += time.monotonic() - tick
+            if done:
+                break
         _check(trainer, held_out, out, pool.refresh())
+    _await(held_out, makers)
     score = score_at_precision(*detections_and_truth(trainer.averaged(), held_out.all()), PRECISION)
     log.info("%.0f %% of detections are right from score %.3f on", 100.0 * PRECISION, score)
-    export(checkpoint, out / "model.onnx", version="7", score=score)
+    export(checkpoint, out / "model.onnx", version="8", score=score)
     draw_curves(out)
     for maker in makers:
+        # what it has not rendered yet comes too late
+        maker.terminate()
         maker.wait()
+
+
+def _await(pool: Pool, makers: Sequence[subprocess.Popen[bytes]]) -> None:
+    """Wait for a first shard."""
+    while pool.refresh() == 0:
+        if any(maker.poll() not in (None, 0) for maker in makers):
+            raise RuntimeError(
+                f"{pool.folder}: no images were made; run python -m sim.training.crops --out {pool.folder} to see why"
+            )
+        time.sleep(1.0)
 
 
 def batches(mixture: Mixture, steps: range, size: int = BATCH, workers: int = 0) -> Iterator[TrainingBatch]:
@@ -254,19 +273,22 @@ class _Steps(Dataset[TrainingBatch]):  # type: ignore[misc]  # torch is not type
 
 def _check(trainer: Trainer, held_out: Pool, out: Path, images: int) -> None:
     trainer.save(out / "checkpoint.pt")
-    quality = asdict(evaluate(trainer.averaged(), held_out.all()))
+    if held_out.refresh() == 0:
+        return  # still rendered
+    quality = asdict(evaluate(trainer.averaged().to(trainer.device), held_out.all()))
     append_row(out / "quality.csv", {"step": trainer.step_count, "minutes": trainer.spent_s / 60.0, **quality})
     figures = " ".join(f"{name} {value:.4f}" for name, value in quality.items())
     log.info("%.1f min, step %d, %d images: %s", trainer.spent_s / 60.0, trainer.step_count, images, figures)
 
 
-def _render_missing(out: Path, crops: int, seed: int) -> list[subprocess.Popen[bytes]]:
-    """Render what is missing beside the training."""
+def _render_missing(out: Path, crops: int, seed: int, renderers: int) -> list[subprocess.Popen[bytes]]:
+    """Render what is missing beside the training, in so many processes."""
     jobs, shards = [], crops // PER_SHARD
     if not any((out / "held_out").glob("crops_*.npz")):
         jobs.append(render_crops(out / "held_out", HELD_OUT_SEED, 1, HELD_OUT_CROPS))
     if len(list((out / "pool").glob("crops_*.npz"))) < shards:
-        jobs.append(render_crops(out / "pool", 1000 * seed, shards, PER_SHARD))
+        first = [shards * k // renderers for k in range(renderers + 1)]
+        jobs += [render_crops(out / "pool", 1000 * seed + a, b - a, PER_SHARD) for a, b in pairwise(first)]
     return jobs
 
 
@@ -314,6 +336,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Train the bundled oriented detector.")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--steps", type=int, default=12000, help="training steps over all runs")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="of training, over all runs, at most")
     parser.add_argument("--out", type=Path, default=Path(".train"))
     parser.add_argument("--rate", type=float, default=3e-3, help="highest learning rate")
     parser.add_argument("--start", type=Path, help="checkpoint or .onnx whose weights to begin with")
@@ -321,6 +344,7 @@ def main() -> None:
     parser.add_argument("--batch", type=int, default=BATCH, help="images of a step; a GPU wants 128")
     parser.add_argument("--workers", type=int, default=0, help="processes that cut images; a GPU needs a dozen")
     parser.add_argument("--crops", type=int, default=8000, help="images to render")
+    parser.add_argument("--renderers", type=int, default=1, help="processes that render")
     parser.add_argument("--check-every", type=int, default=1000, help="steps between looks at the held-out images")
     parser.add_argument(
         "--photographs",
@@ -339,10 +363,12 @@ def main() -> None:
         seed=args.seed,
         steps=args.steps,
         rate=args.rate,
+        minutes=args.minutes,
         threads=args.threads,
         batch=args.batch,
         workers=args.workers,
         crops=args.crops,
+        renderers=args.renderers,
         check_every=args.check_every,
         start=args.start,
         photographs=args.photographs,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+
 import numpy as np
 import pytest
 
@@ -39,6 +41,23 @@ def test_processes_make_the_batches_that_a_thread_makes(mixture):
         assert torch.equal(one.images, other.images)
         assert torch.equal(one.boxes, other.boxes)
     assert not torch.equal(alone[0].images, alone[1].images)
+
+
+@pytest.mark.slow
+def test_training_ends_when_its_minutes_are_over(mixture, tmp_path):
+    from vision.training.train import run
+
+    for name in ("pool", "held_out"):
+        (tmp_path / name).mkdir()
+        shutil.copy(tmp_path / "crops_000000.npz", tmp_path / name)
+    run(
+        tmp_path, seed=0, steps=9999, minutes=0.005, rate=1e-3, threads=1, batch=2, workers=0, crops=0, renderers=1,
+        check_every=9999, start=None, photographs=(),
+    )  # fmt: skip
+    lines = (tmp_path / "quality.csv").read_text().splitlines()
+    assert len(lines) == 2
+    assert 1 <= int(lines[1].split(",")[0]) < 9999
+    assert (tmp_path / "model.onnx").exists()
 
 
 def test_some_images_lose_their_colours_and_some_become_negatives():
