@@ -221,7 +221,7 @@ def run(
     _await(held_out, makers)
     score = score_at_precision(*detections_and_truth(trainer.averaged(), held_out.all()), PRECISION)
     log.info("%.0f %% of detections are right from score %.3f on", 100.0 * PRECISION, score)
-    export(checkpoint, out / "model.onnx", version="8", score=score)
+    export(checkpoint, out / "model.onnx", version="7", score=score)
     draw_curves(out)
     for maker in makers:
         # what it has not rendered yet comes too late
