@@ -14,7 +14,7 @@ import shutil
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -252,8 +252,15 @@ class Flight:
         self._pipeline.state_name(Statement(track_id=track_id, system_id=0, undone=True))
 
     def save_mission(self) -> str:
-        """Write the mission as a file of the working folder, never over one, to be flown again; tells where."""
-        path, new = save_mission(self._mission, self._plan.origins, Path.cwd())
+        """Write the mission as a file of the working folder, never over one, to be flown again; tells where.
+
+        A camera that the film showed is in it.
+        """
+        mission, origins = self._mission, self._plan.origins
+        if found := self._pipeline.found_camera:
+            mission = replace(mission, camera=found)
+            origins = {**origins, "camera": f"Found from the film of {self.title}: gcs calibrate measures it better."}
+        path, new = save_mission(mission, origins, Path.cwd())
         return f"the mission is {'saved' if new else 'already'} in {path.name}: gcs fly {path.name} flies it again"
 
     def accept_held(self, system_ids: Sequence[int]) -> None:

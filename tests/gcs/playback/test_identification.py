@@ -1,5 +1,6 @@
 """Identification as programs call it: files and a roll call, and not a word printed."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -80,3 +81,37 @@ def test_of_telemetry_alone_it_is_told_what_is_missing(tmp_path):
         "there is neither a video nor boxes seen in one: give the film with --video, its camera with --mission"
     )
     assert not any("detected in the video" in note for note in notes)
+
+
+@pytest.mark.slow_but_first
+@pytest.mark.parametrize(
+    ("across_deg", "pitch_deg", "yaw_deg", "mount"),
+    [(70.0, -50.0, 90.0, "stabilized"), (100.0, -35.0, 180.0, "fixed"), (40.0, -85.0, 0.0, "stabilized")],
+)
+def test_a_camera_that_nothing_describes_is_found(tmp_path, across_deg, pitch_deg, yaw_deg, mount):
+    scenario, flown, notes = Scenario(seed=5, duration_s=16.0, fps=5.0), tmp_path / "flown", []
+    focal_px = scenario.camera.width / 2.0 / math.tan(math.radians(across_deg) / 2.0)
+    camera = replace(scenario.camera, fx=focal_px, fy=focal_px, pitch_deg=pitch_deg, yaw_deg=yaw_deg, mount=mount)
+    attitude = replace(scenario.attitude, gimbal=False)
+    write_session(replace(scenario, camera=camera, attitude=attitude), flown)
+    session = open_session(flown, frame_size=(camera.width, camera.height))
+    identify_session(
+        replace(session, mission=replace(session.mission, camera=None)), tmp_path / "out", note=notes.append
+    )
+    (told,) = (text for text in notes if "nothing describes the camera; by the whole film" in text)
+    seen_deg, down_deg = (float(part.split()[-1]) for part in told.split("°")[:2])
+    assert seen_deg == pytest.approx(across_deg, rel=0.08) and down_deg == pytest.approx(-pitch_deg, abs=5.0)
+    assert ("fixed" in told) == (mount == "fixed")
+    score = score_files(flown / "truth.csv", tmp_path / "out" / "identity.csv")
+    assert score.right > 0.95 and score.precision > 0.99
+
+
+def test_a_fleet_that_stands_shows_no_camera(tmp_path):
+    scenario = Scenario(seed=5, duration_s=16.0, fps=2.0)
+    scenario = replace(scenario, ground=replace(scenario.ground, kind="parked"))
+    write_session(replace(scenario, attitude=replace(scenario.attitude, gimbal=False)), tmp_path / "flown")
+    session = open_session(tmp_path / "flown", frame_size=(scenario.camera.width, scenario.camera.height))
+    calls = identify_session(replace(session, mission=replace(session.mission, camera=None)), tmp_path / "out")
+    assert calls.named == 0
+    events = (tmp_path / "out" / "events.jsonl").read_text()
+    assert "nothing describes the camera, and the fleet stands still" in events
