@@ -81,6 +81,8 @@ class CameraFit:
     kind: MountKind
     pitch: float
     """Radians, negative down."""
+    pitch_std: float
+    """1σ, radians."""
     roll: float
     yaw: float
     """Radians clockwise from the nose."""
@@ -345,7 +347,8 @@ def _fitted(film: FilmedFleet, start: FloatArray, kind: MountKind, effort: tuple
     base, together = _base(film, kind), _together(film)
     start = start * np.array([1.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     low, high = _bounds(film, start)
-    x, vehicle, std = start, assignment(_pair_evidence(film, base, start), together), np.inf
+    x, vehicle = start, assignment(_pair_evidence(film, base, start), together)
+    std = np.full(len(start), np.inf)
     for _ in range(effort[0]):
         if np.count_nonzero(vehicle >= 0) < 2:
             return None
@@ -358,7 +361,7 @@ def _fitted(film: FilmedFleet, start: FloatArray, kind: MountKind, effort: tuple
             args=(film, base, start, vehicle),
         )
         x, before = found.x, vehicle
-        std = _std_of_focal(np.asarray(found.jac))
+        std = _stds(np.asarray(found.jac))
         vehicle = assignment(_pair_evidence(film, base, x), together)
         if np.array_equal(before, vehicle):
             break
@@ -367,9 +370,10 @@ def _fitted(film: FilmedFleet, start: FloatArray, kind: MountKind, effort: tuple
     cost = 0.5 * float(np.sum(np.square((x - start)[2:] / _PRIOR_STD[2:])))
     return CameraFit(
         focal=float(np.exp(x[0])),
-        focal_std=std,
+        focal_std=float(std[0]),
         kind=kind,
         pitch=float(x[1]),
+        pitch_std=float(std[1]),
         roll=float(x[2]),
         yaw=float(np.mod(x[3], 2.0 * np.pi)),
         vehicle=vehicle,
@@ -377,7 +381,7 @@ def _fitted(film: FilmedFleet, start: FloatArray, kind: MountKind, effort: tuple
     )
 
 
-def _std_of_focal(jac: FloatArray) -> float:
-    """1σ of ln φ by the fit's Jacobian, residuals in σ: √(JᵀJ)⁻¹."""
+def _stds(jac: FloatArray) -> FloatArray:
+    """1σ of x by the fit's Jacobian, residuals in σ: √diag (JᵀJ)⁻¹."""
     information = jac.T @ jac + np.diag(np.full(len(_STEP), 1e-9))
-    return float(np.sqrt(np.linalg.inv(information)[0, 0]))
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(information))))

@@ -36,8 +36,9 @@ LEAST_HEIGHT_M = 5.0
 """Above the ground; lower down nothing is level enough."""
 TOLD_AFTER_US = 10_000_000
 """Why the camera is not found is told once the search goes on for so long."""
-CORRECTED_FOCAL, CORRECTED_RAD = 0.06, math.radians(4.0)
-"""ln of a focal length, and a pitch, that a longer look must differ by to be used instead: names begin anew then."""
+CORRECTED_FOCAL, CORRECTED_RAD, CORRECTED_STDS = 0.06, math.radians(4.0), 3.0
+"""ln of a focal length, and a pitch, that a longer look must differ by to be used, and by how many σ. Names then
+begin anew."""
 NAME = "the film"
 """What a camera that was found is called."""
 _WHY_NOT = {
@@ -79,6 +80,8 @@ class CameraFinder:
         self._gimbal = False
         self._first_us = self._searched_us = self._found_us = 0
         self._told: CameraVerdict | None = None
+        self._least_std = math.inf
+        """1σ of ln φ of ``camera``."""
         self._size, self._focal = (0, 0), math.nan
 
     @property
@@ -198,19 +201,24 @@ class CameraFinder:
         found = find_camera(film)
         if found.verdict is CameraVerdict.FOUND and found.best is not None:
             self._fit, self._found_us, self.camera = found.best, t_us, self._camera(found.best)
+            self._least_std = found.best.focal_std
             return self.camera, [_event(t_us, "info", f"camera found from the film: {_described(found.best)}")]
         if found.verdict is self._told or t_us - self._first_us < TOLD_AFTER_US:
             return None, []
         self._told = found.verdict
         return None, [_event(t_us, "warning", f"nothing describes the camera, and {_WHY_NOT[found.verdict]}")]
 
-    def _refine(self, t_us: int, film: FilmedFleet, before: CameraFit) -> tuple[Camera | None, list[Event]]:
-        fit = refined(film, before)
-        if fit is None:
+    def _refine(self, t_us: int, film: FilmedFleet, used: CameraFit) -> tuple[Camera | None, list[Event]]:
+        fit = refined(film, used)
+        if fit is None or fit.focal_std > self._least_std:
             return None, []
-        off = abs(math.log(fit.focal / before.focal)) > CORRECTED_FOCAL or abs(fit.pitch - before.pitch) > CORRECTED_RAD
-        self.camera = self._camera(fit)
-        if not off:
+        self.camera, self._least_std = self._camera(fit), fit.focal_std
+        focal = abs(math.log(fit.focal / used.focal)), math.hypot(fit.focal_std, used.focal_std)
+        pitch = abs(fit.pitch - used.pitch), math.hypot(fit.pitch_std, used.pitch_std)
+        limits = (CORRECTED_FOCAL, CORRECTED_RAD)
+        if not any(
+            off > max(least, CORRECTED_STDS * std) for (off, std), least in zip((focal, pitch), limits, strict=True)
+        ):
             return None, []
         self._fit = fit
         return self.camera, [_event(t_us, "warning", f"camera corrected by the film: {_described(fit)}")]
