@@ -135,9 +135,7 @@ def session_toml(scenario: Scenario) -> dict[str, Any]:
         "zero": 0.0,
         "auto": "auto",
     }
-    return {
-        "uav": {"system_id": UAV_ID},
-        "ugv": [{"system_id": i, "name": f"UGV-{i}"} for i in scenario.ugv_ids],
+    described = {
         "camera": {
             "width": camera.width,
             "height": camera.height,
@@ -150,7 +148,12 @@ def session_toml(scenario: Scenario) -> dict[str, Any]:
             "roll_deg": camera.roll_deg,
             "pitch_deg": camera.pitch_deg + declared.pitch_deg,
             "yaw_deg": camera.yaw_deg + declared.yaw_deg,
-        },
+        }
+    }
+    return {
+        "uav": {"system_id": UAV_ID},
+        "ugv": [{"system_id": i, "name": f"UGV-{i}"} for i in scenario.ugv_ids],
+        **(described if declared.camera else {}),
         "clock": {"video_offset_s": offset[scenario.timing.declared_offset]},
     }
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +24,8 @@ __all__ = [
     "HILLS_HARD",
     "SHAKING",
     "SHAKING_HARD",
+    "UNKNOWN",
+    "UNKNOWN_HARD",
     "WRONG_CAMERAS",
     "WRONG_CAMERAS_HARD",
     "altitudes",
@@ -30,6 +34,8 @@ __all__ = [
     "hill_hard",
     "shaking",
     "shaking_hard",
+    "unknown",
+    "unknown_hard",
     "wrong_camera",
     "wrong_camera_hard",
 ]
@@ -54,6 +60,22 @@ SHAKING_HARD = (
 )
 WRONG_CAMERAS = ("focal × 0.7", "focal × 1.3", "yaw 30°", "offset 2 s", "distortion", "pitch 5°")
 WRONG_CAMERAS_HARD = ("yaw 90°", "yaw 180°", "mirrored", "pitch 15°", "offset 5 s", "focal × 1.3, yaw 30°, -45°")
+UNKNOWN = (
+    "70°, nadir, 7",
+    "100°, -60°, 9",
+    "40°, -75°, 12",
+    "60°, -45°, 5, fixed",
+    "110°, -40°, 8, 90°",
+    "80°, -60°, 3, 180°",
+)
+UNKNOWN_HARD = (
+    "50°, -30°, 10, 270°",
+    "120°, -25°, 6, fixed",
+    "30°, -85°, 12, 90°",
+    "70°, -60°, 7, no attitude",
+    "90°, -50°, 4, fixed, 180°",
+    "60°, -40°, 3, no attitude",
+)
 HILLS = ("+10 m", "-10 m", "+20 m, -50°", "-15 m, -60°", "slope 4°", "waves 3 m, -50°")
 ALTITUDES = ("+48", "-35", "+20", "+48, -45°", "-35, -45°", "contradict, -45°")
 ALTITUDES_HARD = ("+70, 20", "-48, -10", "+35, -15, -35°", "-70, 15, -35°", "contradict, 15", "+30, -50°")
@@ -203,6 +225,36 @@ def _uneven(label: str, k: int, rng: np.random.Generator) -> Scenario:
             altitude_white_m=0.3,
         ),
         attitude=slight(rng),
+    )
+
+
+def unknown(k: int, rng: np.random.Generator) -> Scenario:
+    """A camera of which nobody says anything: neither field of view nor which way it looks."""
+    return _undescribed(UNKNOWN[k], k, rng, errors=0.6)
+
+
+def unknown_hard(k: int, rng: np.random.Generator) -> Scenario:
+    """The same with larger errors, seen more from the side, wider and longer, or without the UAV's attitude."""
+    return _undescribed(UNKNOWN_HARD[k], k, rng, errors=1.5)
+
+
+def _undescribed(label: str, k: int, rng: np.random.Generator, errors: float) -> Scenario:
+    across, view, vehicles, *rest = label.split(", ")
+    focal = 960.0 / math.tan(math.radians(float(across.rstrip("°"))) / 2.0)
+    turned = next((float(part.rstrip("°")) for part in rest if part.endswith("°")), 0.0)
+    return session(
+        ground=road(k, vehicles=int(vehicles), outside=int(rng.integers(0, 3))),
+        camera=ScenarioCamera(
+            fx=focal,
+            fy=focal,
+            pitch_deg=-90.0 if view == "nadir" else float(view.rstrip("°")),
+            yaw_deg=turned + float(rng.normal(0.0, 2.0)),
+            mount="fixed" if "fixed" in rest else "stabilized",
+        ),
+        flight=ScenarioFlight(height_m=float(rng.uniform(35.0, 80.0))),
+        gnss=gnss(rng, bias=errors, height_bias_m=float(rng.normal(0.0, errors))),
+        attitude=replace(slight(rng), gimbal=False, missing="no attitude" in rest),
+        declared=ScenarioDeclared(camera=False),
     )
 
 

@@ -53,7 +53,9 @@ def explain(number: int, hard: bool, seed: int) -> str:
         write_session(scenario, Path(folder) / "session", film=film_of(number, hard, seed))
         if has_pixels(number, hard, seed):
             write_motion(scenario, Path(folder) / "session")
-        played = identify(Path(folder) / "session", Path(folder) / "out")
+        played = identify(
+            Path(folder) / "session", Path(folder) / "out", (scenario.camera.width, scenario.camera.height)
+        )
         evidence = _read_identity(Path(folder) / "out" / "identity.jsonl")
         events = [json.loads(line) for line in (Path(folder) / "out" / "events.jsonl").read_text().splitlines()]
     m, s = played.matched, summarise([tally(played.matched, scenario.fps)])

@@ -201,5 +201,11 @@ FAMILIES: dict[int, Family] = dict(
         _family(25, "crowded", _of(messy.crowded, messy.CROWDED), _of(messy.crowded_hard, messy.CROWDED_HARD)),
         _family(26, "late", _of(messy.late, messy.LATE), _of(messy.late_hard, messy.LATE_HARD)),
         _family(27, "missing", _of(messy.missing, messy.MISSING), _of(messy.missing_hard, messy.MISSING_HARD)),
+        _family(
+            28,
+            "unknown camera",
+            _of(camera_trouble.unknown, camera_trouble.UNKNOWN),
+            _of(camera_trouble.unknown_hard, camera_trouble.UNKNOWN_HARD),
+        ),
     )
 )

@@ -47,9 +47,9 @@ class ProductRun:
     """Seconds from the first frame to the alarm that video and telemetry do not match; inf never."""
 
 
-def identify(folder: Path, out: Path) -> ProductRun:
-    """Fold the session in ``folder``; its logs go to ``out``, which must not exist."""
-    analysis = Analysis(open_session(folder))
+def identify(folder: Path, out: Path, frame_size: tuple[int, int]) -> ProductRun:
+    """Fold the session in ``folder``, of frames of that size in px; its logs go to ``out``, which must not exist."""
+    analysis = Analysis(open_session(folder, frame_size=frame_size))
     wall, cpu, seen = list[float](), list[float](), list[Snapshot]()
     try:
         with IdentityLog(out) as log:

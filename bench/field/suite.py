@@ -58,7 +58,7 @@ def play(task: Task) -> Outcome:
         write_session(scenario, session, film=film)
         if has_pixels(task.family, task.hard, task.seed):
             write_motion(scenario, session)
-        played = identify(session, Path(folder) / "out")
+        played = identify(session, Path(folder) / "out", (scenario.camera.width, scenario.camera.height))
     nameless = _nameless(scenario)
     # lost frames count for time as well
     fps = len(played.cpu_ms) / scenario.duration_s

@@ -300,6 +300,8 @@ class ScenarioFault:
 class ScenarioDeclared:
     """Where the mission is wrong about the camera: what ``session.toml`` says beside the truth."""
 
+    camera: bool = True
+    """Whether the mission describes the camera at all."""
     focal_share: Annotated[float, Meta(ge=0.2, le=5.0)] = 1.0
     """Declared focal length over the true one."""
     yaw_deg: float = 0.0

@@ -154,6 +154,11 @@ def test_a_mission_can_be_wrong_about_the_camera(folder, tmp_path):
         assert (tmp_path / "s" / name).read_bytes() == (folder / name).read_bytes()
 
 
+def test_a_mission_can_leave_the_camera_out(tmp_path):
+    write_session(dataclasses.replace(SHORT, declared=ScenarioDeclared(camera=False)), tmp_path / "s")
+    assert "camera" not in tomllib.loads((tmp_path / "s" / "session.toml").read_text())
+
+
 def test_frames_can_be_lost():
     t, stamps = frame_times(dataclasses.replace(SHORT, duration_s=60.0, timing=ScenarioTiming(frame_loss=0.25)))
     assert len(t) == len(stamps) == pytest.approx(450, abs=40)
