@@ -47,8 +47,14 @@ class ProductRun:
     """Seconds from the first frame to the alarm that video and telemetry do not match; inf never."""
 
 
-def identify(folder: Path, out: Path, frame_size: tuple[int, int]) -> ProductRun:
-    """Fold the session in ``folder``, of frames of that size in px; its logs go to ``out``, which must not exist."""
+def identify(folder: Path, out: Path, frame_size: tuple[int, int] | None = None) -> ProductRun:
+    """Fold a session as ``gcs identify`` does.
+
+    Args:
+        folder: of the session.
+        out: of its logs, which must not exist.
+        frame_size: width and height of the frames, px, where nothing in the session tells.
+    """
     analysis = Analysis(open_session(folder, frame_size=frame_size))
     wall, cpu, seen = list[float](), list[float](), list[Snapshot]()
     try:
