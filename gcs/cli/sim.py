@@ -12,6 +12,7 @@ from gcs.cli.output.console import AsJson, print_json, print_lines, print_note
 from gcs.cli.output.progress import progress
 from gcs.cli.output.tables import print_table
 from gcs.errors import GcsError
+from infra.secrets import concealed
 from sim.live import play
 from sim.session import write_session
 from sim.world.presets import PRESETS, preset
@@ -50,6 +51,8 @@ def sim(
         return
     if out is not None:
         raise GcsError("--live writes no folder; leave --out away, and record with gcs fly")
+    video_to = f", video to {concealed(stream)}" if stream else ""
+    print_note(f"preparing {world.name} for {world.duration_s:g} s: MAVLink to {concealed(telemetry)}{video_to}")
     with progress("sim") as report:
         sent = play(
             world,

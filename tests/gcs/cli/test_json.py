@@ -6,6 +6,7 @@ import json
 import re
 
 import numpy as np
+import pytest
 
 from gcs.cli.identify import identify_into
 from sim.live import PlaybackCounts
@@ -100,6 +101,15 @@ def test_the_demo(tmp_path, monkeypatch):
     told = printed("demo")
     assert set(told) == documented("demo")
     assert set(told["score"]) == documented("score")
+
+
+@pytest.mark.slow
+def test_the_demo_of_a_flight(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    told = printed("demo", "--live")
+    assert set(told) == documented("fly")
+    assert sum(vehicle["boxes"] > 0 for vehicle in told["vehicles"]) >= 4
+    assert (tmp_path / "mission.toml").is_file()
 
 
 def test_a_flight(tmp_path):
