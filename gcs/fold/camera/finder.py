@@ -51,7 +51,7 @@ _LEVEL = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Look:
+class _SeenFrame:
     t_us: int
     track_id: IntArray
     picture: FloatArray
@@ -75,7 +75,7 @@ class CameraFinder:
         self.camera: Camera | None = None
         """The camera as it is known best by now, None until it was found."""
         self._stated = camera
-        self._looks: deque[_Look] = deque(maxlen=LOOKS)
+        self._looks: deque[_SeenFrame] = deque(maxlen=LOOKS)
         self._fit: CameraFit | None = None
         self._gimbal = False
         self._first_us = self._searched_us = self._found_us = 0
@@ -149,7 +149,7 @@ class CameraFinder:
         self._first_us = self._first_us or (state.t_us if len(found) else 0)
         width, height = self._size
         self._looks.append(
-            _Look(
+            _SeenFrame(
                 t_us=state.t_us,
                 track_id=tracks.track_id[found],
                 picture=(boxes.centre[tracks.detection[found]] - np.array([width, height]) / 2.0) / width,

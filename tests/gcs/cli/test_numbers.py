@@ -12,11 +12,14 @@ from tests.support.command_line import help_pages, run_gcs
 LOG = SWARM / "telemetry.tlog"
 FILM = ("gt.txt", "--video", "film.mp4", "-o", "out")
 IMPORTED = ("-o", "out", "--video", "film.mp4")
+HEARD = ("-l", "udpin:127.0.0.1:0", "--headless", "--sessions", "sessions")
 FLIGHT = (SWARM / "session.toml", "-l", "udpin:127.0.0.1:0", "--headless", "--sessions", "sessions")
 OPTIONS = [
     ("fly", FLIGHT, "--duration"),
     ("fly", FLIGHT, "--accept-late"),
     ("fly", FLIGHT, "--fps"),
+    ("fly", HEARD, "--uav"),
+    ("fly", HEARD, "--listen"),
     ("replay", (SWARM,), "--video-start"),
     ("replay", (SWARM,), "--fps"),
     ("replay", (SWARM, "--serve"), "--port"),
