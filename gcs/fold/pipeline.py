@@ -427,7 +427,9 @@ class Pipeline:
             uav_enu=state.uav.p_enu,
             uav_heading=state.uav.yaw,
             health=with_camera_errors(
-                self._link_rates.with_rates(t_us, health or Health()), self._identifier, self._offset_s
+                self._link_rates.with_rates(t_us, health or Health()),
+                *(self._identifier, self._offset_s),
+                guessed=self._cameras.guessed,
             ),
             camera=camera_aim(view, state.uav) if view else None,
             pose="unknown" if view is None else "known" if view.attitude_known else "no attitude",

@@ -251,13 +251,14 @@ def standing_of(row: VehicleRow, box: Box | None, now: Snapshot, *, lapsed: bool
     return "no new frame" if lapsed else "unidentified"
 
 
-def with_camera_errors(health: Health, identifier: Identifier, offset_s: float) -> Health:
+def with_camera_errors(health: Health, identifier: Identifier, offset_s: float, *, guessed: bool) -> Health:
     """Health with the estimated errors of the camera's clock, heading and pitch, and whether it is mirrored.
 
     Args:
         health: How the program is doing.
         identifier: Knows the errors.
         offset_s: By how much the mission declares the video's clock to be ahead of telemetry's.
+        guessed: Whether which way the camera looks is a guess, so that nothing follows from a film that does not fit.
     """
     theta, std = identifier.pose_correction, identifier.pose_correction_std
     return replace(
@@ -269,5 +270,5 @@ def with_camera_errors(health: Health, identifier: Identifier, offset_s: float) 
         pitch_offset=float(theta[PITCH]),
         pitch_offset_std=float(std[PITCH]),
         mirrored=identifier.mirrored,
-        fit=identifier.fit_probability,
+        fit=math.nan if guessed else identifier.fit_probability,
     )

@@ -34,6 +34,8 @@ AGAIN_US, REFINED_AGAIN_US, REFINED_FOR_US = 1_500_000, 5_000_000, 60_000_000
 """A search is made again after so long; one that succeeded is refined every so often, for so long."""
 LEAST_HEIGHT_M = 5.0
 """Above the ground; lower down nothing is level enough."""
+GUESSED_FOR_US = 30_000_000
+"""For so long a direction that nobody told is no reason to doubt that film and telemetry belong together."""
 TOLD_AFTER_US = 10_000_000
 """Why the camera is not found is told once the search goes on for so long."""
 CORRECTED_FOCAL, CORRECTED_RAD, CORRECTED_STDS = 0.06, math.radians(4.0), 3.0
@@ -88,6 +90,13 @@ class CameraFinder:
     def describes_lens(self) -> bool:
         """Whether the mission has the camera's numbers, so that there is nothing to search for."""
         return self._stated is not None and self._stated.intrinsics is not None
+
+    @property
+    def guesses(self) -> bool:
+        """Whether the camera is taken to look straight down as nobody says, while it may still be found otherwise."""
+        if self._stated is not None or self._fit is not None or self._gimbal or not self._looks:
+            return False
+        return self._looks[-1].t_us - self._first_us < GUESSED_FOR_US
 
     def look(
         self,

@@ -81,6 +81,11 @@ class FrameCameras:
         """The camera by the film, where nothing described it; None not yet, or it needs no search."""
         return self._finder.camera
 
+    @property
+    def guessed(self) -> bool:
+        """Whether the direction is a guess that may soon be replaced."""
+        return self._finder.guesses
+
     def find(
         self, state: FleetState, boxes: Detections, tracks: Tracks, camera: FrameCamera | None
     ) -> tuple[bool, Sequence[Event]]:
