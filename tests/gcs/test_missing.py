@@ -14,13 +14,13 @@ from gcs.export.job import ExportJob
 from gcs.export.maps.geojson import GeoJsonExport
 from gcs.missing import may_be
 from gcs.session.identity_log import json_row
-from tests.support.alarm_scenes import UGV, FilmedScene
+from tests.support.alarm_scenes import UGV, filmed
 
 
 @pytest.fixture(scope="module")
 def silent():
     """One vehicle's positions stop after 10 s; 5 s later there is a box that nobody else has."""
-    scene = FilmedScene().run(10, filmed=True)
+    scene = filmed(10)
     next(vehicle for vehicle in scene.vehicles if vehicle.system_id == UGV).sends = "ha"
     scene.hidden, scene.stranger = {UGV}, (0.0, 8.0)
     return scene.run(5, filmed=True).last

@@ -1,9 +1,13 @@
 """Vehicles on the air before a station: what they send goes through the fold, and the alarms that come are kept; and
 for every alarm about vehicles a scene that raises it."""
 
+import copyreg
 import math
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
+from functools import cache
+from struct import Struct
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -174,6 +178,29 @@ class FilmedScene(Scene):
         """Why it lost its name, each time."""
         said = [event for event in self.events if event.kind == "identity" and event.system_id == system_id]
         return [event.text.split(": ", 1)[1] for event in said if "no longer" in event.text and ": " in event.text]
+
+    def __deepcopy__(self, memo):
+        """Another that goes on alone from here; of what was kept nothing changes any more."""
+        memo |= {id(snapshot): snapshot for snapshot in self.kept}
+        other = memo[id(self)] = FilmedScene.__new__(FilmedScene)
+        other.__dict__ = deepcopy(self.__dict__, memo)
+        return other
+
+
+# encoders hold them, and copy() knows them not
+copyreg.pickle(Struct, lambda struct: (Struct, (struct.format,)))
+
+
+def copied(make):
+    """Wraps what makes a scene: each is flown once, and everybody gets a copy."""
+    flown = cache(make)
+    return lambda *arguments: deepcopy(flown(*arguments))
+
+
+@copied
+def filmed(seconds):
+    """A scene that has been filmed for so long: both vehicles are named."""
+    return FilmedScene().run(seconds, filmed=True)
 
 
 def filter_status(flags=0x033F, position=0.01, compass=0.01):

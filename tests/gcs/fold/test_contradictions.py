@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.support.alarm_scenes import OTHER, UGV, FilmedScene
+from tests.support.alarm_scenes import OTHER, UGV, copied, filmed
 
 KEY = f"conflict {UGV}"
 WORDS = "its position contradicts the video"
@@ -12,9 +12,10 @@ def on(snapshot):
     return KEY in {alarm.key for alarm in snapshot.alarms}
 
 
+@copied
 def lying(shift_m):
     """A scene in which one has lied for six seconds, and its snapshots from when that was told."""
-    scene = FilmedScene().run(10, filmed=True)
+    scene = filmed(10)
     assert scene.row(UGV).standing == "confirmed"
     scene.vehicles[1].shift_m = shift_m
     began_us = scene.t_us
@@ -61,7 +62,7 @@ def test_a_name_under_that_alarm_is_never_confirmed():
 
 
 def test_one_that_leaves_the_picture_with_its_position_is_not_accused():
-    scene = FilmedScene().run(10, filmed=True)
+    scene = filmed(10)
     scene.hidden = {UGV}
     scene.run(6, filmed=True)
     scene.hidden = set()
@@ -70,7 +71,7 @@ def test_one_that_leaves_the_picture_with_its_position_is_not_accused():
 
 
 def test_of_two_that_report_one_place_the_one_that_was_there_before_is_not_accused():
-    scene = FilmedScene().run(8, filmed=True)
+    scene = filmed(8)
     copier, copied = scene.vehicles[1], next(each for each in scene.vehicles if each.system_id == OTHER)
     copier.place = copied.place
     scene.run(10, filmed=True)

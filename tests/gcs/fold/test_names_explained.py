@@ -7,14 +7,14 @@ import math
 import pytest
 
 from gcs.fold.since import Since
-from tests.support.alarm_scenes import FOCAL_PX, OTHER, SIZE, STEP_US, UAV, UGV, UP_M, FilmedScene, Vehicle
+from tests.support.alarm_scenes import FOCAL_PX, OTHER, SIZE, STEP_US, UAV, UGV, UP_M, Vehicle, filmed
 from tests.support.flights import S
 
 
 @pytest.fixture
 def scene():
     """Both vehicles are named."""
-    return FilmedScene().run(10, filmed=True)
+    return filmed(10)
 
 
 def test_a_standing_says_since_when_and_a_missed_box_does_not_begin_it_anew(scene):

@@ -14,7 +14,7 @@ from gcs.report.overlay import label_of
 from gcs.session.event_log import event_row
 from gcs.session.identity_log import csv_row, json_row
 from gcs.snapshot import Statement
-from tests.support.alarm_scenes import MISSION, OTHER, UGV, FilmedScene, Vehicle
+from tests.support.alarm_scenes import MISSION, OTHER, UGV, FilmedScene, Vehicle, copied, filmed
 from vision.track.track_state import ENOUGH
 
 STRANGER = (0.0, 8.0)
@@ -41,16 +41,21 @@ def unnamed(scene):
     return next(box for box in scene.last.boxes if not box.system_id)
 
 
+@copied
+def half_silent():
+    return FilmedScene(Vehicle(OTHER, sends="ht")).run(3, filmed=True)
+
+
 @pytest.fixture
 def silent():
     """OTHER sends heartbeats alone: its box cannot be named by reports."""
-    return FilmedScene(Vehicle(OTHER, sends="ht")).run(3, filmed=True)
+    return half_silent()
 
 
 @pytest.fixture
 def sure():
     """Both are named."""
-    return FilmedScene().run(6, filmed=True)
+    return filmed(6)
 
 
 def test_a_vehicle_without_reports_is_named_by_the_operator(silent):
