@@ -14,13 +14,14 @@ from tests.support.bundled import SWARM, swarm_session
 from tests.support.command_line import run_gcs, run_gcs_process
 
 
-@pytest.fixture(scope="module")
-def named(tmp_path_factory):
-    """The bundled real telemetry, identified once."""
-    out = tmp_path_factory.mktemp("swarm") / "out"
-    code, stdout, stderr = run_gcs("identify", SWARM, "-o", out)
+@pytest.fixture(scope="module", params=[150, pytest.param(600, marks=pytest.mark.slow)])
+def named(request, tmp_path_factory):
+    """The bundled real telemetry, so many frames of it or all, identified once: session, results, and what was said."""
+    folder = tmp_path_factory.mktemp("swarm")
+    session, out = swarm_session(folder, frames=request.param), folder / "out"
+    code, stdout, stderr = run_gcs("identify", session, "-o", out)
     assert code == 0, stderr
-    return out, stdout
+    return session, out, stdout
 
 
 def test_version_is_told_without_a_command():
@@ -30,9 +31,9 @@ def test_version_is_told_without_a_command():
 
 
 def test_names_the_swarm_and_is_right(named):
-    out, stdout = named
+    session, out, stdout = named
     assert "6 of 6 vehicles named" in stdout
-    code, stdout, _ = run_gcs("score", SWARM, out / "identity.csv", "--json")
+    code, stdout, _ = run_gcs("score", session, out / "identity.csv", "--json")
     assert code == 0
     score = json.loads(stdout)
     assert score["precision"] >= 0.98
@@ -50,8 +51,8 @@ def test_same_input_same_bytes(tmp_path):
 
 
 def test_score_prints_every_figure(named):
-    out, _ = named
-    code, stdout, _ = run_gcs("score", SWARM, out / "identity.csv")
+    session, out, _ = named
+    code, stdout, _ = run_gcs("score", session, out / "identity.csv")
     assert code == 0
     shape = re.sub(r" *-?[\d.]+", " #", stdout)
     assert shape.splitlines() == [
@@ -69,9 +70,9 @@ def test_score_prints_every_figure(named):
 
 
 def test_never_writes_over_a_log(named):
-    out, _ = named
+    session, out, _ = named
     before = (out / "identity.csv").read_bytes()
-    code, _, stderr = run_gcs("identify", SWARM, "-o", out)
+    code, _, stderr = run_gcs("identify", session, "-o", out)
     assert code == 2
     assert stderr.count("\n") == 1
     assert "never overwritten" in stderr
@@ -79,8 +80,8 @@ def test_never_writes_over_a_log(named):
 
 
 def test_exports_what_was_said(named, tmp_path):
-    out, _ = named
-    code, _, stderr = run_gcs("export", SWARM, "--identity", out / "identity.csv", "-o", tmp_path / "o.csv")
+    session, out, _ = named
+    code, _, stderr = run_gcs("export", session, "--identity", out / "identity.csv", "-o", tmp_path / "o.csv")
     assert code == 0, stderr
     assert len((tmp_path / "o.csv").read_text().splitlines()) == len((out / "identity.csv").read_text().splitlines())
 
@@ -200,7 +201,7 @@ def test_without_the_uavs_attitude_it_says_so(tmp_path):
     no_attitude = [0, 1, 2, 24, 33, 253]
     arguments = [part for message in no_attitude for part in ("--message", str(message))]
     assert run_gcs("tlog", "cut", SWARM / "telemetry.tlog", kept, *arguments)[0] == 0
-    folder = swarm_session(tmp_path, tlog=lambda _: kept.read_bytes())
+    folder = swarm_session(tmp_path, frames=60, tlog=lambda _: kept.read_bytes())
     code, _, stderr = run_gcs("identify", folder, "-o", tmp_path / "o")
     assert "never reported its attitude" in stderr
     assert code in (0, 4)

@@ -18,7 +18,7 @@ from gcs.report.page.stills import MOST, Stills
 from gcs.report.page.timeline import draw_sources
 from gcs.report.score import Matched
 from gcs.snapshot import Alarm, Event
-from tests.support.bundled import CURVED_ROAD, swarm_session
+from tests.support.bundled import CURVED_ROAD, shortened, swarm_session
 from tests.support.command_line import run_gcs
 from tests.support.snapshots import STEP, TWO_UGVS, box, snapshot
 
@@ -93,8 +93,11 @@ def test_sources_of_an_import_are_on_one_time_line():
     assert draw_sources([]) == draw_sources([("a", [(1.0, 1.0)])]) == ""
 
 
-def test_the_bundled_flight(tmp_path):
-    code, _, told = run_gcs("report", CURVED_ROAD, "-o", tmp_path / "report.html")
+@pytest.mark.slow_but_first
+@pytest.mark.parametrize("frames", [40, 300])
+def test_the_bundled_flight(frames, tmp_path):
+    flight = shortened(CURVED_ROAD, tmp_path / "flight", frames)
+    code, _, told = run_gcs("report", flight, "-o", tmp_path / "report.html")
     assert code == 0, told
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert len(text.encode()) < 2_000_000
@@ -104,13 +107,13 @@ def test_the_bundled_flight(tmp_path):
     assert {"svg", "img", "table", "h1", "h2", "h3"} <= page.tags
     # the file that was read can be told from any other
     assert re.search(r"telemetry\.tlog\s+[0-9a-f]{64}", page.text)
-    code, _, told = run_gcs("report", CURVED_ROAD, "-o", tmp_path / "report.html")
+    code, _, told = run_gcs("report", flight, "-o", tmp_path / "report.html")
     assert code == 2
     assert "never overwritten" in told
 
 
 def test_a_recording_without_video_and_truth(tmp_path):
-    folder = swarm_session(tmp_path, without=("truth.csv",))
+    folder = swarm_session(tmp_path, frames=60, without=("truth.csv",))
     code, _, told = run_gcs("report", folder, "-o", tmp_path / "report.html")
     assert code == 0, told
     page = check_alone((tmp_path / "report.html").read_text(encoding="utf-8"))
