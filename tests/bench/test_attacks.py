@@ -183,6 +183,7 @@ def test_a_command_that_breaks_on_a_file_is_not_held(station, monkeypatch, does,
     assert not row.held and said in row.note
 
 
+@pytest.mark.slow
 def test_what_a_door_lets_through_is_seen(station, monkeypatch):
     held, note = doors._ended_often(station)
     assert held and note.endswith(", sealed")

@@ -13,6 +13,7 @@ from bench.command_line import count, parser_of, print_results
 from tests.support.bundled import ROOT
 
 
+@pytest.mark.slow
 def test_results_go_into_the_working_folder_and_nowhere_else(tmp_path):
     kept = {path: path.stat().st_mtime_ns for path in (ROOT / "bench" / "results").rglob("*")}
     done = subprocess.run(

@@ -55,6 +55,7 @@ def test_a_fault_with_its_alarm_in_time_and_nothing_else(tmp_path, capsys):
     assert said in out.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     ("log", "words"),
     [

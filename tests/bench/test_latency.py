@@ -24,6 +24,7 @@ def test_a_lap_is_what_was_spent_since_the_last_one():
     assert clock.lap("adding") == (0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_frames_wait_longer_where_attitude_comes_seldom_and_never_beyond_the_bound():
     slow, *_, quick = rows = measure_waits(quick=True)
     assert all(row.frames == 30 for row in rows)

@@ -59,6 +59,7 @@ def complaints(capsys):
     return capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_every_row_is_the_same_again(flown, tmp_path):
     folder, _ = flown
     identify_into(open_session(folder), tmp_path / "again")

@@ -25,6 +25,7 @@ def filmed(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_ground_positions_by_the_pixels(filmed, tmp_path):
     options = FilmOptions(height_m=45.0, fov_deg=FOV_DEG, pitch_deg=-90.0, team=4)
     made = session_from_film(filmed / "tracks.csv", filmed / "film.mp4", tmp_path / "session", options)
@@ -34,6 +35,7 @@ def test_ground_positions_by_the_pixels(filmed, tmp_path):
     assert tomllib.loads((tmp_path / "session" / "film.toml").read_text()) == dict(made.lines)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(("layout", "errors", "right"), [("csv", "standard", 0.95), ("visdrone", "hard", 0.80)])
 def test_labels_are_named_on_the_command_line(filmed, layout, errors, right, tmp_path):
     session, out = tmp_path / "session", tmp_path / "out"

@@ -77,6 +77,7 @@ def test_nothing_about_another_origin_is_drawn():
     assert trail(trails, 1, origin=ELSEWHERE) == [70_000.0]
 
 
+@pytest.mark.slow
 def test_a_long_trail_has_few_points_and_two_hours_are_kept_in_little():
     trails = Trails()
     for n in range(40_000):

@@ -43,7 +43,7 @@ def named(answers, start_s):
     return (names == ids).mean(), ((names != ids) & (names > 0)).mean(), sure
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_errors_that_go_round_in_ten_seconds_cost_no_names(seed):
     identifier = Identifier(IDS)
@@ -56,7 +56,7 @@ def test_errors_that_go_round_in_ten_seconds_cost_no_names(seed):
     assert identifier.fit_probability > 0.9
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_a_formation_that_drifts_off_is_not_named_by_its_places(seed):
     identifier = Identifier(IDS)

@@ -156,6 +156,7 @@ def noisy_scene(n_rl, n_im, seed, frames=12):
     return x[:, :n_rl] + rng.normal(0.0, 0.5, (frames, n_rl, 3)), y
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(("n_im", "s"), [(1, 1), (4, 1), (5, 3), (6, 6), (300, 2)])
 def test_orders_are_the_permutations_in_lexicographic_order(n_im, s):
     everything = orders(0, perm(n_im, s), n_im, s)

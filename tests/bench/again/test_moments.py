@@ -52,6 +52,7 @@ def told(snapshot):
     return moment, repr(rows), boxes, alarms
 
 
+@pytest.mark.slow
 def test_a_replay_is_the_flight_snapshot_by_snapshot(flown):
     folder, shown = flown
     again = [snapshot for _, snapshot in Analysis(open_session(folder)).moments()]

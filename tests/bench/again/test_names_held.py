@@ -28,7 +28,7 @@ def boxed(snapshot):
     return {row.system_id: (row.standing, row.track_id) for row in snapshot.vehicles if row.track_id}
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize(("fps", "faults"), [(2.0, HOLE), (1.0, HOLE), (5.0, HOLE), (10.0, HOLE), (5.0, FAILS)])
 def test_names_do_not_strobe(tmp_path, fps, faults):
     _, shown = flown(tmp_path, fps, faults)

@@ -86,6 +86,7 @@ def test_what_is_done_is_skipped_until_input_or_options_change(tmp_path):
     assert sums["skipped"] == 0
 
 
+@pytest.mark.slow
 def test_a_result_that_lacks_or_was_cut_is_made_again(tmp_path):
     short_flights(tmp_path / "flights", 2)
     words = ("batch", tmp_path / "flights", "-o", tmp_path / "out", "-j", 1, "--json")

@@ -36,6 +36,7 @@ def memory():
     fsspec.filesystem("memory").pseudo_dirs[:] = [""]
 
 
+@pytest.mark.slow
 def test_flights_and_results_in_memory(tmp_path, memory, monkeypatch):
     flights = short_flights(tmp_path, 2)
     memory.put(str(tmp_path), "/flights", recursive=True)
@@ -80,6 +81,7 @@ def test_two_batches_do_not_write_into_one_store(tmp_path, memory, quick_lock):
     assert not memory.exists("/out/.lock")
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("host", [platform.node(), "elsewhere"])
 def test_what_a_killed_batch_held_is_taken_over(host, tmp_path, memory, quick_lock):
     (flight,) = short_flights(tmp_path, 1)
@@ -148,6 +150,7 @@ def s3(tmp_path, monkeypatch):
         server.wait()
 
 
+@pytest.mark.slow
 def test_flights_and_results_in_an_object_store(tmp_path, s3):
     *stored, own = flights = short_flights(tmp_path / "flights", 3)
     for flight in stored:

@@ -33,6 +33,7 @@ def run(monkeypatch, *words):
     return ended.value.code or 0
 
 
+@pytest.mark.slow
 def test_camera_is_found_from_its_video_and_serves_a_mission(video, tmp_path, monkeypatch, capsys):
     out = tmp_path / "lens.toml"
     assert run(monkeypatch, video, "--board", "9x6", "--square", "0.025", "-o", out) == 0

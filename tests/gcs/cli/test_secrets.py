@@ -50,6 +50,7 @@ def told_in(folder):
     return [path.name for path in folder.rglob("*") if path.is_file() and PASSWORD.encode() in path.read_bytes()]
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("words", OPTIONS.values(), ids=map(" ".join, OPTIONS))
 def test_it_stands_in_no_output(tmp_path, words):
     (tmp_path / "mission.toml").write_text(MISSION.format(user="127.0.0.1"))

@@ -181,6 +181,7 @@ EAST_M = 40.0 * math.tan(math.radians(30.0))
 """Where the middle of the frame is, 40 m above ground; its corners are further away on one side than on the other."""
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("command", [195, 197, 198, 205, 1000])
 def test_once_an_order_turned_the_camera_its_gimbal_is_believed(command):
     east_m, told = fold(MISSION, ack=(command, 0))
@@ -188,6 +189,7 @@ def test_once_an_order_turned_the_camera_its_gimbal_is_believed(command):
     assert [(event.level, event.text.partition(":")[0]) for event in told] == [("info", "an order turned the camera")]
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     "changes",
     [

@@ -38,6 +38,7 @@ def test_no_two_formats_have_one_ending():
     assert len(endings) == len(set(endings))
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.filterwarnings("ignore")  # what breaks off closes nothing
 @pytest.mark.parametrize("form", FORMATS.values(), ids=FORMATS)
 def test_an_export_that_breaks_off_leaves_nothing(form, shots, flight, tmp_path):
@@ -67,6 +68,7 @@ def small_disk(monkeypatch):
     resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.filterwarnings("ignore")  # what breaks off closes nothing
 @pytest.mark.parametrize("form", FORMATS.values(), ids=FORMATS)
 def test_a_full_disk_is_told_with_the_place_that_is_written_to(form, shots, flight, tmp_path, small_disk):

@@ -44,6 +44,7 @@ def rows(path):
     return np.loadtxt(path, delimiter=",", ndmin=2)
 
 
+@pytest.mark.slow
 def test_ids_are_those_that_trackeval_found(tmp_path):
     flight = shortened(SWARM, tmp_path / "short-swarm", 150)
     code, _, err = run_gcs("export", flight, "-f", "mot", "-o", tmp_path / "mot")

@@ -68,7 +68,7 @@ def well():
     return folded(SWARM)
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("east_m", "messages", "ratio", "key"),
     [
@@ -96,7 +96,7 @@ def test_a_wrong_position_is_an_alarm_while_it_lasts_and_costs_no_other_name(
     assert [i for i, _ in rows[-1][2]] == [i for i, _ in well[-1][2]]
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize("east_m", [15.0, 55.0])
 def test_a_step_of_the_uavs_position_costs_no_name(tmp_path, well, east_m):
     rows = folded(with_fault(tmp_path, east_m, (POSITION, RECEIVER), 0.0, UAV))

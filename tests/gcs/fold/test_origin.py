@@ -38,7 +38,7 @@ def expected():
     return folded(SWARM)[0]
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("degrees", "start_s", "stop_s", "alarm"),
     [

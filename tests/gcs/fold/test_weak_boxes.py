@@ -30,6 +30,7 @@ def rows(path):
     return list(csv.DictReader(path.read_text().splitlines()))
 
 
+@pytest.mark.slow
 def test_vehicles_are_followed_through_weak_boxes(folders):
     missed, weak = (rows(folders / f"{name}.out" / "identity.csv") for name in ("missed", "weak"))
     named = [sum(row["system_id"] != "" for row in each) for each in (missed, weak)]
@@ -38,6 +39,7 @@ def test_vehicles_are_followed_through_weak_boxes(folders):
     assert tracks[1] <= tracks[0]
 
 
+@pytest.mark.slow
 def test_what_no_track_takes_is_shown_only_where_it_counts(folders):
     recorded = rows(folders / "weak" / "detections.csv")
     assert sum(float(row["score"]) < 0.3 for row in recorded) > 0.5 * len(recorded)

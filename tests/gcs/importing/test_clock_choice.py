@@ -50,6 +50,7 @@ def searched(flown, folder, *, film_later_s=0.0, fleet_later_s=0.0, within_s=1e6
     return searched_times(film, uav, fleet, mission, records, times, within_s), first_us
 
 
+@pytest.mark.slow
 def test_a_film_that_is_dated_wrong_beside_uav_and_fleet(flown, tmp_path):
     times, first_us = searched(flown, tmp_path, film_later_s=-3605.0)
     assert abs(times.film_us - first_us) < 200_000

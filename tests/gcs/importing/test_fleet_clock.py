@@ -78,12 +78,14 @@ def test_a_part_in_which_nothing_is_seen_is_passed_over():
     assert abs(find_fleet_clock([empty, film], logs, ANY).ahead_s - 5.0) < 0.15
 
 
+@pytest.mark.slow
 def test_a_clock_beyond_the_bounds_is_not_found():
     film, logs = flight(SWARM, later_s=30.0)
     with pytest.raises(ImportFileError, match=r"cam\.mp4: .* between -10 and \+10 s.*--clock=\+SECONDS"):
         find_fleet_clock([film], logs, (-10.0, 10.0), "cam.mp4")
 
 
+@pytest.mark.slow
 def test_vehicles_that_stand_are_refused_with_two_offsets(tmp_path):
     parked = replace(nominal(4), duration_s=24.0, ground=ScenarioGround(kind="parked", vehicles=5))
     write_session(parked, tmp_path / "parked")

@@ -6,6 +6,7 @@ import tracemalloc
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from gcs.errors import GcsError
 from gcs.importing.sources import read_vehicle_logs
@@ -26,6 +27,7 @@ def away_m(log):
     return float(np.maximum(north, east).max())
 
 
+@pytest.mark.slow
 def test_no_log_is_read_wrong_without_a_word(tmp_path):
     command = [sys.executable, foreign_logs.__file__, str(tmp_path), str(COUNT)]
     subprocess.run(command, check=True, timeout=300, cwd=Path.cwd())

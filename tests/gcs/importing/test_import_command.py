@@ -70,6 +70,7 @@ def test_a_dji_drone_above_rovers(flown, right, tmp_path):
     assert result.wrong_sure_s == 0.0
 
 
+@pytest.mark.slow
 def test_a_logged_uav_above_logged_rovers(flown, right, tmp_path):
     (tmp_path / "uav.bin").write_bytes(dataflash(flown, 1))
     ugv = []
@@ -97,7 +98,7 @@ def test_a_logged_uav_above_logged_rovers(flown, right, tmp_path):
     assert right_of(tmp_path / "session", flown, tmp_path).right >= right - LOST
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["positions.csv", "positions.gpx"])
 def test_tables_of_poses_and_positions(kind, flown, right, tmp_path):
     (tmp_path / "pose.csv").write_text(pose_csv(flown))
@@ -134,7 +135,7 @@ def test_ground_vehicles_that_cannot_be_told_apart(ugv, words, flown, tmp_path, 
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["klv", "sei", "siyi", "dji"])
 def test_telemetry_inside_the_film(kind, flown, right, tmp_path):
     write = {

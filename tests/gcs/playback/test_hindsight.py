@@ -148,6 +148,7 @@ def test_every_frame_comes_once_and_in_order():
     assert [s.t_us for s in by_hindsight(frames, TWO_UGVS)] == [s.t_us for s in frames]
 
 
+@pytest.mark.slow
 def test_recordings_that_no_flight_of_ours_kept_are_named_by_hindsight(tmp_path):
     session = open_session(shortened(CURVED_ROAD, tmp_path / "flown", 60))
     for name, wish in (("rule", None), ("hindsight", True), ("seen", False)):

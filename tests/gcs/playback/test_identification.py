@@ -57,7 +57,7 @@ def test_a_file_that_appears_meanwhile_is_not_overwritten(tmp_path):
     assert not (tmp_path / "out" / "identity.csv").exists()
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize("offset_s", [-3.0, 2.0])
 def test_a_film_dated_seconds_wrong_is_named_from_its_first_second_on(tmp_path, offset_s):
     timing = replace(Scenario().timing, video_offset_s=offset_s, declared_offset="zero")

@@ -23,6 +23,7 @@ def identify(session, out):
     return out / "identity.csv"
 
 
+@pytest.mark.slow
 def test_deranged_ids_take_the_names_with_them(tmp_path):
     """Each of our vehicles speaks under the id of the next."""
     session = shortened(SWARM, tmp_path / "session", 300)

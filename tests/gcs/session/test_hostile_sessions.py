@@ -74,6 +74,7 @@ def peak_bytes(work):
         tracemalloc.stop()
 
 
+@pytest.mark.slow
 def test_bad_rows_cost_themselves_and_the_names_stay(tmp_path, capsys):
     folder = swarm_session(tmp_path)
     assert run_gcs("identify", folder, "-o", tmp_path / "before")[0] == 0

@@ -145,6 +145,7 @@ async def test_every_text_on_the_screen_can_be_read(name, size):
             assert not unreadable(app)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("name", THEMES)
 @pytest.mark.parametrize(
     ("key", "box"),

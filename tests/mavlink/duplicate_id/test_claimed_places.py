@@ -36,6 +36,7 @@ def could_be_a_late_link(offset_s, distance_m):
 ORDERS = ("the other comes later", "both at once", "the other was first")
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("rate_hz", [1.0, 4.0, 10.0])
 def test_two_places_are_two_senders_within_two_seconds_whatever_their_clocks_say(order, rate_hz):
@@ -82,6 +83,7 @@ def test_two_metres_within_the_noise_of_receivers_are_no_contest(rate_hz):
     assert Listener().receive(*noisy, until_s=30.0).contested_s == math.inf
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("clock", ["zero", "half", "fast", "random"])
 def test_a_clock_that_no_vehicle_has_hides_nobody(order, clock):
@@ -116,6 +118,7 @@ def taken_over(listener, true, since_s):
     ]
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("says", SAYINGS)
 @pytest.mark.parametrize("component", [0, 2, 200])
 def test_no_component_takes_a_vehicle_over(component, says):
@@ -248,6 +251,7 @@ QUIET = {
 }  # fmt: skip
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("name", QUIET)
 def test_one_vehicle_over_late_links_and_with_its_components_is_no_contest(name):
     true, *others = QUIET[name]

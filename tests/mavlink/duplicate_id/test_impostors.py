@@ -42,6 +42,7 @@ IMPOSTORS = {
 }
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     ("name", "rate_hz"),
     # attitudes once a second are too far apart to be compared
@@ -185,6 +186,7 @@ HARMLESS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("name", HARMLESS)
 def test_nothing_else_is_taken_for_an_impostor(name):
     senders = [Sender(**{k: v for k, v in vars(s).items() if k not in ("speaker", "rng")}) for s in HARMLESS[name]]

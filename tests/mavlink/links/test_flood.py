@@ -115,6 +115,7 @@ ATTACKS = {
 }
 
 
+@pytest.mark.slow_but_first
 @needs_socket_filters
 @pytest.mark.parametrize("keys", [False, True])
 @pytest.mark.parametrize("attack", ATTACKS)

@@ -112,6 +112,7 @@ def test_ground_resolution_brings_vehicles_to_the_length_that_the_model_knows(re
     assert quality.flips == 0.0
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("gsd_m", [None, np.nan, 0.0])
 def test_unknown_ground_resolution_still_finds(renderer, detector, gsd_m):
     view, things = camera(), team(1)

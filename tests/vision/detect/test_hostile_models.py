@@ -72,6 +72,7 @@ def test_an_answer_larger_than_any_is_refused(tmp_path, monkeypatch, told):
         yolo(tmp_path, raw(), told=told)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("form", ["raw", "suppressed"])
 @pytest.mark.parametrize("apart", [0.0, 1e-3, 0.5])
 def test_thousands_of_boxes_take_bounded_work(tmp_path, monkeypatch, form, apart):

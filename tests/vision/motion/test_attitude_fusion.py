@@ -101,6 +101,7 @@ def quick(errors):
     return (errors - errors.mean(axis=0)).std(axis=0)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     ("options", "limit_deg"),
     [
@@ -164,6 +165,7 @@ def test_after_a_pause_it_begins_at_what_is_reported():
     assert fusion.predicted(10**9 + 5_100_000, ReportedRotation(R_enu_cam=DOWN, known=True)) == pytest.approx(DOWN)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("options", [{}, {"fps": 30.0, "tau_s": 0.15}, {"attitude_hz": 20.0, "lag_s": 0.06}])
 def test_a_sway_is_seen_in_the_pixels_also_without_vehicles(options):
     alone, fused, _ = Sway(vehicles=0, pixels_deg=0.02, **options).fly()

@@ -70,6 +70,7 @@ class Play:
         return len({t_s for t_s, by in self.read if by == address})
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("frames", [coded(CLIP), packed(CLIP)], ids=["mpegts", "rtp"])
 @pytest.mark.parametrize("kind", ["rtp", "mpegts", "noise"])
 @pytest.mark.parametrize("first", [True, False])

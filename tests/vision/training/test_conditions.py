@@ -74,6 +74,7 @@ def test_a_folder_without_images_is_told(tmp_path):
         read_held_out(tmp_path)
 
 
+@pytest.mark.slow
 def test_the_bundled_model_on_images_never_trained_on(tmp_path):
     """Seeds from 950000 on are kept for tests; the full figures are in the model card."""
     write_shard(tmp_path, 950_007, 24)

@@ -106,6 +106,7 @@ def in_terminal(mode: str, keys: bytes, until: bytes) -> tuple[int, bytes]:
     return code, said
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     ("mode", "keys", "code", "last"),
     [

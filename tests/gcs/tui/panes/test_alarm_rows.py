@@ -37,6 +37,7 @@ def words_of(pane):
     return " ".join(text_of(pane).split())
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("size", SIZES)
 async def test_no_pane_moves_when_an_alarm_comes_or_goes(size):
     for keys in ((), ("a",)):
@@ -50,6 +51,7 @@ async def test_no_pane_moves_when_an_alarm_comes_or_goes(size):
             assert app.query_one(Banner).region.height == 1
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("size", SIZES)
 async def test_what_is_wrong_and_what_to_do_are_told_in_whole(size):
     station = FakeStation(live=True)

@@ -70,6 +70,7 @@ def has(text, short):
     return any(form in text for form in forms.get(short, (short,)))
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("recording", RECORDING)
 @pytest.mark.parametrize("links", LINKS)
 def test_the_worst_is_there_at_every_width_in_whole_words(recording, links):

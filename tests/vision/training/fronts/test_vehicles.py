@@ -135,6 +135,7 @@ def test_the_detector_of_a_mission_file(tmp_path):
     assert detector_of(None).detect(np.zeros((64, 64, 3), np.uint8)) is not None
 
 
+@pytest.mark.slow
 def test_rendered_vehicles_are_where_the_label_says_and_the_bundled_model_knows_their_fronts(tmp_path):
     path = write_shard(tmp_path, 910_000, 120)
     with np.load(path) as shard:
