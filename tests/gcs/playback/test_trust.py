@@ -23,10 +23,11 @@ def identify(session, out):
     return out / "identity.csv"
 
 
-@pytest.mark.slow
-def test_deranged_ids_take_the_names_with_them(tmp_path):
+@pytest.mark.slow_but_first
+@pytest.mark.parametrize("frames", [150, 300])
+def test_deranged_ids_take_the_names_with_them(frames, tmp_path):
     """Each of our vehicles speaks under the id of the next."""
-    session = shortened(SWARM, tmp_path / "session", 300)
+    session = shortened(SWARM, tmp_path / "session", frames)
     truth = session / "truth.csv"
     ids = sorted(set(np.loadtxt(truth, delimiter=",", skiprows=1, usecols=6, dtype=int).tolist()) - {0})
     other = dict(zip(ids, [*ids[1:], ids[0]], strict=True))
