@@ -38,6 +38,7 @@ def test_a_log_becomes_arrays(run):
     assert len(re.findall(r"^system \d+: \d{3,} positions", text, re.MULTILINE)) == 7
 
 
+@pytest.mark.slow
 def test_boxes_of_anybodys_detector_get_names(run, tmp_path):
     text = run("own_detector.py", shortened(CURVED_ROAD, tmp_path / "session", 30))
     assert len(re.findall(r": \d{2,} boxes", text)) >= 3, text

@@ -6,6 +6,7 @@ from bench.latency.waits import measure_waits, text_of
 from vision.track.tracker import Tracker
 
 
+@pytest.mark.slow
 def test_tracker_and_identifier_are_timed_in_the_fold_and_left_as_they_were():
     before = Tracker.update, Identifier.update
     tracker, identifier, both = measure_streams(quick=True)

@@ -211,6 +211,7 @@ def test_a_size_against_the_recordings_own_is_refused(flown, tmp_path):
         identify_into(open_session(folder, frame_size=(800, 450)), tmp_path / "again")
 
 
+@pytest.mark.slow
 def test_what_a_recording_lacks_is_said(tmp_path, capsys):
     folder = fly(tmp_path / "flown", replace(SCENARIO, duration_s=4.0), InjectedFaults(signed=True))
     identify_into(open_session(folder), tmp_path / "whole")

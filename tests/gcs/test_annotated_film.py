@@ -52,6 +52,7 @@ def test_labels_are_named_on_the_command_line(filmed, layout, errors, right, tmp
     assert result.fper >= 0.95
 
 
+@pytest.mark.slow
 def test_numbered_images_in_their_order(tmp_path):
     folder = tmp_path / "img1"
     folder.mkdir()

@@ -57,6 +57,7 @@ def is_plain(text):
     return all(line.isprintable() for line in text.split("\n"))
 
 
+@pytest.mark.slow
 def test_a_recording_of_others_is_named_in_plain_words(named_badly):
     _, out, (code, stdout, stderr) = named_badly
     assert code == 0, stderr

@@ -361,6 +361,7 @@ def test_shapes_are_checked():
         )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_noise_of_the_reports_is_no_reason_to_search_again_while_locked(monkeypatch):
     times, update = [], Estimator.update
 

@@ -81,6 +81,7 @@ def test_a_wrong_statement_of_a_vehicle_out_of_sight_yields_to_its_reports():
     assert after[-1] == {1: 11, 2: 12, 3: 13}
 
 
+@pytest.mark.slow
 def test_none_of_ours_takes_a_name_and_yields_when_the_track_moves_like_the_vehicle():
     filmed = Filmed(Fleet(n=3))
     filmed.run(10)
@@ -91,6 +92,7 @@ def test_none_of_ours_takes_a_name_and_yields_when_the_track_moves_like_the_vehi
     assert after[-1][2] == 12
 
 
+@pytest.mark.slow
 def test_a_stranger_that_was_named_stays_none_of_ours():
     filmed = Filmed(Fleet(n=3, strangers=((3.0, -20.0),)))
     filmed.run(6)

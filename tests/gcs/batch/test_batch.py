@@ -65,6 +65,7 @@ def test_broken_flights_are_told_and_the_others_finish(tmp_path):
     assert dict(counts.fetchall()).keys() == {"a", "b"}
 
 
+@pytest.mark.slow
 def test_what_is_done_is_skipped_until_input_or_options_change(tmp_path):
     flights = short_flights(tmp_path / "flights", 2)
     words = ("batch", tmp_path / "flights", "-o", tmp_path / "out", "-j", 1, "--json")
@@ -106,6 +107,7 @@ def test_a_folder_of_something_else_is_left_alone(tmp_path):
     assert not (flight / "records").exists()
 
 
+@pytest.mark.slow
 def test_a_flight_that_fails_later_keeps_its_earlier_result_and_says_so(tmp_path):
     flights = short_flights(tmp_path / "flights", 2)
     words = ("batch", tmp_path / "flights", "-o", tmp_path / "out", "-j", 1)

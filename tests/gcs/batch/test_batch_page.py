@@ -36,6 +36,7 @@ def answers(folder, monkeypatch):
     return [duckdb.sql(query).fetchall() for query in SQL]
 
 
+@pytest.mark.slow
 def test_the_queries_of_duckdb(folder, answers):
     worst, seen, never, cost, copied = answers
     assert [row[:2] for row in worst] == [("0002", "failed"), ("broken log", "failed"), ("a", "done")]

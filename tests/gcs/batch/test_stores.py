@@ -105,6 +105,7 @@ def test_a_folder_of_something_else_in_a_store_is_left_alone(tmp_path, memory):
     assert in_memory("memory://mine") == {"thesis.tex": b"words"}
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     "address", ["nonsense://bucket/a", "memory://nothing/here", "reference::memory://a", "reference://a"]
 )

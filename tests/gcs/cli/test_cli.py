@@ -196,12 +196,13 @@ def test_a_truncated_log_still_names(tmp_path):
     assert "damaged places" in stderr
 
 
+@pytest.mark.slow
 def test_without_the_uavs_attitude_it_says_so(tmp_path):
     kept = tmp_path / "kept.tlog"
     no_attitude = [0, 1, 2, 24, 33, 253]
     arguments = [part for message in no_attitude for part in ("--message", str(message))]
     assert run_gcs("tlog", "cut", SWARM / "telemetry.tlog", kept, *arguments)[0] == 0
-    folder = swarm_session(tmp_path, frames=60, tlog=lambda _: kept.read_bytes())
+    folder = swarm_session(tmp_path, tlog=lambda _: kept.read_bytes())
     code, _, stderr = run_gcs("identify", folder, "-o", tmp_path / "o")
     assert "never reported its attitude" in stderr
     assert code in (0, 4)

@@ -118,6 +118,7 @@ def test_a_network_that_came_along_is_not_opened(tmp_path, key, place):
     assert load_mission(tmp_path / "mission.toml").detector
 
 
+@pytest.mark.slow
 def test_a_recording_with_links_is_identified_as_without(tmp_path):
     more = '[links]\nvideo = "http://127.0.0.1:1/x"\nforward = ["udpout:127.0.0.1:1?rw"]\n'
     shortened(SWARM, tmp_path / "a", 12)

@@ -170,6 +170,7 @@ def test_strangers_have_no_name_and_a_broken_export_leaves_nothing(tmp_path, nam
     assert list(tmp_path.iterdir()) == [folder]
 
 
+@pytest.mark.slow
 def test_from_the_command_line(tmp_path):
     flight = shortened(CURVED_ROAD, tmp_path / "flight", 12)
     words = ("export", flight, "-f", "dota", "-o", tmp_path / "d")

@@ -115,6 +115,7 @@ def test_films_that_cannot_be_shown_as_they_come_are_coded_again(tmp_path, codec
     assert len(notes) == 1 and "coded again" in notes[0]
 
 
+@pytest.mark.slow
 def test_a_damaged_film_costs_its_damaged_frames(flight, shots, tmp_path):
     data = bytearray((flight / "video.mp4").read_bytes())
     begin = data.find(b"mdat") + 150_000

@@ -62,6 +62,7 @@ class FilmedFrames:
         return iter(self._frames[first:])
 
 
+@pytest.mark.slow
 def test_a_flight_and_a_later_look_at_its_video_find_the_same_boxes_and_tell_the_scale(film, tmp_path):
     detector, now_us, shown = open_mission_detector(ONE_UGV.detector), [T0], []
     recorder = Recorder(tmp_path, ONE_UGV, video=True)

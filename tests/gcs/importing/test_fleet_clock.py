@@ -41,7 +41,7 @@ def flight(folder, *, later_s=0.0, uav_too=False, without=()):
     return film, FilmedFleetLogs(mission=session.mission, uav=uav, uav_with_fleet=uav_too, fleet=moved)
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize("later_s", [0.0, 0.3, 3.0, -600.0, 7200.0])
 def test_real_autopilots_with_a_clock_that_is_off(later_s):
     film, logs = flight(SWARM, later_s=later_s)

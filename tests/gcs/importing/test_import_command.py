@@ -177,6 +177,7 @@ def test_what_is_there_is_not_overwritten(flown, tmp_path):
     assert "exists already" in told
 
 
+@pytest.mark.slow
 def test_an_import_that_breaks_off_leaves_nothing(flown, tmp_path, monkeypatch):
     """Where the disk is full, which is told of the disk that is written to, not of the film that is read."""
     out, subtitles = tmp_path / "out" / "session", tmp_path / "DJI_0001.SRT"
@@ -274,6 +275,7 @@ def test_who_is_in_the_telemetry_and_not_in_the_mission(flown, tmp_path):
     assert (report["uav"], report["ugv"]) == (2, list(UGVS))
 
 
+@pytest.mark.slow
 def test_latitude_and_longitude_the_other_way_round(flown, tmp_path):
     subtitles, session = tmp_path / "DJI_0001.SRT", tmp_path / "session"
     spots = [(t, type(s)(**{**vars(s), "lat": s.lon, "lon": s.lat})) for t, s in flown.spots()]

@@ -63,6 +63,7 @@ def url_of(reader):
     return f"json+udp://127.0.0.1:{reader.getsockname()[1]}"
 
 
+@pytest.mark.slow
 def test_a_flight_loses_nothing_with_a_hung_a_dead_and_a_slow_sink(tmp_path, tell, monkeypatch):
     monkeypatch.setattr(live_out, "PATIENCE_S", 5.0)
     port, served = free_port(), free_port(socket.SOCK_STREAM)

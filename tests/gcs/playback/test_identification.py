@@ -48,6 +48,7 @@ def test_what_is_broken_off_leaves_nothing(tmp_path):
     assert list((tmp_path / "out").iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_file_that_appears_meanwhile_is_not_overwritten(tmp_path):
     session = open_session(shortened(CURVED_ROAD, tmp_path / "flown", 5))
     other = tmp_path / "out" / "identity.jsonl"

@@ -133,6 +133,7 @@ def unreadable(app, region=None):
     return found
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("size", [(60, 20), SMALL, WIDE])
 @pytest.mark.parametrize("name", THEMES)
 async def test_every_text_on_the_screen_can_be_read(name, size):

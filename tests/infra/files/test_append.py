@@ -47,6 +47,7 @@ def merged(parts):
     return whole
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.lists(STEPS, max_size=40), st.booleans())
 def test_nothing_accepted_is_ever_lost_or_out_of_order(steps, with_header):

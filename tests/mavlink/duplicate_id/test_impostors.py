@@ -243,6 +243,7 @@ def test_addresses_are_reported_where_they_are_known():
     assert air.alarms[0].endswith(": 10.0.0.4:14550 on udp and 10.0.0.9:5000 on radio")
 
 
+@pytest.mark.slow
 def test_clock_readings_of_two_senders_are_no_drift():
     senders = [
         Sender(),

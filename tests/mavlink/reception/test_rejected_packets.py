@@ -21,6 +21,7 @@ def test_signatures_are_counted_and_forgeries_reported():
     assert air.status(12).unsigned > 0 and air.status(12).signed == 0
 
 
+@pytest.mark.slow
 def test_lasting_rejections_are_reported_ever_more_rarely_and_again_after_a_pause():
     fleet, raw = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV).heartbeat()
 

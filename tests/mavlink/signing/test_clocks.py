@@ -111,6 +111,7 @@ def test_a_station_that_starts_late_believes_within_two_seconds(station, name, a
     assert believed_after_s(heard, station().hear(heard)) <= 2.0
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("ended", ["orderly", "kill", "power cut"])
 @pytest.mark.parametrize("pause_s", [0, 4, 60, 3600])
 @pytest.mark.parametrize(

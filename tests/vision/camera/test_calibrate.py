@@ -46,6 +46,7 @@ def test_spread_of_the_parameters_is_the_one_that_opencv_gives():
     np.testing.assert_allclose(calibration.std, std.ravel()[: len(PARAMETERS)], rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_spread_of_the_pixels_is_what_many_calibrations_have():
     """The worst pixel of the image, over calibrations that differ by their noise alone."""
     u, v = np.meshgrid(np.linspace(0, SIZE[0], 17), np.linspace(0, SIZE[1], 10))

@@ -120,6 +120,7 @@ def test_unknown_ground_resolution_still_finds(renderer, detector, gsd_m):
     assert quality.recall >= 0.9
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("size", [(1, 1), (40, 30), (333, 517), (1000, 90), (720, 1280)])
 def test_any_size_of_image_is_taken(detector, size):
     image = np.full((size[1], size[0], 3), 90, np.uint8)

@@ -172,6 +172,7 @@ def test_perfect_detections_are_perfect(scene):
     assert sum(s.objects for s in result.sizes) == sum(s.found for s in result.sizes) == result.objects
 
 
+@pytest.mark.slow
 @MODEST
 @given(st.lists(scenes(), min_size=1, max_size=4), st.randoms(use_true_random=False))
 def test_order_of_images_detections_and_objects_says_nothing(images, random):

@@ -53,6 +53,7 @@ def test_lanes_keep_their_ids(seed):
     assert sorted(first.values()) == list(range(1, len(first) + 1))
 
 
+@pytest.mark.slow
 @MODEST
 @given(SEED)
 def test_order_of_detections_does_not_matter(seed):
@@ -67,6 +68,7 @@ def test_order_of_detections_does_not_matter(seed):
         np.testing.assert_array_equal(a.detection, np.append(order, -1)[b.detection])
 
 
+@pytest.mark.slow
 @MODEST
 @given(SEED)
 def test_any_boxes_are_taken_at_most_once_and_ids_are_never_reused(seed):

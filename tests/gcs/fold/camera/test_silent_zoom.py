@@ -71,6 +71,7 @@ def followed(zoom_at, seconds=12.0, seed=1, *, lost_by_jump=False, **more):
     return found, worst
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("factor", [0.5, 0.75, 1.4, 2.0])
 @pytest.mark.parametrize("over_s", [0.5, 2.0])
 def test_a_zoom_that_takes_a_while_is_followed(factor, over_s):
@@ -84,12 +85,14 @@ def test_a_zoom_from_one_frame_to_the_next_is_found_though_tracks_are_lost(facto
     assert worst < 1.1
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("seed", range(6))
 def test_boxes_that_vary_and_are_missed_are_no_zoom(seed):
     found, _ = followed(lambda t: 1.0, 30.0, seed, size_noise=0.12, missed=0.35)
     assert found == 1.0
 
 
+@pytest.mark.slow
 def test_vehicles_of_different_sizes_that_come_and_go_are_no_zoom():
     sizes = np.array([0.4, 0.5, 1.0, 1.0, 2.0, 2.5])
     for seed in range(6):

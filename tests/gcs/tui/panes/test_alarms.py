@@ -199,6 +199,7 @@ async def test_a_failing_disk_is_said():
         assert "DISK FAILS 4.2s" in text_of(app.query_one(StatusBar))
 
 
+@pytest.mark.slow
 async def test_the_status_bar_never_loses_everything():
     for width in range(40, 200, 7):
         async with running(troubled(), (width, 24)) as (app, _, _):

@@ -30,6 +30,7 @@ def words_of(page):
     return " ".join(" ".join(row[start : start + half] for row in rows) for start in range(0, len(rows[0]), half))
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("live", [True, False])
 async def test_every_key_and_mark_is_in_the_help_in_whole(size, live):
