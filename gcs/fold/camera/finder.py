@@ -30,8 +30,10 @@ STEP_US, LOOKS = 400_000, 50
 """Looks closer together are left out: a vehicle moves by little more than its own error. So many are compared, 20 s."""
 LEAST_LOOKS = 12
 """A search needs so many, 5 s; and half of them of a track."""
-AGAIN_US, REFINED_AGAIN_US, REFINED_FOR_US = 1_500_000, 5_000_000, 60_000_000
-"""A search is made again after so long; one that succeeded is refined every so often, for so long."""
+AGAIN_US, RARER, MOST_AGAIN_US = 1_500_000, 1.15, 30_000_000
+"""A search is made again after so long; as it costs half a second, each that finds nothing makes the next one rarer."""
+REFINED_AGAIN_US, REFINED_FOR_US = 5_000_000, 60_000_000
+"""A camera that was found is refined every so often, for so long."""
 LEAST_HEIGHT_M = 5.0
 """Above the ground; lower down nothing is level enough."""
 GUESSED_FOR_US = 30_000_000
@@ -81,6 +83,7 @@ class CameraFinder:
         self._fit: CameraFit | None = None
         self._gimbal = False
         self._first_us = self._searched_us = self._found_us = 0
+        self._again_us = float(AGAIN_US)
         self._told: CameraVerdict | None = None
         self._least_std = math.inf
         """1σ of ln φ of ``camera``."""
@@ -130,7 +133,7 @@ class CameraFinder:
             self._looks.clear()
             self._gimbal, self._size = gimbal, size
         self._keep(state, boxes, tracks)
-        again_us = AGAIN_US if self._fit is None else REFINED_AGAIN_US
+        again_us = self._again_us if self._fit is None else REFINED_AGAIN_US
         if len(self._looks) < LEAST_LOOKS or 0 <= state.t_us - self._searched_us < again_us:
             return None, []
         self._searched_us = state.t_us
@@ -212,6 +215,8 @@ class CameraFinder:
             self._fit, self._found_us, self.camera = found.best, t_us, self._camera(found.best)
             self._least_std = found.best.focal_std
             return self.camera, [_event(t_us, "info", f"camera found from the film: {_described(found.best)}")]
+        if found.verdict is not CameraVerdict.STANDING:
+            self._again_us = min(RARER * self._again_us, MOST_AGAIN_US)
         if found.verdict is self._told or t_us - self._first_us < TOLD_AFTER_US:
             return None, []
         self._told = found.verdict
