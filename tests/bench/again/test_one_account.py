@@ -118,7 +118,8 @@ def test_the_report_quotes_the_roll_call(flown, page, capsys):
         silence_s = float(found["longest without a position"].split()[0])
         assert silence_s == pytest.approx(row.longest_silence_s, abs=NEAR_S)
     events = table(page, EVENTS) if f'aria-label="{EVENTS}"' in page else []
-    assert [cells[3] for cells in events if cells[2] == "mark"] == MARKS * (calls.marks > 0)
+    told = [f"UGV-11: {text}" for text in MARKS]
+    assert [cells[3] for cells in events if cells[2] == "mark"] == told * (calls.marks > 0)
 
 
 def test_the_replay_shows_the_alarms_and_marks_of_the_report(flown, page):
