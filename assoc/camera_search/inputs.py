@@ -1,4 +1,4 @@
-"""What the search for an unknown camera works on: where boxes were in the picture, the UAV's path, the fleet's places.
+"""Inputs of the search for an unknown camera: boxes' places in the picture, the UAV's path, the fleet's places.
 
 All are sampled at the same B times. A box's place in the picture is that of its centre, from the middle of the picture,
 in widths of the picture: x right, y down. So the focal length, φ, is in widths too.
@@ -18,7 +18,7 @@ __all__ = ["FilmedFleet", "KnownMount", "MountKind"]
 
 FloatArray = NDArray[np.float64]
 MountKind = Literal["stabilized", "fixed", "gimbal"]
-"""What the camera hangs on: a gimbal that holds the horizon and turns with the nose, the body, or a gimbal that reports
+"""Support of a camera: a gimbal that holds the horizon and turns with the nose, the body, or a gimbal that reports
 which way it looks."""
 
 
@@ -56,6 +56,11 @@ class FilmedFleet:
     """φ where it is known, widths of the picture; else NaN."""
     mount: KnownMount | None = None
     """None: nothing is known of the direction."""
+
+    @property
+    def step_s(self) -> float:
+        """Usual time from one sample to the next, seconds."""
+        return float(np.median(np.diff(self.t)))
 
     def __post_init__(self) -> None:
         count, tracks, vehicles = len(self.t), self.picture.shape[1], self.vehicle_enu.shape[1]

@@ -1,4 +1,4 @@
-"""Which camera, and which vehicle is which track, explain a film best; and whether another explanation is as good.
+"""Search for the camera and the assignment of tracks to vehicles that explain a film best, with no rival as good.
 
 A grid of focal lengths and pitches is laid out, each with every heading at once, as the search for a clock does
 (:mod:`assoc.clock_search.coarse`). From the best of them the camera is fitted together with the assignment:
@@ -36,15 +36,15 @@ _HEADINGS = np.deg2rad(np.arange(0.0, 360.0, 6.0))
 _STARTS, _POLISHED = 12, 4
 """Cameras of the grid that are fitted roughly, and assignments from these that are fitted to the end."""
 _ROUGH, _POLISH = (2, 4), (4, 15)
-"""How often a fit assigns anew, and most steps in between."""
+"""Assignments of a fit, and most steps between two of them."""
 _SAME_WAY = float(np.cos(np.deg2rad(15.0)))
 _LEAST_TIMES = 4
 _PLACE_STD_M, _PLACE_STD_SHARE = 2.5, 0.02
 """σ_p of a pair: metres, and share of the distance from below the camera."""
 _COURSE_STD_M, _COURSE_TAU_S = 0.7, 2.0
 """σ_c and τ, metres and seconds, of how a pair's difference wanders."""
-_PRIOR_STD = np.array([1.0, 1.0, np.deg2rad(2.0), np.inf, 2.0, 2.0, 0.03, 0.03])
-"""1σ of x about its start: ln, radians, metres, share of the height, rad/s; focal length, pitch and yaw are free."""
+_PRIOR_STD = np.array([np.inf, np.inf, np.deg2rad(2.0), np.inf, 2.0, 2.0, 0.03, 0.03])
+"""1σ of x about its start: radians, metres, share of the height, rad/s; focal length, pitch and yaw are free."""
 _STEP = np.array([0.05, 0.03, 0.02, 0.05, 1.0, 1.0, 0.02, 0.02])
 _STILL = 1e-6
 """Bound of what is not to be fitted."""
@@ -59,7 +59,7 @@ _R_GIMBAL_CAM = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
 class CameraVerdict(Enum):
-    """What came of a search."""
+    """Result of a search for a camera."""
 
     FOUND = "found"
     AMBIGUOUS = "ambiguous"
@@ -233,11 +233,10 @@ def _starts(film: FilmedFleet, kind: MountKind) -> list[FloatArray]:
     q = film.vehicle_enu[..., 0] + 1j * film.vehicle_enu[..., 1] - (film.p_enu[:, 0] + 1j * film.p_enu[:, 1])[:, None]
     has = np.isfinite(film.vehicle_enu[..., 0])
     shape = (len(cameras), *q.shape)
-    step_s = float(np.median(np.diff(film.t)))
     score, heading = pair_scores(
         *(np.nan_to_num(arm), seen, np.broadcast_to(np.nan_to_num(q), shape), np.broadcast_to(has, shape)),
         headings,
-        step_s,
+        film.step_s,
         each_apart=True,
     )
     best = _peaks(score.reshape(len(focals), -1), headings[heading].reshape(len(focals), -1))
@@ -276,17 +275,15 @@ def _pair_evidence(film: FilmedFleet, base: FloatArray, x: FloatArray) -> FloatA
     known = np.isfinite(r[..., 0])
     n = np.count_nonzero(known, axis=0)
     count = np.maximum(n, 1)
-    r0 = np.where(known[..., None], r, 0.0)
-    mean = r0.sum(axis=0) / count[..., None]
-    rest = np.sum(np.where(known, np.sum(np.square(r0 - mean), axis=-1), 0.0), axis=0)
+    mean = np.where(known[..., None], r, 0.0).sum(axis=0) / count[..., None]
     own = np.broadcast_to(film.vehicle_enu[:, None], r.shape)
     spread = 0.5 * (_spread(r + own, known) + _spread(own, known)) / count
     far = np.sum(np.where(known, np.nan_to_num(arm)[:, :, None], 0.0), axis=0) / count
     variance = _PLACE_STD_M**2 + np.square(_PLACE_STD_SHARE * far)
     area = np.pi * max(float(np.max(np.nan_to_num(arm))), 10.0) ** 2
     place = np.log(area / (2.0 * np.pi * variance)) - np.sum(np.square(mean), axis=-1) / (2.0 * variance)
-    weight = n * float(np.median(np.diff(film.t))) / _COURSE_TAU_S
-    course = weight * (np.log(spread + _COURSE_STD_M**2) - np.log(rest / count + _COURSE_STD_M**2))
+    weight = n * film.step_s / _COURSE_TAU_S
+    course = weight * (np.log(spread + _COURSE_STD_M**2) - np.log(_spread(r, known) / count + _COURSE_STD_M**2))
     score = place + course - np.log(film.vehicle_enu.shape[1])
     return np.where(n >= _LEAST_TIMES, score, -np.inf)
 
@@ -315,9 +312,8 @@ def _residuals(x: FloatArray, film: FilmedFleet, base: FloatArray, start: FloatA
     r = np.where(known[..., None], np.clip(np.nan_to_num(r, nan=1e3), -1e3, 1e3), 0.0)
     n = np.maximum(np.count_nonzero(known, axis=0), 1)
     mean = r.sum(axis=0) / n[:, None]
-    step_s = float(np.median(np.diff(film.t)))
-    wander = np.where(known[..., None], r - mean, 0.0) * np.sqrt(min(step_s / _COURSE_TAU_S, 1.0)) / _COURSE_STD_M
-    prior = (x - start)[2:] / _PRIOR_STD[2:]
+    wander = np.where(known[..., None], r - mean, 0.0) * np.sqrt(min(film.step_s / _COURSE_TAU_S, 1.0)) / _COURSE_STD_M
+    prior = (x - start) / _PRIOR_STD
     return np.concatenate([(mean / _PLACE_STD_M).ravel(), wander.ravel(), prior])
 
 
@@ -367,7 +363,7 @@ def _fitted(film: FilmedFleet, start: FloatArray, kind: MountKind, effort: tuple
             break
     score = _pair_evidence(film, base, x)
     rows = np.flatnonzero(vehicle >= 0)
-    cost = 0.5 * float(np.sum(np.square((x - start)[2:] / _PRIOR_STD[2:])))
+    cost = 0.5 * float(np.sum(np.square((x - start) / _PRIOR_STD)))
     return CameraFit(
         focal=float(np.exp(x[0])),
         focal_std=float(std[0]),

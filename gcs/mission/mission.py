@@ -45,6 +45,7 @@ __all__ = [
     "parse_mission",
     "unheeded_links",
     "user_keys",
+    "usual_name",
 ]
 
 BUNDLED = "bundled"
@@ -256,8 +257,13 @@ class Mission:
         """Name of a vehicle of this mission, a default for any other id."""
         for vehicle in (self.uav, *self.ugv):
             if vehicle.system_id == system_id:
-                return vehicle.name or ("UAV" if vehicle is self.uav else f"UGV-{system_id}")
-        return f"UGV-{system_id}"
+                return vehicle.name or usual_name(system_id, films=vehicle is self.uav)
+        return usual_name(system_id, films=False)
+
+
+def usual_name(system_id: int, *, films: bool) -> str:
+    """Name of a vehicle that was given none."""
+    return "UAV" if films else f"UGV-{system_id}"
 
 
 _NOTES = "session"

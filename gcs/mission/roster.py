@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from gcs.errors import ConfigError
-from gcs.mission.mission import Mission, MissionVehicle
+from gcs.mission.mission import Mission, MissionVehicle, usual_name
 from mavlink.protocol.decode import decode
 from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.messages import GlobalPosition, Heartbeat, VideoStreamInformation
@@ -180,6 +180,6 @@ def mission_of(roles: Mapping[int, Role], names: Mapping[int, str] | None = None
         missing = "aircraft that films" if not films else "ground vehicle"
         raise ConfigError(f"no {missing} is heard; name it with {'--uav' if not films else '--ugv'}")
     return Mission(
-        uav=MissionVehicle(system_id=films[0], name=names.get(films[0], "UAV")),
-        ugv=tuple(MissionVehicle(system_id=i, name=names.get(i, f"UGV-{i}")) for i in named),
+        uav=MissionVehicle(system_id=films[0], name=names.get(films[0], usual_name(films[0], films=True))),
+        ugv=tuple(MissionVehicle(system_id=i, name=names.get(i, usual_name(i, films=False))) for i in named),
     )

@@ -12,10 +12,10 @@ from textual.binding import Binding, BindingType
 from textual.strip import Strip
 from textual.widget import Widget
 
-from gcs.errors import ConfigError
 from gcs.flight.listening import HEARD_VIDEO, Listening, serial_hint
 from gcs.flight.video import check_source
-from gcs.mission.roster import Found, HeardVehicle, Role, mission_of, proposed_roles
+from gcs.mission.mission import usual_name
+from gcs.mission.roster import Found, HeardVehicle, Role, proposed_roles
 from gcs.mission.written import MISSION_FILE
 from gcs.tui import palette
 from gcs.tui.draw.format import age, plain
@@ -127,13 +127,12 @@ class StartApp(TerminalApp):
 
     def action_fly(self) -> None:
         """Fly, unless something is not clear yet."""
-        found = Found(roles=self.roles, names=dict(self._names), chosen=frozenset(self._chosen), video=self._video)
-        try:
-            mission_of(found.roles)
-        except ConfigError:
-            self.notify(_standing(found.roles)[0], severity="warning", timeout=6, markup=False)
+        roles = self.roles
+        standing, good = _standing(roles)
+        if not good:
+            self.notify(standing, severity="warning", timeout=6, markup=False)
             return
-        self.found = found
+        self.found = Found(roles=roles, names=dict(self._names), chosen=frozenset(self._chosen), video=self._video)
         self.exit()
 
     def action_leave(self) -> None:
@@ -223,7 +222,7 @@ class StartApp(TerminalApp):
         self._show_all()
 
     def _called(self, system_id: int, role: Role) -> str:
-        return self._names.get(system_id, "UAV" if role == "films" else f"UGV-{system_id}" if role == "named" else "")
+        return self._names.get(system_id, "" if role == "out" else usual_name(system_id, films=role == "films"))
 
     def _poll(self) -> None:
         if self.to_end():

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,7 +127,8 @@ class CameraFinder:
         gimbal = state.uav.R_enu_gimbal is not None and state.uav.attitude_valid
         # once it was found, the one in use is not the reported one
         focal = self._focal = focal if self._fit is None else self._focal
-        if self._is_done(state.t_us) or not self._lacks(focal, gimbal):
+        done = self._found_us and state.t_us - self._found_us > REFINED_FOR_US
+        if done or not self._lacks(focal, gimbal):
             return None, []
         if (gimbal, size) != (self._gimbal, self._size):
             self._looks.clear()
@@ -141,9 +142,6 @@ class CameraFinder:
         if float(np.median(film.p_enu[:, 2])) - ground_z < LEAST_HEIGHT_M:
             return None, []
         return self._search(state.t_us, film) if self._fit is None else self._refine(state.t_us, film, self._fit)
-
-    def _is_done(self, t_us: int) -> bool:
-        return self.describes_lens or bool(self._found_us and t_us - self._found_us > REFINED_FOR_US)
 
     def _lacks(self, focal: float, gimbal: bool) -> bool:
         """Whether the focal length is unknown, or the direction."""
@@ -238,16 +236,11 @@ class CameraFinder:
         return self.camera, [_event(t_us, "warning", f"camera corrected by the film: {_described(fit)}")]
 
     def _camera(self, fit: CameraFit) -> Camera:
-        """A mission's camera."""
+        """A mission's camera, hung as was stated, else as was found."""
         width, height = self._size
         focal_px = round(fit.focal * width, 1)
-        direction = self._stated or Camera(
-            mount="fixed" if fit.kind == "fixed" else "gimbal",
-            roll_deg=round(math.degrees(fit.roll), 2),
-            pitch_deg=max(-90.0, round(math.degrees(fit.pitch), 2)) if fit.kind != "gimbal" else -90.0,
-            yaw_deg=round(math.degrees(fit.yaw), 2) if fit.kind != "gimbal" else 0.0,
-        )
-        return Camera(
+        return replace(
+            self._stated or _hung(fit),
             name=NAME,
             width=width,
             height=height,
@@ -255,13 +248,22 @@ class CameraFinder:
             fy=focal_px,
             cx=width / 2.0,
             cy=height / 2.0,
-            mount=direction.mount,
-            roll_deg=direction.roll_deg,
-            pitch_deg=direction.pitch_deg,
-            yaw_deg=direction.yaw_deg,
-            device=direction.device,
-            gimbal=direction.gimbal,
+            zoom=1.0,
+            zoom_max=1.0,
         )
+
+
+def _hung(fit: CameraFit) -> Camera:
+    """A camera without numbers that hangs as was found; until a gimbal reports it is taken to hold the horizon."""
+    roll_deg = round(math.degrees(fit.roll), 2)
+    if fit.kind == "gimbal":
+        return Camera(mount="gimbal", roll_deg=roll_deg)
+    return Camera(
+        mount="fixed" if fit.kind == "fixed" else "gimbal",
+        roll_deg=roll_deg,
+        pitch_deg=max(-90.0, round(math.degrees(fit.pitch), 2)),
+        yaw_deg=round(math.degrees(fit.yaw), 2),
+    )
 
 
 def _event(t_us: int, level: Level, text: str) -> Event:
