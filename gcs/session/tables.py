@@ -174,12 +174,17 @@ def _rows(file: TextIO) -> Iterator[list[str]]:
             yield []
 
 
+def _value(cell: str) -> float:
+    """A number; NaN where nothing is known, which numpy and pandas write as a word."""
+    return np.nan if cell.lower() in ("", "nan") else number(cell)
+
+
 def _numbers(rows: Iterator[list[str]], places: Sequence[int], needed: int) -> tuple[list[list[float]], int]:
     numbers: list[list[float]] = []
     skipped = 0
     for cells in rows:
         try:
-            values = [number(cell) if (cell := cells[k].strip(_AROUND)) else np.nan for k in places]
+            values = [_value(cells[k].strip(_AROUND)) for k in places]
         except (ValueError, IndexError):
             skipped += 1
             continue

@@ -11,7 +11,7 @@ from gcs.report.score import score_files
 from gcs.session.session import open_session
 from sim.session import write_session
 from sim.world.scenario import Scenario
-from tests.support.bundled import CURVED_ROAD, shortened
+from tests.support.bundled import CURVED_ROAD, shortened, swarm_session
 
 
 def test_it_writes_what_the_command_writes_and_prints_nothing(tmp_path, capfd):
@@ -116,3 +116,14 @@ def test_a_fleet_that_stands_shows_no_camera(tmp_path):
     assert calls.named == 0
     events = (tmp_path / "out" / "events.jsonl").read_text()
     assert "nothing describes the camera, and the fleet stands still" in events
+
+
+def test_a_direction_that_is_written_as_nan_is_unknown(tmp_path):
+    """As numpy and pandas write it: the row has its box all the same."""
+    flown = swarm_session(tmp_path, frames=20)
+    path = flown / "detections.csv"
+    head, *rows = path.read_text().splitlines()
+    assert head.endswith(",heading")
+    path.write_text("\n".join([head, *(row.rpartition(",")[0] + ",nan" for row in rows)]))
+    calls = identify_session(open_session(flown), tmp_path / "out")
+    assert calls.frames == 20 and calls.boxes > 50
