@@ -187,9 +187,11 @@ class Pipeline:
         self._cameras.follow_ground(self.fleet.at(self.telemetry_time(t_us)), self.fleet.origin)
 
     def gsd_m(self, t_us: int, image: NDArray[np.uint8]) -> float | None:
-        """Ground metres a pixel at the centre of a frame (H, W, 3), None while the camera's pose is unknown."""
+        """Ground metres a pixel in the middle of a frame (H, W, 3), None while the camera's pose or height is open."""
         view = self._frame_camera(self.fleet.at(self.telemetry_time(t_us)), _size_of(image))
-        return ground_sampling(view.intrinsics, view.pose, view.ground_z) if view else None
+        if view is None or view.ground.is_doubtful_below(float(view.pose.p_enu[2])):
+            return None
+        return ground_sampling(view.intrinsics, view.pose, view.ground_z)
 
     def expected_pixels(self, t_us: int) -> tuple[tuple[int, int], FloatArray] | None:
         """Where the vehicles' reports put them in the frame at a time of the video's clock.

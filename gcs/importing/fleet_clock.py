@@ -52,6 +52,8 @@ HEIGHTS_DIFFER_M = 6.0
 HEIGHT_STD_M = 2.0
 LEAST_HEIGHT_M = 3.0
 """A UAV lower than this does not film."""
+HEIGHTS_M, HEIGHTS_SHARE = (12.0, 18.0, 27.0, 40.0, 60.0, 90.0, 130.0), 0.2
+"""Of a UAV above the ground, where nothing but altitudes tells it, and 1σ as a share: each is tried."""
 LONGEST_TEXT_S = 1e7
 
 
@@ -192,13 +194,15 @@ def _searches(boxes: FilmBoxes, logs: FilmedFleetLogs, bounds_s: tuple[float, fl
     tracks = _tracks(boxes, lens)
     fleet, fleet_z = _fleet_log(logs.fleet, frame, start_us)
     home_z = float(np.median([view.ground_z for _, view in views]))
-    grounds = [home_z] if np.isfinite(home_z) else []
-    if np.isfinite(fleet_z) and (not grounds or abs(fleet_z - home_z) > HEIGHTS_DIFFER_M):
-        grounds.append(fleet_z)
     highest = max(float(view.pose.p_enu[2]) for _, view in views)
-    for ground_z in grounds:
+    grounds = [(home_z, HEIGHT_STD_M)]
+    if not logs.mission.map.takeoff_known:
+        grounds = [(highest - above_m, HEIGHTS_SHARE * above_m) for above_m in HEIGHTS_M]
+    elif np.isfinite(fleet_z) and abs(fleet_z - home_z) > HEIGHTS_DIFFER_M:
+        grounds.append((fleet_z, HEIGHT_STD_M))
+    for ground_z, std_m in grounds:
         if highest - ground_z > LEAST_HEIGHT_M:
-            path = _path(views, start_us, ground_z, lens)
+            path = _path(views, start_us, ground_z, std_m, lens)
             yield find_clock(tracks, path, fleet, bounds_s, camera_too=logs.uav_with_fleet)
 
 
@@ -240,7 +244,9 @@ def _views(boxes: FilmBoxes, logs: FilmedFleetLogs) -> tuple[list[tuple[int, Fra
     return found, frame
 
 
-def _path(views: list[tuple[int, FrameCamera]], start_us: int, ground_z: float, lens: Intrinsics) -> CameraPath:
+def _path(
+    views: list[tuple[int, FrameCamera]], start_us: int, ground_z: float, height_std_m: float, lens: Intrinsics
+) -> CameraPath:
     """The camera's path on the film's seconds."""
     known = [view.attitude_known for _, view in views]
     return CameraPath(
@@ -251,7 +257,7 @@ def _path(views: list[tuple[int, FrameCamera]], start_us: int, ground_z: float, 
         px_rad=1.0 / lens.fx,
         heading_known=sum(known) * 2 > len(known),
         half_view=(0.5 * lens.width / lens.fx, 0.5 * lens.height / lens.fy),
-        height_std_m=HEIGHT_STD_M,
+        height_std_m=height_std_m,
     )
 
 

@@ -22,7 +22,7 @@ from gcs.importing.smoothing import filled_in
 from gcs.importing.sources import read_vehicle_logs
 from gcs.importing.timeline import FilmTimes, check_overlap, find_timeline, on_film
 from gcs.importing.vehicle_log import VehicleLog
-from gcs.mission.mission import Clock, Mission, MissionVehicle
+from gcs.mission.mission import Clock, MapChoice, Mission, MissionVehicle
 from mavlink.geodesy import separation_m
 
 __all__ = ["ImportOptions", "import_flight"]
@@ -78,6 +78,7 @@ def import_flight(out: Path, options: ImportOptions) -> ImportReport:
         ugv=tuple(MissionVehicle(system_id=i) for i in sorted(fleet.places)),
         camera=chosen.camera,
         clock=Clock(video_offset_s="auto"),
+        map=MapChoice(takeoff_known=uav is None or bool(np.isfinite(uav.places.height_m).any())),
     )
     if options.clock_s is None:
         seen = _uav_records(uav, uav_id, fleet, timeline)

@@ -205,6 +205,8 @@ class MapChoice:
     """Path of an MBTiles file, relative to the mission file; empty: nothing."""
     terrain: str = ""
     """Path of a GeoTIFF of elevations, likewise; empty: none."""
+    takeoff_known: bool = True
+    """False: the UAV's height above its take-off was made from altitudes, so that it is no second witness of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -302,7 +304,7 @@ def load_mission(path: Path) -> Mission:
         mission = _without_reach(mission, path)
     camera = _with_lens(mission.camera, path.parent, str(path)) if mission.camera else None
     signing = replace(mission.signing, keys=keys_folder(mission.signing.keys, path.parent))
-    shown = MapChoice(tiles=_beside(path, mission.map.tiles), terrain=_beside(path, mission.map.terrain))
+    shown = replace(mission.map, tiles=_beside(path, mission.map.tiles), terrain=_beside(path, mission.map.terrain))
     detector = _placed(mission.detector, path.parent)
     return replace(mission, detector=detector, camera=camera, signing=signing, map=shown)
 

@@ -30,7 +30,7 @@ def mission_tables(mission: Mission) -> dict[str, Any]:
             table[name] = _values(part)
     if mission.fence:
         table["fence"] = [_values(fence) for fence in mission.fence]
-    if mission.map.tiles or mission.map.terrain:
+    if mission.map != _DEFAULTS.map:
         table["map"] = _values(mission.map)
     signing = mission.signing
     table["signing"] = {"unsigned": list(signing.unsigned), "keyless": signing.keyless}

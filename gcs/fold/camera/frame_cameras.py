@@ -55,7 +55,8 @@ class FrameCameras:
     def __init__(self, mission: Mission, *, sized: bool = True) -> None:
         self._uav_id = mission.uav.system_id
         self._steps = StepFilter()
-        self._heights = GroundHeight()
+        self._takeoff_known = mission.map.takeoff_known
+        self._heights = GroundHeight(takeoff_known=self._takeoff_known)
         self._terrain, self._terrain_fault = _terrain_of(mission)
         self._optics = Optics(mission.camera, sized=sized)
         self._zoom = SilentZoom()
@@ -126,7 +127,7 @@ class FrameCameras:
 
     def forget_places(self) -> None:
         """Take positions as they are reported again: they are given in another frame from now on."""
-        self._steps, self._heights = StepFilter(), GroundHeight()
+        self._steps, self._heights = StepFilter(), GroundHeight(takeoff_known=self._takeoff_known)
         self._zoom.restart()
         self._fusion.restart()
 
@@ -284,13 +285,14 @@ class FrameCameras:
         uav = state.uav
         intrinsics = self._optics.intrinsics(state.t_us, uav.camera, size)
         events = self._optics.take_events()
-        if intrinsics is None or not uav.position_valid or not np.isfinite(uav.height_m):
+        ground = self._heights.below(uav)
+        if intrinsics is None or not uav.position_valid or not np.isfinite(ground.z):
             return None, events
         events += self._direction.check(state.t_us, uav)
         camera = FrameCamera(
             intrinsics=intrinsics,
             pose=self._direction.pose(uav, uav.p_enu + self._steps.shift_enu),
-            ground=self._heights.below(uav),
+            ground=ground,
             attitude_known=uav.attitude_valid,
             position_sure=not state.vehicles[0].doubted_for,
             position_std_m=uav.std_m if uav.std_m >= COARSE_M else math.nan,

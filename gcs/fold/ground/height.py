@@ -11,8 +11,9 @@ Errors are constant over a flight, more or less, so that more samples of a vehic
 show how the ground rises where it drives. With a terrain file all heights are above its own.
 
 Where sources disagree, the film decides: the fleet's formation and its motion have the right size for one height alone.
-What the film contradicts is left out from then on (:meth:`GroundHeight.hear_film`). Altitudes of vehicles that are off
-all together, as above the ellipsoid instead of the sea, still show the slope.
+So it does where altitudes are the only source, which may count from the ellipsoid and the UAV's from the sea. What the
+film contradicts is left out from then on (:meth:`GroundHeight.hear_film`). Altitudes of vehicles that are off all
+together still show the slope.
 """
 
 from __future__ import annotations
@@ -71,6 +72,12 @@ OUTLIER_M = 15.0
 """An altitude is left out where it is so far from the median, or ``OUTLIER_STDS`` from the plane of the others."""
 FLYING_M, LEAST_HEIGHT_M = 10.0, 3.0
 """A UAV this far above its home is at least that far above the ground where it is, metres."""
+DATUMS_M = (36.0, -36.0)
+"""What altitudes that nothing else confirms may be off by: in most places the geoid is up to 60 m from the ellipsoid.
+The identifier tries 12 and 24 m beside each."""
+GUESS_M, GUESS_STD_M = 50.0, 25.0
+"""A UAV's height above the ground where the only altitudes put it into the ground, and 1σ."""
+GUESS = "a guess"
 GAP_LASTS_US = 3_000_000
 """For so long before it is reported: filters start, and reports come one after the other."""
 TOLD_GAP_M = 10.0
@@ -80,7 +87,9 @@ TOLD_GAP_M = 10.0
 class GroundHeight:
     """Follows the ground from frame to frame."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, takeoff_known: bool = True) -> None:
+        """Args: takeoff_known: whether the UAV's height above its take-off is more than what altitudes tell."""
+        self._takeoff_known = takeoff_known
         self.ground: GroundSurface | None = None
         self.step_m = 0.0
         """By how much it rose at once, with the last update."""
@@ -107,11 +116,17 @@ class GroundHeight:
         self._divided_told = self._jumps = False
         """True: it was told that the vehicles' altitudes differ; and the next ground is taken at once."""
 
+    def _home_z(self, uav: UavState) -> float:
+        """Height of the plane that the UAV took off from, NaN unknown."""
+        return float(uav.p_enu[2] - uav.height_m) if self._takeoff_known else math.nan
+
     def below(self, uav: UavState) -> GroundSurface:
-        """The ground; the plane of the UAV's home while nothing else is known."""
+        """The ground; the plane of the UAV's home while nothing else is known, else a guess."""
         if self.ground is not None:
             return self.ground
-        home_z = float(uav.p_enu[2] - uav.height_m)
+        home_z = self._home_z(uav)
+        if math.isnan(home_z):
+            return _guess(uav.p_enu)
         return GroundSurface(at=uav.p_enu[:2], z=home_z, slope=np.zeros(2), std_m=HOME_ALONE_STD_M)
 
     def update(self, state: FleetState, relief: Relief | None = None) -> Sequence[Event]:
@@ -122,10 +137,10 @@ class GroundHeight:
             relief: heights of a terrain file, to which all others are then relative; None without one.
         """
         uav = state.uav
-        home_z = float(uav.p_enu[2] - uav.height_m)
-        if not math.isfinite(home_z):
+        if not math.isfinite(uav.p_enu[2]):
             return ()
-        if abs(uav.height_m) < TAKEOFF_M:
+        home_z = self._home_z(uav)
+        if math.isfinite(home_z) and abs(uav.height_m) < TAKEOFF_M:
             self._takeoff_en = uav.p_enu[:2]
         used = state.valid & np.isfinite(state.up_std_m)
         takeoff_en = uav.p_enu[:2] if self._takeoff_en is None else self._takeoff_en
@@ -145,7 +160,7 @@ class GroundHeight:
         weight = np.where(first, LONGEST_SAMPLE_S, min(dt, LONGEST_SAMPLE_S))
         self._moments += weight[:, None, None] * x[:, :, None] * x[:, None, :]
         std_m = np.where(used, state.up_std_m, np.nan)
-        uav_en, home_z = uav.p_enu[:2], home_z - float(rise[1])
+        uav_enu, home_z = uav.p_enu - rise[0] * np.array([0.0, 0.0, 1.0]), home_z - float(rise[1])
         measured = self._measured(uav, rise, home_z, relief)
         found, ago_us = self._found, state.t_us - self._found_us
         if (
@@ -154,10 +169,10 @@ class GroundHeight:
             or not 0 <= ago_us < FIND_EVERY_US
             or (found.relief is None) != (relief is None)
         ):
-            found = find_ground(self._moments, std_m, home_z, uav_en, measured, relief, self._left_out)
+            found = find_ground(self._moments, std_m, home_z, uav_enu, measured, relief, self._left_out)
             self._found, self._found_us = found, state.t_us
             if self._leave_out_above(uav):
-                found = find_ground(self._moments, std_m, home_z, uav_en, measured, relief, self._left_out)
+                found = find_ground(self._moments, std_m, home_z, uav_enu, measured, relief, self._left_out)
                 self._found = found
             if found.divided and not self._divided_told:
                 self._divided_told = True
@@ -190,7 +205,7 @@ class GroundHeight:
             relief: of a terrain file.
         """
         measured = [(replace(source, z=source.z - float(rise[0])), uav.p_enu[:2]) for source in _below_uav(uav)]
-        if relief is not None and self._takeoff_en is not None:
+        if relief is not None and self._takeoff_en is not None and math.isfinite(home_z):
             measured.append((HeightSource(name=TAKEOFF, z=home_z, std_m=ON_FILE_STD_M), self._takeoff_en))
         if self._film is not None:
             source, place_en = self._film
@@ -225,7 +240,15 @@ class GroundHeight:
     def _leave_out_above(self, uav: UavState) -> bool:
         """Leave out sources by which a UAV that flies is in the ground; whether there are any."""
         uav_z, before = float(uav.p_enu[2]), len(self._left_out)
-        if uav.height_m > FLYING_M:
+        if not math.isfinite(self._home_z(uav)):
+            sources = self._found.sources if self._found else ()
+            if len(sources) == 1 and sources[0].z > uav_z - LEAST_HEIGHT_M:
+                self._left_out.add(sources[0].name)
+                self._news.append(
+                    f"{sources[0].name} put the UAV into the ground: another datum? Their level is not used, "
+                    f"{GUESS_M:.0f} m above the ground is guessed until the film tells"
+                )
+        elif uav.height_m > FLYING_M:
             self._leave_out(lambda source: source.z > uav_z - LEAST_HEIGHT_M, uav_z - uav.height_m, TAKEOFF)
         return len(self._left_out) > before
 
@@ -291,7 +314,7 @@ def find_ground(
     moments: FloatArray,
     std_m: FloatArray,
     home_z: float,
-    uav_en: FloatArray,
+    uav_enu: FloatArray,
     measured: Sequence[tuple[HeightSource, FloatArray]] = (),
     relief: Relief | None = None,
     left_out: Collection[str] = (),
@@ -301,8 +324,8 @@ def find_ground(
     Args:
         moments: (n, 4, 4) Σ x xᵀ of each vehicle's samples, x = (1, east, north, up), metres.
         std_m: (n,) 1σ of its altitude, NaN where it has none now.
-        home_z: Height of the plane that the UAV took off from.
-        uav_en: (2,) where the UAV is.
+        home_z: Height of the plane that the UAV took off from, NaN unknown.
+        uav_enu: (3,) where the UAV is.
         measured: Heights of the ground at places (2,).
         relief: Heights of a terrain file.
         left_out: names of sources that do not count; of the vehicles' altitudes only their level does not.
@@ -310,14 +333,15 @@ def find_ground(
     slope_std = SLOPE_STD if relief is None else RELIEF_SLOPE_STD
     known = np.flatnonzero((moments[:, 0, 0] > 0.0) & np.isfinite(std_m))
     mean = moments[known, 0, 1:] / moments[known, 0, :1]
-    near = _near_median(mean[:, 2], home_z)
+    level = home_z if math.isfinite(home_z) else float(uav_enu[2]) - GUESS_M
+    near = _near_median(mean[:, 2], level)
     divided = len(mean) > 2 and 2 * int(np.count_nonzero(near)) <= len(mean)
     known, mean = (known[:0], mean[:0]) if divided else (known[near], mean[near])
-    at = mean[:, :2].mean(axis=0) if len(known) else uav_en.copy()
-    plane, cov = np.array([home_z, 0.0, 0.0]), np.diag([UNKNOWN_VAR, slope_std**2, slope_std**2])
+    at = mean[:, :2].mean(axis=0) if len(known) else uav_enu[:2].copy()
+    plane, cov = np.array([level, 0.0, 0.0]), np.diag([UNKNOWN_VAR, slope_std**2, slope_std**2])
     while len(known):
-        fitted, fitted_cov = _fit_plane(moments[known], std_m[known], np.array([*at, home_z]), slope_std)
-        fitted[0] += home_z
+        fitted, fitted_cov = _fit_plane(moments[known], std_m[known], np.array([*at, level]), slope_std)
+        fitted[0] += level
         gap = np.abs(mean[:, 2] - fitted[0] - (mean[:, :2] - at) @ fitted[1:])
         gap /= np.hypot(std_m[known], RELIEF_STD_M)
         if gap.max() < OUTLIER_STDS:
@@ -339,14 +363,35 @@ def find_ground(
         )
         plane, cov = _with_height(plane, cov, h, source)
     z, var = float(plane[0]), float(cov[0, 0])
-    if TAKEOFF not in [*left_out, *(source.name for source in sources)]:
+    datums_m: tuple[float, ...] = ()
+    if math.isnan(home_z):
+        if not sources:
+            sources.append(HeightSource(name=GUESS, z=level, std_m=GUESS_STD_M))
+            z, var = level, GUESS_STD_M**2
+        if [source.name for source in sources] in ([ALTITUDES], [GUESS]):
+            datums_m = tuple(m for m in DATUMS_M if uav_enu[2] - z + m > LEAST_HEIGHT_M)
+    elif TAKEOFF not in [*left_out, *(source.name for source in sources)]:
         sources.append(HeightSource(name=TAKEOFF, z=home_z, std_m=float(HOME_STDS_M[0])))
         z, var = _with_home(z, var, home_z)
     rise = float(relief.heights(at[None])[0]) if relief is not None else 0.0
     said = tuple(replace(source, z=source.z + rise) for source in sources)
     return GroundSurface(
-        at=at, z=z + rise, slope=plane[1:], std_m=math.sqrt(var), sources=said, relief=relief, divided=divided
+        at=at,
+        z=z + rise,
+        slope=plane[1:],
+        std_m=math.sqrt(var),
+        sources=said,
+        datums_m=datums_m,
+        relief=relief,
+        divided=divided,
     )
+
+
+def _guess(uav_enu: FloatArray) -> GroundSurface:
+    """The ground while nothing tells how high a UAV (3,) is above it."""
+    z = float(uav_enu[2]) - GUESS_M
+    guess = HeightSource(name=GUESS, z=z, std_m=GUESS_STD_M)
+    return GroundSurface(at=uav_enu[:2], z=z, slope=np.zeros(2), std_m=GUESS_STD_M, sources=(guess,), datums_m=DATUMS_M)
 
 
 def _near_median(z: FloatArray, home_z: float) -> NDArray[np.bool_]:
@@ -413,5 +458,6 @@ def _blend(before: GroundSurface, now: GroundSurface, share: float) -> GroundSur
         slope=slope + share * (now.slope - slope),
         std_m=math.hypot(now.std_m, (1.0 - share) * (now.z - z)),
         sources=now.sources,
+        datums_m=now.datums_m,
         relief=now.relief,
     )

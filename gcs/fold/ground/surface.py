@@ -27,6 +27,8 @@ GAP_M, OUTLIER_STDS = 8.0, 3.5
 """Heights that differ by less than the first, metres, or by so many 1σ agree."""
 LEAST_HEIGHT_M = 2.0
 """A camera is at least so high above what it sees; nearer than that no line of sight is told from another."""
+SURE_SHARE = 1.4
+"""A detector knows vehicles of one size: heights of a camera that differ by more than this factor are too different."""
 STEPS = 6
 """Of following a line of sight to the ground: on a slope of 10 % seen at 30° each leaves a sixth of the error."""
 
@@ -72,6 +74,8 @@ class GroundSurface:
     std_m: float
     """1σ of ``z``."""
     sources: tuple[HeightSource, ...] = ()
+    datums_m: tuple[float, ...] = ()
+    """By how much it is lower if the only source counts from another level, metres."""
     divided: bool = False
     """The vehicles' altitudes contradict each other."""
     relief: Relief | None = None
@@ -81,12 +85,18 @@ class GroundSurface:
     @property
     def other_heights_m(self) -> tuple[float, ...]:
         """By how much the ground is lower than ``z`` if a source that disagrees is right, metres, one for each."""
-        others: list[float] = []
+        others = list(self.datums_m)
         for source in self.sources:
             lower = self.z - source.z
             if all(abs(lower - other) > GAP_M for other in (0.0, *others)):
                 others.append(lower)
         return tuple(others)
+
+    def is_doubtful_below(self, camera_z: float) -> bool:
+        """Whether sources put a camera at some height so differently far above the ground that its film has to tell."""
+        above = camera_z - self.z
+        heights = np.maximum([above, *(above + lower for lower in self.other_heights_m)], LEAST_HEIGHT_M)
+        return bool((np.maximum(heights, heights[0]) > SURE_SHARE * np.minimum(heights, heights[0])).any())
 
     def height_at(self, p_enu: FloatArray) -> FloatArray:
         """Heights (k,) at places (k, 2 or 3)."""

@@ -200,8 +200,8 @@ def test_where_the_file_has_no_heights_it_is_not_used_and_that_is_told_once():
 class Witnesses:
     """A UAV above its take-off at height 0, and rovers that drive up a slope, whose altitudes are off."""
 
-    def __init__(self, up, height=60.0, slope=0.0, **uav):
-        self.heights, self.state, self.events = GroundHeight(), fleet_at(len(up)), []
+    def __init__(self, up, height=60.0, slope=0.0, takeoff_known=True, **uav):
+        self.heights, self.state, self.events = GroundHeight(takeoff_known=takeoff_known), fleet_at(len(up)), []
         self.uav = replace(self.state.uav, p_enu=np.array([0.0, 0.0, height]), height_m=height, **uav)
         self.up, self.slope, self.t_us = np.asarray(up, float), slope, self.state.t_us
 
@@ -284,3 +284,29 @@ def test_altitudes_without_a_majority_are_not_used():
     ]
     most = Witnesses([-20.0, -21.0, -19.0, -20.5, 60.0, 110.0]).run(1.0)
     assert most.heights.ground.z == pytest.approx(-20.0, abs=1.5)
+
+
+@pytest.mark.parametrize("height_m, takeoff_known", [(60.0, False), (np.nan, True)])
+def test_altitudes_alone_may_count_from_another_level_until_the_film_tells(height_m, takeoff_known):
+    seen = Witnesses(np.full(4, 30.0), takeoff_known=takeoff_known)
+    seen.uav = replace(seen.uav, height_m=height_m)
+    ground = seen.run(1.0).heights.ground
+    assert ground.z == pytest.approx(30.0, abs=0.5) and ground.other_heights_m == (36.0,)
+    assert ground.is_doubtful_below(60.0)
+    seen.heights.hear_film(30.0, 1.0)
+    ground = seen.run(0.1).heights.ground
+    assert ground.z == pytest.approx(0.0, abs=0.5) and ground.other_heights_m == ()
+    assert not ground.is_doubtful_below(100.0)
+    assert seen.texts() == [
+        "the vehicles' altitudes are 30 m too high by the film: another datum? Their level is not used"
+    ]
+
+
+def test_altitudes_that_put_the_uav_into_the_ground_give_way_to_a_guess():
+    seen = Witnesses(np.full(4, 80.0), takeoff_known=False).run(1.0)
+    ground = seen.heights.ground
+    assert (ground.z, ground.std_m) == (10.0, 25.0) and ground.is_doubtful_below(60.0)
+    (text,) = seen.texts()
+    assert text.startswith("the vehicles' altitudes put the UAV into the ground: another datum?")
+    nothing = Witnesses(np.full(2, np.nan), takeoff_known=False).run(1.0)
+    assert nothing.heights.ground.z == nothing.heights.below(nothing.uav).z == 10.0 and not nothing.texts()
