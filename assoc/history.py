@@ -5,6 +5,8 @@ Rows are frames (thinned), columns are tracks. Times are float seconds since the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,18 +25,22 @@ _HOVERS_MPS = 1.0
 """Speed that a camera seems to have which hovers, by what its positions err, m/s."""
 _FLIGHT_S = 2.0
 """Time over which the speed of a flight is measured, seconds."""
-_MISSED_FRAMES = 2.0
-"""Where frames are far apart: a gap longer than this many times the last frame interval ends a track."""
+INTERVALS = 5
+"""Between the last frames, whose median tells how far apart frames are: single ones are dropped."""
+_MISSED_FRAMES, _LONGEST_GAP_S = 1.5, 2.0
+"""Where frames are far apart: a gap longer than so many intervals, or than this, seconds, ends a track."""
 
 
-def longest_gap_s(gap_max_s: float, step_s: float) -> float:
+def longest_gap_s(gap_max_s: float, t: Sequence[float] | FloatArray) -> float:
     """After how long out of sight a track may have gone on with another vehicle, seconds.
 
     Args:
         gap_max_s: What interpolation bridges, seconds.
-        step_s: From one frame to the next, seconds.
+        t: Times of the last ``INTERVALS`` + 1 frames, or fewer, seconds.
     """
-    return max(gap_max_s, _MISSED_FRAMES * step_s)
+    if len(t) < 2:
+        return np.inf
+    return max(gap_max_s, min(_MISSED_FRAMES * float(np.median(np.diff(t))), _LONGEST_GAP_S))
 
 
 class TrackHistory:
@@ -182,16 +188,16 @@ class TrackHistory:
     def _end_at_gaps(self, track_id: IntArray, t: float) -> dict[int, int]:
         """End the columns of tracks that reappear after a gap: the tracker may have continued with another vehicle.
 
-        Only gaps longer than interpolation bridges, and longer than the frame interval, count.
+        Only gaps longer than interpolation bridges count.
 
         Returns:
             Ended column by track id.
         """
         broken: dict[int, int] = {}
-        step = self.t[self.n - 2] - self.t[self.n - 3] if self.n > 2 else np.inf
+        longest_s = longest_gap_s(self._gap_max_s, self.t[max(self.n - 2 - INTERVALS, 0) : self.n - 1])
         for key in track_id.tolist():
             column = self._column.get(key, -1)
-            if column >= 0 and t - self.last_s[column] > longest_gap_s(self._gap_max_s, step):
+            if column >= 0 and t - self.last_s[column] > longest_s:
                 broken[key] = self._column.pop(key)
                 self.track_id[column] = -key
         return broken

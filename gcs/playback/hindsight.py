@@ -21,7 +21,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.history import longest_gap_s
+from assoc.history import INTERVALS, longest_gap_s
 from assoc.params import IdentifierParams
 from gcs.fold.since import Since
 from gcs.fold.snapshot_rows import standing_of
@@ -89,12 +89,12 @@ class _Courses:
     def __init__(self, system_ids: Sequence[int]) -> None:
         self._row = {system_id: k for k, system_id in enumerate(system_ids)}
         self._open: dict[int, _Course] = {}
-        self._t_us, self._step_s = 0, math.inf
+        self._t_s: deque[float] = deque(maxlen=INTERVALS + 1)
 
     def add(self, snapshot: Snapshot) -> dict[int, _Course]:
         """Take in a frame; returns the courses of its boxes by track."""
-        longest_us = 1e6 * longest_gap_s(_GAP_MAX_S, self._step_s)
-        self._step_s, self._t_us = (snapshot.t_us - self._t_us) * 1e-6, snapshot.t_us
+        longest_us = 1e6 * longest_gap_s(_GAP_MAX_S, self._t_s)
+        self._t_s.append(snapshot.t_us * 1e-6)
         for box in snapshot.new_boxes:
             if not box.track_id or box.coasting or not box.none_of_ours >= 0.0:
                 continue

@@ -59,6 +59,12 @@ def test_where_looks_are_far_apart_nobody_was_out_of_sight():
     assert kept.track_id[:2].tolist() == [1, 2]
 
 
+@pytest.mark.parametrize("step_s", [0.5, 1.0])
+def test_where_looks_are_far_apart_a_missed_one_is_a_hole(step_s):
+    times = [step_s * k for k in range(8)]
+    assert seen_at(times, unseen_at=times[6:7]).track_id[0] == -1
+
+
 def test_columns_of_broken_tracks_are_freed_in_time():
     kept = seen_at((*TENTHS, 1.4))
     assert kept.release(1.0).tolist() == [0, 1]

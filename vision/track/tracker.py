@@ -10,7 +10,9 @@ Reference:
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Collection
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +35,8 @@ Ints = NDArray[np.int64]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
+INTERVALS, MISSED_FRAMES = 5, 2.2
+"""Between the last frames, whose median tells how far apart frames are, and how many of these a missed box lasts."""
 LEAST_SHIFT = 0.1
 """A smaller displacement of most tracks, in box sizes, is left to the filter."""
 REACH = 4.0
@@ -68,7 +72,10 @@ class Tracker:
         self._state = TrackState.none()
         self._next_id = 1
         self._t_us: int | None = None
+        self._paced = self.params
+        """The same with patience for as long as a missed frame takes."""
         self._recent_s = self.params.known_s
+        self._intervals_s: deque[float] = deque(maxlen=INTERVALS)
         self._unwarped: TrackState | None = None
         """The tracks of this frame without its warp, which may be wrong."""
         self._inside = np.zeros(0, dtype=bool)
@@ -102,8 +109,7 @@ class Tracker:
         """
         dt = 0.0 if self._t_us is None else max(t_us - self._t_us, 0) / 1e6
         self._t_us = t_us
-        # a track is not out of sight while no frame comes
-        self._recent_s = max(self.params.known_s, dt)
+        self._pace(dt)
         self._advance(dt, warp)
         order, n = self._strong_first(detections.score)
         boxes = detections if order is None else detections.select(order)
@@ -141,6 +147,19 @@ class Tracker:
         weak = ~strong & (score >= self.params.low_score)
         return np.concatenate([np.flatnonzero(strong), np.flatnonzero(weak)]), n
 
+    def _pace(self, dt: float) -> None:
+        """Take a box that is missed in one frame for no reason to give a track up, however far apart frames are."""
+        params, missed_s = self.params, 0.0
+        if len(self._intervals_s) > INTERVALS // 2:
+            missed_s = min(MISSED_FRAMES * float(np.median(self._intervals_s)), params.coast_s)
+        if dt > 0.0:
+            self._intervals_s.append(dt)
+        # nor is a track out of sight while no frame comes
+        self._recent_s = max(params.known_s, missed_s, dt)
+        tentative_s, short_s = max(params.tentative_s, missed_s), max(params.short_s, missed_s)
+        if (tentative_s, short_s) != (self._paced.tentative_s, self._paced.short_s):
+            self._paced = replace(params, tentative_s=tentative_s, short_s=short_s)
+
     def _advance(self, dt: float, warp: Floats | None) -> None:
         state = self._state
         state.predict(dt, self.params.wander)
@@ -154,13 +173,13 @@ class Tracker:
         """Both rounds on the boxes (m,) that are free; which are free afterwards; those around several never are."""
         params, state = self.params, self._state
         apart = state.apart(boxes)
-        merged = find_merged(state, params, boxes, apart)
+        merged = find_merged(state, self._paced, boxes, apart)
         if merged is not None:
             free, high = free & ~merged.box, high & ~merged.box
             state.move(merged.rows, merged.place, merged.gap_s)
             self._inside[merged.rows] = True
             apart = state.apart(boxes)
-        shared = find_shared(state, params, boxes, free, apart, self._noise_of(state.length))
+        shared = find_shared(state, self._paced, boxes, free, apart, self._noise_of(state.length))
         if shared is not None:
             free, high = free & ~shared.box, high & ~shared.box
             state.move(shared.rows, shared.place, shared.gap_s)
@@ -177,7 +196,7 @@ class Tracker:
     def _extend(self, boxes: Detections, n: int, known: Collection[int]) -> None:
         """ByteTrack's second round: boxes (m,) from the n-th on are weak, and only continue confirmed tracks."""
         state, params = self._state, self.params
-        lost = state.confirmed & state.unseen & (state.gap_s <= params.short_s) & ~self._inside
+        lost = state.confirmed & state.unseen & (state.gap_s <= self._paced.short_s) & ~self._inside
         if len(known):
             lost &= ~self._owned(known)
         if not np.count_nonzero(lost):
@@ -272,7 +291,7 @@ class Tracker:
         if np.count_nonzero(first) == len(first):
             return self._settle(boxes, pairs, limit)
         # boxes of low score only continue tracks that were seen a moment ago
-        then = ~first & free[pairs.column] & (self._state.gap_s <= self.params.short_s)[pairs.row]
+        then = ~first & free[pairs.column] & (self._state.gap_s <= self._paced.short_s)[pairs.row]
         both = pairs.where(first | then)
         if both.undisputed(limit - self.params.overlap_weight):
             return both.row, both.column
@@ -311,7 +330,7 @@ class Tracker:
 
     def _drop(self) -> None:
         """End tracks that were not seen for too long."""
-        params, state = self.params, self._state
+        params, state = self._paced, self._state
         gap = state.gap_s
         if not len(gap) or gap.max() <= min(params.tentative_s, params.short_s, params.coast_s):
             return

@@ -379,3 +379,14 @@ def test_while_no_frame_comes_nobody_loses_its_place_to_a_stranger(pause_us):
     t_us = 11 * STEP + pause_us
     seen = tracker.update(boxes([(144.0 + 40e-6 * pause_us, 100.0)]), t_us, stitch=nobody_knows, known=(1,))
     assert seen.track_id[seen.detection == 0].tolist() == [1]
+
+
+@pytest.mark.parametrize("step_us", [500_000, 1_000_000])
+def test_where_frames_are_far_apart_a_missed_box_makes_nobody_take_his_neighbours(step_us):
+    tracker = Tracker()
+    for k in range(8):
+        at = [(100.0 + 30.0 * k, 100.0), (100.0 + 30.0 * k, 160.0)]
+        # the first vehicle is missed, and then the second
+        seen = at[1:] if k == 6 else at[:1] if k == 7 else at
+        tracks = tracker.update(boxes(seen), k * step_us, stitch=lambda ids, _: np.empty((0, 2), int), known=(1, 2))
+    assert tracks.track_id[tracks.detection == 0].tolist() == [1]
