@@ -37,6 +37,11 @@ class FlightJudgement:
     """All that was found, the worst first."""
 
     @property
+    def level(self) -> str:
+        """How grave the worst is, as a card shows it."""
+        return "bad" if self.rank <= _LOOKS.index(_nobody) else "warn"
+
+    @property
     def order(self) -> tuple[int, float, str]:
         """The worst flight sorts first."""
         return self.rank, -self.amount, self.record.flight

@@ -10,11 +10,11 @@ from typing import Final
 
 from gcs.batch.flights_table import read_flights
 from gcs.batch.jobs import FAILED, FLIGHTS_TABLE, FlightRecord, ScoreRecord, VehicleCall
-from gcs.batch.report.judgement import judge, mean_confidence
+from gcs.batch.report.judgement import FlightJudgement, judge, mean_confidence
 from gcs.batch.stores import ResultStore
 from gcs.certainty import certainty
 from gcs.errors import BatchError
-from gcs.report.page.html import Section, empty, fixed, page, section, table
+from gcs.report.page.html import Line, Section, card, empty, fixed, listed, page, section, table
 
 __all__ = ["batch_page", "read_results"]
 
@@ -47,14 +47,36 @@ def batch_page(records: Sequence[FlightRecord], where: str) -> str:
     """
     failed = [record for record in records if record.status == FAILED]
     done = [record for record in records if record.status != FAILED]
-    lead = f"{len(done)} of {len(records)} flights were named, {len(failed)} failed. {_named(done)}"
-    sections = [_sums(done, failed), _failed(failed), _flights(done), _vehicles(done)]
-    return page(f"Batch {where}", lead, [part for part in sections if part])
+    judged = sorted(map(judge, done), key=lambda each: each.order)
+    lead = f"{len(done)} of {len(records)} flights were named, {len(failed)} failed."
+    sections = [_failed(failed), _flights(judged), _vehicles(done), _sums(done, failed)]
+    return page(f"Batch {where}", lead, _at_a_glance(judged, failed), [part for part in sections if part])
 
 
-def _named(done: Sequence[FlightRecord]) -> str:
+def _at_a_glance(judged: Sequence[FlightJudgement], failed: Sequence[FlightRecord]) -> tuple[str, str, str]:
+    """The cards: who was named, in which flights something went wrong, which failed."""
+    done = [each.record for each in judged]
     named, vehicles = _sum(done, "named"), _sum(done, "vehicles")
-    return f"Of {vehicles} vehicles in them {named} were named ({_share(named, vehicles)})." if vehicles else ""
+    confidence = certainty(mean_confidence(done))
+    sums: list[Line] = [(f"confidence of names, on average: {confidence}", "")] if confidence else []
+    if scores := [record.score for record in done if record.score is not None]:
+        sums += [(f"{what}: {figure}", "") for what, figure in _score_sums(scores)]
+    else:
+        sums.append(("how right the names were is not known: no flight has its truth", "warn"))
+    wrong = [each for each in judged if each.reasons]
+    worst = [(f"{each.record.flight}: {each.reasons[0]}", each.level) for each in wrong]
+    errors = [(f"{record.flight}: {record.error or ''}", "bad") for record in failed]
+    kinds = "good" if named == vehicles else "warn" if named else "bad", wrong[0].level if wrong else "good"
+    return (
+        card("Who was named", (f"{named} of {vehicles}", "vehicles were named"), sums, kinds[0]),
+        card("What went wrong", (f"{len(wrong)} of {len(done)}", "flights want a look"), listed(worst), kinds[1]),
+        card(
+            "What failed",
+            (str(len(failed)), f"flight{'s' * (len(failed) != 1)} failed"),
+            listed(errors),
+            "bad" if failed else "good",
+        ),
+    )
 
 
 def _sum(records: Iterable[FlightRecord], name: str) -> int:
@@ -113,9 +135,9 @@ def _counted(values: Iterable[str]) -> str:
     return ", ".join(f"{value} ({count} flights)" for value, count in counts.most_common())
 
 
-def _failed(failed: Sequence[FlightRecord]) -> Section:
+def _failed(failed: Sequence[FlightRecord]) -> Section | None:
     if not failed:
-        return ""
+        return None
     rows = [
         (record.flight, record.error or "", str(record.attempts), "kept" if record.earlier_result else "none")
         for record in sorted(failed, key=lambda record: record.flight)[:MOST_FLIGHTS]
@@ -129,17 +151,18 @@ def _left_out(count: int, most: int, what: str) -> str:
     return empty(f"{count - most} more {what} are in {FLIGHTS_TABLE}.") if count > most else ""
 
 
-def _flights(done: Sequence[FlightRecord]) -> Section:
-    if not done:
+def _flights(judged: Sequence[FlightJudgement]) -> Section:
+    if not judged:
         return section("Flights, the worst first", empty("Not one flight was named."))
-    scored = any(record.score is not None for record in done)
+    scored = any(each.record.score is not None for each in judged)
     rows = []
-    for judged in sorted(map(judge, done), key=lambda judged: judged.order)[:MOST_FLIGHTS]:
-        record = judged.record
+    for each in judged[:MOST_FLIGHTS]:
+        record = each.record
         boxes, unnamed = record.boxes or 0, record.unnamed or 0
         rows.append(
             (
                 record.flight,
+                "; ".join(each.reasons) or "–",
                 f"{record.named} of {record.vehicles}",
                 fixed(record.span_s if record.span_s is not None else math.nan, 0, "s"),
                 str(boxes),
@@ -147,14 +170,13 @@ def _flights(done: Sequence[FlightRecord]) -> Section:
                 certainty(mean_confidence([record])) or "–",
                 "–" if record.alarms is None else str(record.alarms),
                 *(_figures(record.score) if scored else ()),
-                "; ".join(judged.reasons) or "–",
             )
         )
     figures = ("named", "lasted", "boxes", "with a name", "confidence", "alarms", *(_FIGURES if scored else ()))
     listed = table(
-        ("flight", *figures, "reason"), rows, right=figures, caption="Flights that were named, the worst first"
+        ("flight", "reason", *figures), rows, right=figures, caption="Flights that were named, the worst first"
     )
-    return section("Flights, the worst first", listed, _left_out(len(done), MOST_FLIGHTS, "better flights"))
+    return section("Flights, the worst first", listed, _left_out(len(judged), MOST_FLIGHTS, "better flights"))
 
 
 def _figures(score: ScoreRecord | None) -> tuple[str, ...]:
@@ -166,7 +188,7 @@ def _figures(score: ScoreRecord | None) -> tuple[str, ...]:
     return right, precision, str(score.switches), "–" if score.ece is None else fixed(score.ece, 3)
 
 
-def _vehicles(done: Sequence[FlightRecord]) -> Section:
+def _vehicles(done: Sequence[FlightRecord]) -> Section | None:
     calls: dict[tuple[str, int], list[VehicleCall]] = {}
     for record in done:
         for call in record.roll_call:
@@ -189,7 +211,7 @@ def _vehicles(done: Sequence[FlightRecord]) -> Section:
             )
         )
     if not rows:
-        return ""
+        return None
     right = ("system id", "flights", "boxes", "confidence", "named after, median")
     listed = table(("vehicle", *right), rows, right=right, caption="Vehicles over all flights, the worst first")
     return section("Vehicles, the worst first", listed, _left_out(len(calls), MOST_VEHICLES, "vehicles"))

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from types import MappingProxyType
 from typing import Final
 
+from gcs.report.page.at_a_glance import at_a_glance
 from gcs.report.page.flight_summary import FlightSummary
 from gcs.report.page.html import empty, page, section, table, words
 from gcs.report.page.map_drawing import draw_map
@@ -28,6 +30,7 @@ _REPORTED: Final[Mapping[Reported, str]] = {
     "now": "its replay alone",
 }
 """Who tells it, where it is not both."""
+_LEVELS: Final = MappingProxyType({"level": MappingProxyType({"alarm": "bad", "warning": "warn"}).get})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,11 +62,9 @@ def flight_report(record: FlightSummary, stills: Stills, matched: Matched | None
     """
     calls = record.rollcall
     began = datetime.fromtimestamp(record.start_us * 1e-6, UTC)
-    skipped = f" {calls.skipped_frames} more frames came and were not looked at." if calls.skipped_frames else ""
     lead = (
-        f"{began:%Y-%m-%d %H:%M:%S} UTC, {clock(record.span_s)} min. {calls.named} of {len(record.vehicles)} vehicles "
-        f"were named; {calls.boxes - calls.unnamed} of {calls.boxes} boxes in {calls.frames} frames have a name."
-        f"{skipped} {calls.reports}."
+        f"{began:%Y-%m-%d %H:%M:%S} UTC, {clock(record.span_s)} min. "
+        f"{calls.boxes - calls.unnamed} of {calls.boxes} boxes in {calls.frames} frames have a name."
     )
     truth = "Nobody recorded which box is which vehicle: how right the names were is not known."
     sections = [
@@ -77,7 +78,7 @@ def flight_report(record: FlightSummary, stills: Stills, matched: Matched | None
         section("What the recording lacks", _lines(about.lacks)),
         section("What this page was made of", _made_of(about)),
     ]
-    return page(f"Flight {about.name}", lead, sections)
+    return page(f"Flight {about.name}", lead, at_a_glance(record, matched, about.lacks), sections)
 
 
 def _alarms(record: FlightSummary) -> str:
@@ -97,7 +98,7 @@ def _alarms(record: FlightSummary) -> str:
     ]
     more = _left_out(len(record.alarms), "alarms")
     columns = ("number", "from", "until", "level", "what", "what to do", "told by")
-    return table(columns, rows, right=columns[:1], caption="Alarms") + more
+    return _reports(columns, rows, columns[:3], "Alarms") + more
 
 
 def _events(record: FlightSummary) -> str:
@@ -119,7 +120,14 @@ def _events(record: FlightSummary) -> str:
     ]
     more = _left_out(len(record.events), "of them")
     columns = ("at", "level", "about", "what", "told by")
-    return table(columns, rows, caption="Warnings and what the operator did") + more
+    return _reports(columns, rows, columns[:1], "Warnings and what the operator did") + more
+
+
+def _reports(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str], caption: str) -> str:
+    """A table of which the last column is left out where it is empty."""
+    columns = columns if any(row[-1] for row in rows) else columns[:-1]
+    rows = [row[: len(columns)] for row in rows]
+    return table(columns, rows, right=right, kinds=_LEVELS, caption=caption)
 
 
 def _left_out(count: int, what: str) -> str:
@@ -134,6 +142,7 @@ def _lines(lines: Sequence[str]) -> str:
 
 def _made_of(about: Provenance) -> str:
     settings = table(("what", "which"), list(about.settings.items()), caption="Programs and options")
-    files = table(("file", "SHA-256"), list(about.files.items()), caption="Files that were read")
+    kinds = {"SHA-256": lambda _: "code"}
+    files = table(("file", "SHA-256"), list(about.files.items()), kinds=kinds, caption="Files that were read")
     imported = table(("what", "how"), list(about.imported), caption="Files of others that the recording was made from")
     return settings + files + (draw_sources(about.spans) + imported if about.imported else "")

@@ -26,7 +26,9 @@ MOST_PARTS: Final = 400
 """Of a flight's time: more than a page shows side by side."""
 FRAMES_A_PART: Final = 3
 """At least, on average: a part without a frame looks like one without a name."""
-MOST_CHANGES = 20
+MOST_CHANGES: Final = 20
+LONGEST_STEP_US: Final = 1_000_000
+"""For which a frame's names are taken to hold while no other is looked at."""
 
 
 @dataclass(slots=True)
@@ -76,6 +78,8 @@ class VehicleRecord:
     """Moments by the receiver's fix."""
     runners_up: Counter[str] = field(default_factory=Counter)
     """Frames by who else it might have been."""
+    named_us: int = 0
+    """How long its box had its name: from each such frame to the next one, ``LONGEST_STEP_US`` at most."""
     first_us: int = 0
     """When it was named first, 0 never."""
     sure_us: int = 0
@@ -126,6 +130,8 @@ class FlightSummary:
         self.alarms: Sequence[AlarmSpan] = ()
         self.events: Sequence[Event] = ()
         self._origin: LocalFrame | None = None
+        self._looked_us = 0
+        self._named: set[int] = set()
 
     @property
     def span_s(self) -> float:
@@ -149,8 +155,15 @@ class FlightSummary:
                 self._add_report(self.uav, part, row, snapshot.origin)
             elif row.system_id in self.vehicles:
                 self._add_report(self.vehicles[row.system_id], part, row, snapshot.origin)
-        for box in snapshot.new_boxes if self.rollcall.frames > frames else ():
+        if self.rollcall.frames == frames:
+            return
+        step_us = min(at_us - self._looked_us, LONGEST_STEP_US) if self._looked_us else 0
+        for system_id in self._named:
+            self.vehicles[system_id].named_us += step_us
+        self._looked_us, self._named = at_us, set()
+        for box in snapshot.new_boxes:
             if box.system_id in self.vehicles and not box.coasting:
+                self._named.add(box.system_id)
                 self._add_box(self.vehicles[box.system_id], at_us, box, snapshot)
 
     def tell(self, alarms: Sequence[AlarmSpan], events: Iterable[Event]) -> None:

@@ -4,19 +4,27 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Collection, Iterable, Sequence
+import re
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Final
 
+from gcs.report.page.style import COLOURS, SHARE_STEPS, STYLE
 from infra.plain_text import plain
 
 __all__ = [
     "CHART_WIDTH",
     "COLOURS",
     "DASHES",
+    "Line",
     "Section",
+    "bar",
+    "card",
     "chart",
     "empty",
     "fixed",
+    "listed",
     "page",
     "section",
     "table",
@@ -25,53 +33,28 @@ __all__ = [
 
 POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 """What a browser may do with the page: show it."""
-COLOURS: Final = 8
-"""Colours of vehicles, ``c0`` to ``c7``; the ninth begins anew, with another dash."""
 CHART_WIDTH: Final = 1000
+MOST_LINES: Final = 5
+"""Of one kind on a card."""
 DASHES: Final = ("", "12 5", "3 4", "12 4 3 4")
 """Of lines: pages are printed in grey, too."""
-# Told apart without red, green or blue cones, 4.5 : 1 on the page in light and in dark.
-_LIGHT = ("#005f99", "#a34400", "#006b50", "#99306f", "#6e5200", "#5244a8", "#3a6200", "#6b4636")
-_DARK = ("#5cb8ee", "#f7914a", "#33cba1", "#ea9cc8", "#e8be1f", "#aaa0f7", "#9fd353", "#cfab99")
-_STYLE: Final = (
-    """
-:root{color-scheme:light dark;--page:#fff;--ink:#1a1d23;--soft:#525a66;--line:#c9ced6;--fill:#f2f4f7;--bad:#a3140f;
---warn:#7a5200}"""
-    + "".join(f".c{k}{{color:{colour}}}" for k, colour in enumerate(_LIGHT))
-    + """
-*{box-sizing:border-box}
-body{margin:0 auto;max-width:1100px;padding:1.2rem;background:var(--page);color:var(--ink);
-font:16px/1.5 system-ui,"Segoe UI",Roboto,"Liberation Sans",sans-serif;overflow-wrap:break-word}
-h1{font-size:1.7rem;line-height:1.2;margin:.2rem 0}h2{font-size:1.25rem;margin:2rem 0 .5rem;
-border-bottom:1px solid var(--line)}h3{font-size:1.05rem;margin:1.2rem 0 .3rem}
-p{margin:.4rem 0;max-width:75ch}.soft{color:var(--soft)}.bad{color:var(--bad)}.warn{color:var(--warn)}
-.wide{overflow-x:auto;margin:.5rem 0}
-table{border-collapse:collapse;font-size:.9rem}th,td{padding:.2rem .7rem .2rem 0;text-align:left;vertical-align:top;
-border-bottom:1px solid var(--line)}th{font-weight:600}thead th{white-space:nowrap}
-tbody th{min-width:5.5rem}td:last-child:not(.n){min-width:9rem}
-td.n,th.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
-svg{display:block;width:100%;height:auto;background:var(--fill)}svg text{font-size:16px;fill:currentColor}
-svg text.on{fill:var(--page)}svg text.halo{paint-order:stroke;stroke:var(--fill);stroke-width:4px;stroke-linejoin:round}
-.chart{min-width:720px}.small{max-width:340px}.ink{color:var(--ink)}.rule{stroke:var(--line)}
-.stills,.parts{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,24rem),1fr));gap:1rem;margin:.5rem 0}
-figure{margin:0}figure,article{break-inside:avoid}figure img{width:100%;height:auto;display:block}
-figcaption{font-size:.9rem;color:var(--soft)}
-code{font-size:.85em}
-@media (prefers-color-scheme:dark){:root{--page:#14171c;--ink:#e7eaef;--soft:#a9b1bd;--line:#3a414c;--fill:#1c2129;
---bad:#ff8d84;--warn:#f2c14a}"""
-    + "".join(f".c{k}{{color:{colour}}}" for k, colour in enumerate(_DARK))
-    + """}
-@media print{:root{color-scheme:light;--page:#fff;--ink:#000;--soft:#333;--line:#999;--fill:#fff;--bad:#8a0000;
---warn:#5a3c00}"""
-    + "".join(f".c{k}{{color:{colour}}}" for k, colour in enumerate(_LIGHT))
-    + """body{max-width:none;padding:0;font-size:10pt}h2,h3{break-after:avoid}tr{break-inside:avoid}
-.wide{overflow:visible}svg,img{max-height:230mm}.parts{grid-template-columns:1fr 1fr}.parts table{font-size:8pt;
-width:100%}.parts th{width:40%}.chart{min-width:0}.small{max-width:80mm}@page{margin:15mm}}
-"""
-)
+Line = tuple[str, str]
+"""Of a card: plain words, and the class that says what they mean: ``confirmed tentative never warn bad``, or none."""
 
-Section = str
-"""HTML of one part of a page: made by ``section``, of words that went through ``words``."""
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """One part of a page under its heading."""
+
+    title: str
+    """Plain words, ours."""
+    parts: str
+    """HTML, of words that went through ``words``."""
+
+    @property
+    def anchor(self) -> str:
+        """What a link to it says."""
+        return "-".join(re.findall(r"[a-z]+", self.title.lower()))
 
 
 def words(text: str) -> str:
@@ -104,22 +87,33 @@ def empty(text: str) -> str:
     return f'<p class="soft">{words(text)}</p>'
 
 
-def table(columns: Sequence[str], rows: Iterable[Sequence[str]], *, right: Collection[str] = (), caption: str) -> str:
+def table(
+    columns: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    *,
+    right: Collection[str] = (),
+    kinds: Mapping[str, Callable[[str], str | None]] = MappingProxyType({}),
+    caption: str,
+) -> str:
     """A table; cells are plain words, the first of a row is its head.
 
     Args:
         columns: names, all different.
         rows: a cell for each column.
         right: names of the columns that are aligned right: numbers.
+        kinds: by name of a column, the class of a cell by its words, none for none.
         caption: what it is, for those who do not see it.
     """
-    classes = [' class="n"' if name in right else "" for name in columns]
-    head = "".join(f'<th scope="col"{kind}>{words(name)}</th>' for name, kind in zip(columns, classes, strict=True))
+    numbers = ["n" if name in right else "" for name in columns]
+    named = list(zip(columns, numbers, strict=True))
+    head = "".join(f'<th scope="col"{_kind(kind)}>{words(name)}</th>' for name, kind in named)
+    looks = [(number, kinds.get(name, _plain)) for name, number in named]
     lines = []
     for row in rows:
-        first, *others = (words(cell) for cell in row)
-        cells = "".join(f"<td{kind}>{cell}</td>" for cell, kind in zip(others, classes[1:], strict=True))
-        lines.append(f'<tr><th scope="row"{classes[0]}>{first}</th>{cells}</tr>')
+        first, *others = (
+            f"{_kind(number, kind_of(cell))}>{words(cell)}" for cell, (number, kind_of) in zip(row, looks, strict=True)
+        )
+        lines.append(f'<tr><th scope="row"{first}</th>{"".join(f"<td{cell}</td>" for cell in others)}</tr>')
     label = words(caption)
     return (
         f'<div class="wide" role="region" tabindex="0" aria-label="{label}"><table>'
@@ -127,29 +121,79 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[str]], *, right: Colle
     )
 
 
+def bar(percent: str) -> str:
+    """Class of a cell with a share, as ``fixed(share, 1, "%")`` writes it: a bar behind it as long as the share.
+
+    Example:
+        >>> bar("48.2%"), bar("–")
+        ('share b10', '')
+    """
+    return f"share b{round(float(percent[:-1]) * SHARE_STEPS / 100)}" if percent.endswith("%") else ""
+
+
+def _plain(_: str) -> str:
+    return ""
+
+
+def _kind(*kinds: str | None) -> str:
+    known = " ".join(filter(None, kinds))
+    return f' class="{known}"' if known else ""
+
+
+def card(title: str, sum_up: tuple[str, str], lines: Iterable[Line], kind: str = "") -> str:
+    """What there is to know first of one question.
+
+    Args:
+        title: plain words, the question.
+        sum_up: plain words: the figure, large, and what it counts.
+        lines: more of it.
+        kind: ``good warn bad``, how it looks as a whole.
+    """
+    figure, what = map(words, sum_up)
+    listed = "".join(f"<li{_kind(of)}>{words(text)}</li>" for text, of in lines)
+    summed = f"<strong>{figure}</strong> {what}" if figure else what
+    return (
+        f'<div{_kind("card", kind)}><h2>{words(title)}</h2><p class="sum">{summed}</p>'
+        f"{f'<ul>{listed}</ul>' if listed else ''}</div>"
+    )
+
+
+def listed(lines: Sequence[Line]) -> list[Line]:
+    """The first few, and how many more there are: the lists below have all of them."""
+    more = [(f"and {len(lines) - MOST_LINES} more, below", "")] if len(lines) > MOST_LINES else []
+    return [*lines[:MOST_LINES], *more]
+
+
 def section(title: str, *parts: str) -> Section:
-    """One part of a page under its heading.
+    """One part of a page.
 
     Args:
         title: plain words.
         parts: HTML.
     """
-    return f"<section><h2>{words(title)}</h2>{''.join(parts)}</section>\n"
+    return Section(title, "".join(parts))
 
 
-def page(title: str, lead: str, sections: Iterable[Section]) -> str:
+def page(title: str, lead: str, cards: Iterable[str], sections: Sequence[Section]) -> str:
     """The whole document.
 
     Args:
         title: plain words.
-        lead: plain words, what there is to know first.
-        sections: in order.
+        lead: plain words, of what it is.
+        cards: the answers to what is asked first.
+        sections: in order; each is linked from the top.
     """
+    links = "".join(f'<a href="#{each.anchor}">{words(each.title)}</a>' for each in sections)
+    parts = "".join(
+        f'<section id="{each.anchor}"><h2>{words(each.title)}</h2>{each.parts}</section>\n' for each in sections
+    )
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
         '<meta name="viewport" content="width=device-width,initial-scale=1">'
         '<meta name="referrer" content="no-referrer">'
-        f"<title>{words(title)}</title><style>{_STYLE}</style></head>\n"
-        f"<body><main><h1>{words(title)}</h1><p>{words(lead)}</p>\n{''.join(sections)}</main></body></html>\n"
+        f"<title>{words(title)}</title><style>{STYLE}</style></head>\n"
+        f'<body><main><header><h1>{words(title)}</h1><p class="soft">{words(lead)}</p></header>\n'
+        f'<div class="cards">{"".join(cards)}</div><nav aria-label="Parts of this page">{links}</nav>\n'
+        f"{parts}</main></body></html>\n"
     )

@@ -2,28 +2,47 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Final
+
 from gcs.certainty import certainty
 from gcs.report.page.flight_summary import MOST_CHANGES, FlightSummary, Spread, VehicleRecord
-from gcs.report.page.html import fixed, table, words
+from gcs.report.page.html import bar, fixed, table, words
 from gcs.report.page.timeline import clock
 from gcs.report.rollcall import RollCallRow
 
-__all__ = ["rollcall_table", "vehicle_parts"]
+__all__ = ["rollcall_table", "standing_of", "vehicle_parts"]
+
+_STANDINGS: Final = MappingProxyType({"confirmed": "confirmed", "tentative": "tentative", "never named": "never"})
+"""How each looks."""
+
+
+def standing_of(record: FlightSummary, row: RollCallRow) -> str:
+    """The best that a vehicle's name was: ``confirmed``, ``tentative`` or ``never named``."""
+    if not row.boxes:
+        return "never named"
+    return "confirmed" if record.vehicles[row.system_id].sure_us else "tentative"
 
 
 def rollcall_table(record: FlightSummary) -> str:
     """One line a vehicle."""
-    columns = ("vehicle", "id", "first named", "boxes", "of frames in view", "mean confidence", "remark")
+    columns = (
+        *("vehicle", "standing", "mean confidence", "named for", "of frames in view"),
+        *("first named", "boxes", "id", "remark"),
+    )
     rows = []
     for row in record.rollcall.rows():
-        first = _moment(record, record.vehicles[row.system_id].first_us) if row.boxes else "–"
+        vehicle = record.vehicles[row.system_id]
+        first = _moment(record, vehicle.first_us) if row.boxes else "–"
         rows.append(
             (
-                *(row.name, str(row.system_id), first, str(row.boxes), fixed(100 * row.share, 1, "%")),
-                *(certainty(row.confidence) or "–", row.remark),
+                *(row.name, standing_of(record, row), certainty(row.confidence) or "–", clock(vehicle.named_us * 1e-6)),
+                *(fixed(100 * row.share, 1, "%"), first, str(row.boxes), str(row.system_id), row.remark),
             )
         )
-    return table(columns, rows, right=columns[1:6], caption="Roll call")
+    kinds: Mapping[str, Callable[[str], str | None]] = {"standing": _STANDINGS.get, "of frames in view": bar}
+    return table(columns, rows, right=columns[2:8], kinds=kinds, caption="Roll call")
 
 
 def vehicle_parts(record: FlightSummary) -> str:

@@ -74,18 +74,20 @@ def test_the_page_of_a_batch(results):
     seen = Seen(page)
     assert not seen.tags & {"script", "link", "img", "iframe", "object", "form", "b"}
     assert ("http-equiv", "Content-Security-Policy") in seen.attributes
-    assert not [value for name, value in seen.attributes if name in ("src", "href", "action", "style")]
+    assert not [value for name, value in seen.attributes if name in ("src", "action", "style")]
+    anchors = {f"#{value}" for name, value in seen.attributes if name == "id"}
+    assert {value for name, value in seen.attributes if name == "href"} == anchors
     assert HOSTILE in seen.words
     assert "<b>one</b>" in seen.row("broken mission")[1]
     assert "no such session folder" in seen.row("gone")[1]
     assert seen.row("gone")[-1] == "none"
     firsts = [row[0] for row in seen.rows]
     assert firsts.index("broken mission") < firsts.index("a") < min(firsts.index("b"), firsts.index("c"))
-    assert seen.row("a")[-1].startswith("wrong and sure for ")
-    assert seen.row("c")[-2] == "–"
+    assert seen.row("a")[1].startswith("wrong and sure for ")
+    assert seen.row("c")[-1] == "–"
     assert seen.row("flights failed")[1] == "2"
     assert seen.row("flights with known truth")[1] == "2"
-    (columns,) = (row for row in seen.rows if row[0] == "flight" and row[-1] == "reason")
+    (columns,) = (row for row in seen.rows if row[:2] == ["flight", "reason"])
     assert {"alarms", "right", "precision", "name changes", "calibration error"} <= set(columns)
     assert float(seen.row("b")[columns.index("precision")].rstrip("%")) > 90.0
     assert seen.row(HOSTILE)[2] == "1 of 1"
@@ -203,6 +205,14 @@ def test_the_worst_flight_comes_first_with_the_reason():
     assert [each.record.flight for each in judged] == [each.flight for each, _ in WORST_FIRST]
     for each, (_, reason) in zip(judged, WORST_FIRST, strict=True):
         assert reason in "; ".join(each.reasons)
+
+
+def test_the_worst_is_said_first():
+    page = Seen(batch_page([each for each, _ in WORST_FIRST], "here")).words
+    first, _, _ = page.partition("Flights, the worst first")
+    assert "17 of 24 vehicles were named" in first
+    assert "much wrong: wrong and sure for 9.0 s" in first and "and 10 more, below" in first
+    assert "unsure" not in first
 
 
 def test_what_does_not_fit_on_the_page_is_counted(monkeypatch):

@@ -11,6 +11,7 @@ import pytest
 
 from gcs.mission.mission import Mission, MissionVehicle
 from gcs.playback.as_flown import FlownReports
+from gcs.report.page import style
 from gcs.report.page.flight_report import Provenance, flight_report
 from gcs.report.page.flight_summary import FlightSummary
 from gcs.report.page.map_drawing import draw_map
@@ -18,6 +19,7 @@ from gcs.report.page.stills import MOST, Stills
 from gcs.report.page.timeline import draw_sources
 from gcs.report.score import Matched
 from gcs.snapshot import Alarm, Event
+from gcs.tui import themes
 from tests.support.bundled import CURVED_ROAD, shortened, swarm_session
 from tests.support.command_line import run_gcs
 from tests.support.snapshots import STEP, TWO_UGVS, box, snapshot
@@ -55,7 +57,7 @@ class Page(HTMLParser):
 
     @property
     def text(self):
-        return " ".join(self.words)
+        return " ".join(" ".join(self.words).split())
 
 
 def report(snapshots, matched=None, name="x"):
@@ -77,7 +79,8 @@ def check_alone(text):
     page = Page(text)
     assert "content=\"default-src 'none'; style-src 'unsafe-inline'; img-src data:\"" in text
     assert not page.tags & {"script", "iframe", "object", "embed", "link", "form", "base"}
-    assert all(link.startswith("data:image/jpeg;base64,") for link in page.links)
+    anchors = set(re.findall(r'<section id="([^"]+)"', text))
+    assert all(link.startswith("data:image/jpeg;base64,") or link[1:] in anchors for link in page.links)
     assert not re.search(r"url\(|@import|https?://", text)
     assert "nan" not in re.findall(r"[a-z]+", page.text.lower())
     return page
@@ -192,6 +195,45 @@ def test_alarms_of_the_time_line_have_their_numbers_in_the_list():
     drawn = re.findall(r"<title>(link \w)</title></rect><text [^>]*>(\d)</text>", text)
     listed = re.findall(r"(\d)\s+0:\d\d\.\d\s+0:\d\d\.\d\s+alarm\s+(link \w)", check_alone(text).text)
     assert drawn == [(what, number) for number, what in listed] == [("link a", "1"), ("link b", "2")]
+
+
+def first_screen(page):
+    return page.text.partition("Parts of this page")[0].partition("Roll call")[0]
+
+
+DOUBT = Alarm(
+    key="d", level="alarm", kind="vehicle", text="jumped", advice="x", since_us=0, system_id=2, doubts_name=True
+)
+MARK = Event(t_us=1, level="info", kind="mark", text="behind the barn", system_id=2)
+ASKED_FIRST = [  # of nine frames, what is said, and what besides
+    ({"boxes": [box(1, 2)]}, "confirmed: Alpha", "nothing that is known of"),
+    ({"boxes": [replace(box(1, 2), confidence=0.6)]}, "tentative: Alpha", "60% sure, on average"),
+    ({"boxes": []}, "0 of 2 vehicles were named", "never named: UGV-3 (never heard)"),
+    ({"boxes": [box(1, 0), box(2, 2)]}, "50.0% of the boxes have no name", "no truth"),
+    ({"alarms": (DOUBT,)}, "1 alarm, 0 warnings", "jumped ("),
+    ({"alarms": (DOUBT,)}, "its name in doubt for", "Alpha"),
+    ({"events": (MARK,)}, "marked: Alpha: behind the barn", "0 alarms, 0 warnings, 9 marks"),
+]
+
+
+@pytest.mark.parametrize(("seen", "told", "besides"), ASKED_FIRST)
+def test_what_is_asked_first_is_said_first(seen, told, besides):
+    flown = [dataclasses.replace(snapshot(k), **seen) for k in range(9)]
+    first = first_screen(check_alone(report(flown, name="no truth")))
+    assert told in first and besides in first
+
+
+def test_a_name_holds_until_the_next_look_and_a_second_at_most():
+    flown = [snapshot(k, boxes=[box(1, 2)]) for k in (0, 1, 2, 60)]
+    record = FlightSummary(TWO_UGVS, flown[0].t_us, flown[-1].t_us, 0.1)
+    for each in flown:
+        record.add(each.t_us, each)
+    assert record.vehicles[2].named_us == 2 * STEP + 1_000_000
+
+
+@pytest.mark.parametrize(("page", "theme"), [(style.LIGHT, themes.LIGHT), (style.DARK, themes.DARK)])
+def test_pages_have_the_colours_of_the_screens(page, theme):
+    assert dict(page) == {name: theme.colours[themes.Colour(name)] for name in page}
 
 
 def test_confidences_that_come_true_lie_on_the_diagonal():
