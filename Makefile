@@ -48,7 +48,7 @@ layers: $(READY)
 
 docs: $(READY)
 	$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements-docs.lock
-	$(BIN)/python -m mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
 bench-all: $(addprefix bench-,$(BENCHES))
 

@@ -26,11 +26,12 @@ from bench.screens.terminal import Cell
 SIZE = (80, 24)
 RECORDING = Path("sitl_logs/curved-road")
 FRAME_S = 0.5
+ANALYSED_S = 300.0
 PICTURE = frozenset("▀▄█")
 HOME, DOWN, ESCAPE, SPACE = b"\x1b[H", b"\x1b[B", b"\x1b", b" "
 PLAYING = "►"
 STEPS: tuple[tuple[bytes, float], ...] = (
-    (HOME, 4.0),  # video with names, fleet, log
+    (HOME, 3.5),  # video with names, fleet, log
     (DOWN, 1.0),
     (DOWN, 2.5),  # why a vehicle is the box that has its name
     (b"2", 2.0),  # the map
@@ -51,9 +52,10 @@ def record(gcs: str, recording: Path) -> Iterator[tuple[float, str]]:
     with tempfile.TemporaryDirectory() as folder:
         copy = shutil.copytree(recording, Path(folder) / recording.name)
         with TerminalSession([gcs, "replay", str(copy), "--graphics", "blocks"], SIZE) as session:
-            session.wait_for(lambda text: "REPLAY" in text and "analysed" not in text.partition("\n")[0], 120.0)
+            session.wait_for(lambda text: "analysed" in text.partition("\n")[0], ANALYSED_S)
+            session.wait_for(lambda text: "analysed" not in text.partition("\n")[0], ANALYSED_S)
             session.press(HOME)
-            time.sleep(2 * FRAME_S)
+            session.wait_for(lambda text: "video ok" in text)
             if PLAYING not in session.catch_up():
                 session.press(SPACE)
             for keys, look_s in STEPS:

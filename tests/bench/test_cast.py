@@ -3,7 +3,10 @@
 import json
 from pathlib import Path
 
+from PIL import Image
+
 from bench.screens.cast import changes
+from bench.screens.gif import CELL, draw
 from bench.screens.terminal import Cell, TerminalScreen
 
 CAST = Path(__file__).parents[2] / "docs" / "rollcall.cast"
@@ -22,6 +25,20 @@ def test_the_recording_is_valid_small_and_shows_names_map_and_help():
         seen.append(terminal.text)
     for words in ("REPLAY", "confirmed 99%", "MAP", "ALARMS", "quit", "pause"):
         assert any(words in text for text in seen), words
+
+
+def test_the_moving_picture_is_small_and_of_the_recording():
+    with Image.open(CAST.with_suffix(".gif")) as picture:
+        events = CAST.read_text(encoding="utf-8").splitlines()[1:]
+        assert len(events) - 8 < picture.n_frames <= len(events)
+    assert CAST.with_suffix(".gif").stat().st_size < 1_000_000
+
+
+def test_letters_are_drawn_in_their_colours():
+    look = ("38;2;255;0;0", "48;5;16")
+    picture = draw([[Cell("▀", look), Cell("\u2801", look)]], {})
+    assert picture.getpixel((0, 0)) == (255, 0, 0) and picture.getpixel((0, CELL[1] - 1)) == (0, 0, 0)
+    assert picture.getpixel((CELL[0] + 2, 2)) == (255, 0, 0) and picture.getpixel((CELL[0] + 6, 2)) == (0, 0, 0)
 
 
 def test_only_what_changed_is_drawn():
