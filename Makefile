@@ -19,6 +19,7 @@ BENCHES := paper latency field recorded again attacks statements screens screens
 .PHONY: demo test test-slow test-all coverage check lint types layers docs bench-all lock clean
 
 demo: $(READY)
+	@echo "gcs demo: replays a bundled recording; q leaves, ? lists the keys"
 	$(BIN)/gcs demo
 
 test: $(READY)
@@ -58,10 +59,7 @@ bench-%: $(READY)
 
 # The pinned set, by hash; the project itself on top, in place.
 $(READY): requirements.lock pyproject.toml
-	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is " + sys.version.split()[0] if sys.version_info < (3, 11) else 0)'
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements.lock
-	$(BIN)/python -m pip install --quiet --no-build-isolation --no-deps --editable .
+	@$(PYTHON) .ci/set_up.py $(VENV)
 	touch $@
 
 # Needs uv on the path; commit the results.
