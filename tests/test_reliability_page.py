@@ -27,3 +27,11 @@ def test_every_requirement_has_a_row():
     page = Path("docs/reliability.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| (\d+)[abc]? \|", page, flags=re.MULTILINE)
     assert {int(number) for number in rows} == set(range(1, 21))
+
+
+def test_what_is_told_of_the_attacks_is_what_was_measured():
+    results = Path("bench/results/attacks.md").read_text(encoding="utf-8")
+    cases = [row.split(" | ") for row in re.findall(r"^\| (?!attack \||---)(.*) \|$", results, flags=re.MULTILINE)]
+    held = sum(case[8] == "held" for case in cases)
+    assert f"\n{held} of {len(cases)} cases held." in results
+    assert f"{len(cases)} cases, of which {held} are held" in Path("docs/reliability.md").read_text(encoding="utf-8")

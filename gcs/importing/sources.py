@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from gcs.errors import ImportFileError
 from gcs.importing.fleet_log import read_tlog_vehicles
@@ -21,7 +22,7 @@ from gcs.importing.formats.text_file import LOOKED_AT, open_file
 from gcs.importing.plausible import plausible
 from gcs.importing.vehicle_log import VehicleLog
 
-__all__ = ["FORMATS", "LogFormat", "read_vehicle_logs"]
+__all__ = ["FORMATS", "OTHERWISE", "LogFormat", "read_vehicle_logs"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,10 +54,11 @@ FORMATS = (
     LogFormat(suffixes=(".csv", ".tsv", ".txt"), read=read_csv),
 )
 """Tried in this order."""
-_OTHERWISE = {
+OTHERWISE: Final = {
     ".kmz": "a KML in a ZIP archive: unzip it and give the .kml that is in it",
     ".fit": "Garmin's FIT is not read: give a GPX made of it",
 }
+"""Suffixes of what is not read, and what to give instead."""
 
 
 def read_vehicle_logs(path: Path) -> list[VehicleLog]:
@@ -84,5 +86,5 @@ def _format_of(path: Path) -> LogFormat:
     if known:
         return known[0]
     kinds = [f"{each.suffixes[0]} ({each.maker})" if each.maker else each.suffixes[0] for each in FORMATS]
-    why = _OTHERWISE.get(suffix, "by its suffix not a log that can be read")
+    why = OTHERWISE.get(suffix, "by its suffix not a log that can be read")
     raise ImportFileError(f"{path}: {why}; give {', '.join(kinds[:-1])} or {kinds[-1]}")

@@ -8,7 +8,9 @@ from pymavlink.DFReader import DFReader_binary
 from pyulog import ULog
 
 from gcs.errors import ImportFileError
+from gcs.importing import sources
 from gcs.importing.sources import read_vehicle_logs
+from tests.support.bundled import ROOT
 from tests.support.imports.flown import UGVS, fly
 from tests.support.imports.log_writers import dataflash, gpx, pose_csv, positions_csv, ulog, wire_attitudes, wire_places
 
@@ -223,3 +225,10 @@ def test_there_is_no_such_file(tmp_path):
     for name in ("a.bin", "a.ulg", "a.csv", "a.gpx", "a.srt"):
         with pytest.raises(ImportFileError, match="no such file"):
             read_vehicle_logs(tmp_path / name)
+
+
+def test_the_page_names_each_kind_of_file_that_is_read_and_that_is_not():
+    page = (ROOT / "docs" / "import.md").read_text(encoding="utf-8")
+    products = page.partition("## Which file of which product")[2].partition("\n## ")[0].lower()
+    for suffix in {suffix for each in sources.FORMATS for suffix in each.suffixes} | sources.OTHERWISE.keys():
+        assert f"`{suffix}`" in products, suffix
