@@ -69,11 +69,11 @@ class CameraState:
     """Height of the ground plane in the same ENU frame, metres."""
     px_rad: float
     """Radians per pixel near the image centre."""
-    attitude_known: bool
+    attitude_known: bool = True
     """False: the heading of the image is not known at all; tilt is taken from ``R_enu_cam`` nevertheless."""
-    position_known: bool
+    position_known: bool = True
     """False: ``p_enu`` is a guess."""
-    stabilized: bool
+    stabilized: bool = False
     """True: a gimbal keeps the horizon; False: the camera tilts with the body, so tilt is known less well."""
     half_view: tuple[float, float] = (np.nan, np.nan)
     """Tangents of half the angle of view, across and along the image; NaN unknown."""

@@ -26,16 +26,23 @@ def run(monkeypatch, capsys):
     return run_example
 
 
-def test_every_example_is_run_here():
+def test_every_example_is_run_here_and_short():
     here = Path(__file__).read_text(encoding="utf-8")
     for example in EXAMPLES.glob("*.py"):
+        text = example.read_text(encoding="utf-8")
         assert f'"{example.name}"' in here, example.name
-        assert f"python {example} " in example.read_text(encoding="utf-8")
+        assert f"python {example} " in text
+        assert len(text.splitlines()) <= 25, example.name
+        assert "\nimport rollcall\n" in text
 
 
 def test_a_log_becomes_arrays(run):
     text = run("tlog_to_numpy.py", SWARM / "telemetry.tlog")
     assert len(re.findall(r"^system \d+: \d{3,} positions", text, re.MULTILINE)) == 7
+
+
+def test_own_tracks_get_names_by_own_positions(run):
+    assert "{1: 13, 2: 12, 3: 11}" in run("own_tracks.py", 5)
 
 
 @pytest.mark.slow
@@ -53,6 +60,12 @@ def test_telemetry_falls_on_the_vehicles(run, tmp_path):
 @pytest.fixture
 def ten_seconds(tmp_path):
     return shortened(SWARM, tmp_path / "session", 100)
+
+
+def test_names_as_a_table(run, ten_seconds):
+    text = run("names_of_a_flight.py", ten_seconds)
+    assert len(re.findall(r": \d{2,} boxes", text)) >= 5, text
+    assert float(re.search(r"right: ([\d.]+)%", text)[1]) > 95.0
 
 
 def test_an_export_of_ones_own(run, ten_seconds, tmp_path):

@@ -12,7 +12,19 @@ from mavlink.errors import TlogError
 from mavlink.protocol.packet import MAGIC_V2
 from mavlink.tlog.scan import Bytes, Ints, gather
 
-__all__ = ["message_dtype", "read_columns"]
+__all__ = ["message_dtype", "message_number", "read_columns"]
+
+
+def message_number(name: str) -> int:
+    """Number of a message by its name.
+
+    Raises:
+        TlogError: the dialect has no such message.
+    """
+    for number, message in ardupilotmega.mavlink_map.items():
+        if message.msgname == name:
+            return int(number)
+    raise TlogError(f"message {name!r}: not in the ardupilotmega dialect; names are as in GLOBAL_POSITION_INT")
 
 
 @cache

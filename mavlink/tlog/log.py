@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from infra.files.safe_open import open_to_read
 from mavlink.errors import TlogError
 from mavlink.protocol.packet import Packet
-from mavlink.tlog.columns import read_columns
+from mavlink.tlog.columns import message_number, read_columns
 from mavlink.tlog.file_type import looks_like
 from mavlink.tlog.index import Damage, TlogCounts, TlogIndex, build_index
 from mavlink.tlog.scan import Bytes
@@ -103,11 +103,11 @@ class Tlog:
             chosen &= np.isin(index.system_id, list(system_ids))
         return np.flatnonzero(chosen)
 
-    def columns(self, message_id: int, system_id: int | None = None) -> tuple[NDArray[np.int64], NDArray[np.void]]:
+    def columns(self, message: int | str, system_id: int | None = None) -> tuple[NDArray[np.int64], NDArray[np.void]]:
         """All messages of one kind as columns, in the units of the wire.
 
         Args:
-            message_id: for instance 33, GLOBAL_POSITION_INT.
+            message: its number or name, 33 or ``GLOBAL_POSITION_INT``.
             system_id: of one vehicle only; None of all.
 
         Returns:
@@ -116,7 +116,7 @@ class Tlog:
         Raises:
             TlogError: the dialect has no such message.
         """
-        index = self.index
+        index, message_id = self.index, message if isinstance(message, int) else message_number(message)
         chosen = (index.message_id == message_id) & index.known
         if system_id is not None:
             chosen &= index.system_id == system_id

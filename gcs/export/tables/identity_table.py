@@ -7,16 +7,13 @@ writer's settings are fixed. pyarrow is an extra (``tables``), and imported when
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import Any
 
 import msgspec
 
 from gcs.export.tables.arrow import import_pyarrow, writer_settings
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-__all__ = ["COLUMNS", "IdentityTable"]
+__all__ = ["COLUMNS", "EvidenceRow", "IdentityTable", "column_values"]
 
 ROWS = 65_536
 """Of one group: what is held in memory at once."""
@@ -123,13 +120,14 @@ class IdentityTable:
         self._writer.close()
 
     def _write(self) -> None:
-        batch = _columns(self._pyarrow, self._schema, self._rows)
+        values = column_values(self._rows)
+        batch = self._pyarrow.RecordBatch.from_pydict({name: values[name] for name in COLUMNS}, schema=self._schema)
         self._writer.write_batch(batch, row_group_size=ROWS)
         self._rows = []
 
 
-def _columns(pyarrow: pa, schema: pa.Schema, rows: list[EvidenceRow]) -> pa.RecordBatch:
+def column_values(rows: list[EvidenceRow]) -> dict[str, list[Any]]:
+    """Values by column; None is unknown."""
     columns = {name: [getattr(row, name) for row in rows] for name in COLUMNS if name not in (*_BOX, *_ENU)}
     columns |= {name: [row.box[k] for row in rows] for k, name in enumerate(_BOX)}
-    columns |= {name: [row.enu_m[k] for row in rows] for k, name in enumerate(_ENU)}
-    return pyarrow.RecordBatch.from_pydict({name: columns[name] for name in COLUMNS}, schema=schema)
+    return columns | {name: [row.enu_m[k] for row in rows] for k, name in enumerate(_ENU)}
