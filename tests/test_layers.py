@@ -38,7 +38,7 @@ def test_tests_stand_on_their_support_alone_and_only_those_of_benches_on_benches
 
 
 def test_every_package_says_what_it_is_for():
-    for room in ("rollcall", "gcs", "mavlink", "vision", "assoc", "sim", "infra"):
+    for room in ("rollcall", "gcs", "mavlink", "vision", "assoc", "sim", "infra", "training"):
         for path in Path(room).rglob("__init__.py"):
             words = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
             assert len(words) > 30, path

@@ -4,7 +4,7 @@ import ast
 from collections import defaultdict
 from pathlib import Path
 
-ROOMS = ("rollcall", "gcs", "mavlink", "vision", "assoc", "sim", "infra", "bench")
+ROOMS = ("rollcall", "gcs", "mavlink", "vision", "assoc", "sim", "infra", "training", "bench")
 
 
 def test_no_class_name_stands_in_two_places():

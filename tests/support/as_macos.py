@@ -74,14 +74,14 @@ def become_macos() -> None:
 def import_everything() -> int:
     """Import every module of the product, and count them; libraries for training networks may be absent."""
     count = 0
-    for package in ("gcs", "mavlink", "vision", "assoc", "infra", "sim"):
+    for package in ("gcs", "mavlink", "vision", "assoc", "infra", "sim", "training"):
         for found in pkgutil.walk_packages([package], f"{package}."):
             if found.name.endswith("__main__"):
                 continue
             try:
                 importlib.import_module(found.name)
             except ModuleNotFoundError as error:
-                if error.name not in ("torch", "onnx") or not found.name.startswith("vision.training."):
+                if error.name not in ("torch", "onnx") or not found.name.startswith("training."):
                     raise
             count += 1
     return count

@@ -1,6 +1,6 @@
 """From the bundled model's map to boxes: only the cells that are peaks are touched.
 
-The map's channels are those of ``vision.training.net``: score (0 but at peaks of the centre's), centre offset x, y in
+The map's channels are those of ``training.net``: score (0 but at peaks of the centre's), centre offset x, y in
 cells from the cell's middle, log length and log width in cells, (sin, cos) of the heading, (sin, cos) of twice the
 heading.
 """

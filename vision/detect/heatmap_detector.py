@@ -1,6 +1,6 @@
 """The bundled detector: it finds fronts, and the image is scaled so that vehicles have the length it was trained for.
 
-The model's contract (``vision/training/export.py`` writes it): input ``image`` [1, H, W, 3] uint8 BGR, sides multiples
+The model's contract (``training/export.py`` writes it): input ``image`` [1, H, W, 3] uint8 BGR, sides multiples
 of 32; output ``map`` [1, 9, H/4, W/4] float32 as read by ``vision.detect.decode_heatmap``; metadata ``rollcall``
 (version), ``stride``, ``nominal_length_m`` and ``nominal_length_px``: a vehicle of so many metres is found best at so
 many pixels.

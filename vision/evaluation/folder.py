@@ -83,7 +83,9 @@ def open_folder(
     shards = [path] if path.is_file() else sorted(path.glob("crops_*.npz"))
     if format == "shards" or (format is None and shards):
         if not shards:
-            raise LabelError(f"{path}: no crops_*.npz in it; make some with python -m sim.training.crops --out {path}")
+            raise LabelError(
+                f"{path}: no crops_*.npz in it; a checkout makes some: python -m training.rendered.crops --out ..."
+            )
         return Folder(format="shards", images=tuple(p for s in shards for p in read_shard(s)), unlabelled=0)
     paths = sorted(p for p in path.rglob("*") if p.suffix.lower() in IMAGES)
     pairs = [(image, label) for image in paths if (label := _label_of(image)) is not None]

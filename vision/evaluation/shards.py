@@ -1,4 +1,4 @@
-"""Shards of rendered training crops, ``crops_*.npz`` of ``python -m sim.training.crops``, as labelled images."""
+"""Shards of rendered training crops, ``crops_*.npz`` of ``python -m training.rendered.crops``, as labelled images."""
 
 from __future__ import annotations
 

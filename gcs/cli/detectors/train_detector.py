@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from importlib.util import find_spec
@@ -20,11 +21,13 @@ from gcs.cli.output.tables import print_table
 from gcs.errors import GcsError
 
 if TYPE_CHECKING:
+    from training.finetune import FineTuning
     from vision.evaluation import LabelledImage
-    from vision.training.finetune import FineTuning
 
 __all__ = ["train_detector"]
 
+CHECKOUT = Path(__file__).parents[3]
+"""Folder with what is not in the package, of a program that runs from a checkout."""
 INTERRUPTED = 130
 """Exit code of a program that the keyboard ended."""
 KEPT_SHARE, WATCHED_SHARE = 0.2, 0.15
@@ -65,14 +68,17 @@ def train_detector(
     ] = False,
 ) -> None:
     """Fine-tune the bundled detector on labelled images: an hour on a CPU, less on a GPU that torch finds."""
-    if missing := [name for name in ("torch", "onnx") if find_spec(name) is None]:
+    if not (CHECKOUT / "training" / "finetune.py").is_file():
         raise GcsError(
-            f"training needs {' and '.join(missing)}: install the extra 'train' with "
-            "python -m pip install 'rollcall-gcs[train]'; in a checkout, python -m pip install -e '.[train]'"
+            "training needs a checkout of Rollcall, it is not in the package: run make there, then "
+            "python -m pip install -e '.[train]'; a model of any trainer that exports YOLO-OBB flies as well"
         )
-    from vision.training.finetune import FineTuning, TrainingOptions
-    from vision.training.split import split
-    from vision.training.train import best_device
+    if missing := [name for name in ("torch", "onnx") if find_spec(name) is None]:
+        raise GcsError(f"training needs {' and '.join(missing)}: in the checkout, python -m pip install -e '.[train]'")
+    sys.path.append(str(CHECKOUT))
+    from training.finetune import FineTuning, TrainingOptions
+    from training.split import split
+    from training.train import best_device
 
     _, images = open_images(folder, form, names, classes, ignore, corners_tell_front)
     if gsd is not None:

@@ -13,12 +13,12 @@ from sim.render.render import Renderer, Style
 from sim.world.boxes import true_boxes
 from sim.world.view import OCCLUDER, OTHER_VEHICLE, PERSON, UGV, Bodies, CameraView, Road, Scene
 from tests.support.onnx_models import UINT8, model
+from training.quality import measure
 from vision.detect import decode_heatmap
 from vision.detect.boxes import wrap
 from vision.detect.detections import Detections
 from vision.detect.detector import BUNDLED, HeatmapDetector, open_detector
 from vision.errors import ModelError
-from vision.training.quality import measure
 
 
 def camera(height=40.0, size=(1280, 720), focal=1200.0, xy=(0.0, 0.0)):

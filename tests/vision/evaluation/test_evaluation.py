@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.support.labelled import found_of, truth_of
+from training.quality import measure
 from vision.detect.boxes import corners, rotated_iou
 from vision.evaluation import LabelledImage, average_precision, choose, evaluate, match, shard_truth
 from vision.evaluation.matching import ASIDE, FALSE_ALARM, overlap
@@ -19,7 +20,6 @@ from vision.evaluation.precision import balanced_score
 from vision.evaluation.report import as_json, as_markdown
 from vision.evaluation.sheet import TILE_PX, worst, worst_sheet
 from vision.evaluation.truth import choose_classes
-from vision.training.quality import measure
 
 MODEST = settings(max_examples=25, deadline=None)
 SIDE_PX = 400.0

@@ -1,1 +1,0 @@
-"""Images to train detectors on: a seed in, shards of labelled crops out."""
