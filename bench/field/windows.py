@@ -17,10 +17,10 @@ from scipy.optimize import linear_sum_assignment
 
 from assoc.errors import AssocError
 from assoc.methods.belief import fuse, masses
-from assoc.methods.projection import Projection, associate_by_projection, reprojection_errors
 from assoc.methods.topology import associate_by_topology, topology_angles, topology_cost
-from assoc.methods.tts import associate_by_tts
 from bench.field.scene import SessionFrame, SessionFrames
+from bench.paper.projection import Projection, associate_by_projection, reprojection_errors
+from bench.paper.tts import associate_by_tts
 
 __all__ = ["METHODS", "UNANSWERED", "Method", "by_windows"]
 

@@ -1,8 +1,8 @@
 """The methods as one would first write them down: the peers that our versions are timed against, and their oracles.
 
 Loops over hypotheses, vehicles, tracks and frames, one small least-squares problem per hypothesis. Symbols as in
-:mod:`assoc.methods.projection`, :mod:`assoc.methods.topology`, :mod:`assoc.methods.belief` and
-:mod:`assoc.methods.tts`.
+:mod:`bench.paper.projection`, :mod:`assoc.methods.topology`, :mod:`assoc.methods.belief` and
+:mod:`bench.paper.tts`.
 """
 
 from __future__ import annotations

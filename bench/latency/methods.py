@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.methods.belief import fuse, masses
-from assoc.methods.projection import associate_by_projection
 from assoc.methods.topology import associate_by_topology, topology_angles, topology_cost
-from assoc.methods.tts import associate_by_tts_once, tts_similarity
 from bench.latency import literal
 from bench.latency.measure import MethodTiming, timed
 from bench.latency.scenes import Snap, snap
+from bench.paper.projection import associate_by_projection
+from bench.paper.tts import associate_by_tts_once, tts_similarity
 
 __all__ = ["OURS", "measure_methods"]
 

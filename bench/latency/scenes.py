@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.methods.projection import reprojection_errors
 from assoc.methods.topology import topology_angles, topology_cost
+from bench.paper.projection import reprojection_errors
 from sim.world.scenario import Gnss, Scenario, ScenarioCamera, ScenarioFlight, ScenarioGround
 
 __all__ = ["Snap", "crowd", "snap"]

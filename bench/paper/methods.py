@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from assoc.errors import DegenerateError
 from assoc.identification.identifier import CameraState, Identifier, IdentifierParams, Observation, VehicleReports
 from assoc.methods.belief import fuse, masses
-from assoc.methods.projection import Projection, associate_by_projection, reprojection_errors
 from assoc.methods.topology import (
     associate_by_topology,
     signed_angles,
@@ -22,9 +21,10 @@ from assoc.methods.topology import (
     topology_angles,
     topology_cost,
 )
-from assoc.methods.tts import associate_by_tts, associate_by_tts_once, tts_similarity
 from assoc.params import ScheduleParams
 from bench.paper.films import CAMERA
+from bench.paper.projection import Projection, associate_by_projection, reprojection_errors
+from bench.paper.tts import associate_by_tts, associate_by_tts_once, tts_similarity
 from bench.paper.windows import Window
 from vision.camera.camera import CameraPose, Intrinsics, Mount, camera_pose, ground
 

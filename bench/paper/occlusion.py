@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.errors import DegenerateError
-from assoc.methods.projection import associate_by_projection
 from assoc.methods.reattach import reattach
 from bench.paper.bytetrack import ByteTrack
 from bench.paper.films import film, paper_road
+from bench.paper.projection import associate_by_projection
 from bench.paper.streams import Ours, Plain, Walk, camera_motion, frame_us, walk
 from sim.world.scenario import Scenario
 from vision.track.tracker import Tracker

@@ -26,7 +26,6 @@ import msgspec
 import psutil
 
 from gcs.batch.addresses import is_remote, last_part, local_path
-from gcs.batch.identity_table import write_identity_table
 from gcs.batch.inputs import fetch, files_stamp, input_files, inputs_hash, mission_files, remote_stamp
 from gcs.batch.jobs import (
     DONE,
@@ -53,8 +52,12 @@ from infra.session_format import IDENTITY, IDENTITY_EVIDENCE
 if TYPE_CHECKING:
     from gcs.mission.mission import DetectorChoice
     from vision.detect.detector import Detector
+from collections.abc import Mapping
+from contextlib import closing
 
-__all__ = ["fetched_path", "identify_flight"]
+from gcs.export.tables.identity_table import IdentityTable
+
+__all__ = ["fetched_path", "identify_flight", "write_identity_table"]
 
 _PACKAGES = ("numpy", "scipy", "onnxruntime", "opencv-python-headless", "av", "pyarrow")
 """Whose versions a result may depend on."""
@@ -223,3 +226,23 @@ def _held_bytes() -> int:
 def _peak_bytes() -> int:
     unit = 1 if sys.platform == "darwin" else 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+
+
+def write_identity_table(evidence: Path, path: Path, about: Mapping[str, str]) -> None:
+    """Write a flight's boxes as a Parquet file.
+
+    Args:
+        evidence: an ``identity.jsonl``.
+        path: of the file, which is replaced.
+        about: what the file tells of itself, such as the version of the program.
+
+    Raises:
+        GcsError: pyarrow is not installed.
+        BatchError: the evidence is none.
+    """
+    with closing(IdentityTable(str(path), about)) as table, evidence.open("rb") as lines:
+        for line in lines:
+            try:
+                table.add(line)
+            except msgspec.DecodeError as error:
+                raise BatchError(f"{evidence}: {error}") from error

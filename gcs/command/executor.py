@@ -15,17 +15,111 @@ import math
 import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Literal, Protocol
 
 from gcs.command import mav_cmd
 from gcs.command.ack import CommandAck
 from gcs.command.mav_cmd import Command, GeoPoint
-from gcs.command.paths import Path, above, circles, points
-from gcs.command.pointing import PointingMonitor, Verdict
 from gcs.command.uav import Uav
 from gcs.snapshot import Level
+from mavlink.geodesy import LocalFrame
 
-__all__ = ["CommandExecutor", "CommandParams", "CommandSender"]
+__all__ = [
+    "CommandExecutor",
+    "CommandParams",
+    "CommandSender",
+    "Path",
+    "PointingMonitor",
+    "Verdict",
+    "above",
+    "circles",
+    "points",
+]
+
+Path = Callable[[GeoPoint, bool], Command | None]
+"""Given the newest place and whether this is the first command: the command, None when there is nothing to send."""
+Verdict = Literal["not yet", "done", "not moved", "unknown"]
+THERE_RAD = math.radians(15.0)
+"""So near to its goal the camera has it in view: most see 30° to either side, and gimbals lag behind."""
+PROGRESS_RAD = math.radians(2.0)
+"""A gimbal that turns at all turns so far within the patience."""
+
+
+@dataclass(slots=True)
+class PointingMonitor:
+    """Watches the angle between where the camera looks and where it should.
+
+    Attributes:
+        off_rad: the last angle known, NaN while none was.
+    """
+
+    patience_s: float
+    """Without progress for so long it does not move."""
+    since_s: float
+    """When the order was given, then when there was progress last."""
+    off_rad: float = math.nan
+    _best_rad: float = math.inf
+
+    def update(self, off_rad: float, now_s: float) -> Verdict:
+        """What is known now.
+
+        Args:
+            off_rad: between the optical axis and the goal, NaN unknown.
+            now_s: monotonic seconds.
+        """
+        if math.isfinite(off_rad):
+            self.off_rad = off_rad
+            if off_rad <= THERE_RAD:
+                return "done"
+            if off_rad < self._best_rad - PROGRESS_RAD:
+                self._best_rad, self.since_s = off_rad, now_s
+        if now_s - self.since_s < self.patience_s:
+            return "not yet"
+        return "unknown" if math.isnan(self.off_rad) else "not moved"
+
+
+def above(alt_m: float) -> Path:
+    """Over the vehicle, at a height above sea level."""
+    return lambda place, first: mav_cmd.reposition(place, alt_m, change_mode=first)
+
+
+def circles(around: GeoPoint, alt_m: float, *, radius_m: float, speed_mps: float, moved_m: float) -> Path:
+    """The orbit anew whenever its middle has moved on; the first was ordered already."""
+    middle = around
+
+    def circle(place: GeoPoint, first: bool) -> Command | None:
+        nonlocal middle
+        if _distance_m(middle, place) < moved_m:
+            return None
+        middle = place
+        return mav_cmd.orbit(place, alt_m, radius_m, speed_mps)
+
+    return circle
+
+
+def points(alt_m: float, *, radius_m: float, speed_mps: float, period_s: float) -> Path:
+    """Points on a circle around the vehicle, clockwise, for autopilots without orbits."""
+    angle = 0.0
+
+    def point(place: GeoPoint, first: bool) -> Command | None:
+        nonlocal angle
+        # φ ← φ + v Δt / r
+        angle += speed_mps * period_s / radius_m
+        return mav_cmd.reposition(_beside(place, radius_m, angle), alt_m, change_mode=first)
+
+    return point
+
+
+def _beside(place: GeoPoint, distance_m: float, bearing: float) -> GeoPoint:
+    """A place at a distance and a bearing from north."""
+    frame = LocalFrame(place.lat_deg, place.lon_deg)
+    lat, lon, _ = frame.to_geodetic([distance_m * math.sin(bearing), distance_m * math.cos(bearing), 0.0])
+    return GeoPoint(float(lat), float(lon))
+
+
+def _distance_m(a: GeoPoint, b: GeoPoint) -> float:
+    east, north, _ = LocalFrame(a.lat_deg, a.lon_deg).to_enu_point(b.lat_deg, b.lon_deg, 0.0)
+    return math.hypot(east, north)
 
 
 class CommandSender(Protocol):
@@ -341,4 +435,5 @@ def _seen(verdict: Verdict, monitor: PointingMonitor) -> tuple[Level, str]:
 
 _SEE_PERIOD_S = 0.1
 """Between looks whether the camera turns."""
+
 _NO_HEIGHT = "not sent: its own height is not known"

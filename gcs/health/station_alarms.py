@@ -297,7 +297,7 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         advice="packets wait in memory for a minute at least: free space or bring the disk back, it goes on by itself",
         condition=lambda health, _: _records(health) and health.write_failing_s > 0,
         detail=lambda health, _: health.write_reason,
-        logged_by="gcs.session.recording_events",
+        logged_by="gcs.session.recorder",
     ),
     AlarmRule(
         key="disk hangs",
@@ -318,7 +318,7 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         meaning="it waited longer than memory lasts",
         advice="land; what was flown since is in no file",
         counter=lambda health, _: health.write_lost,
-        logged_by="gcs.session.recording_events",
+        logged_by="gcs.session.recorder",
     ),
     AlarmRule(
         key="disk space",

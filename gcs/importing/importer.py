@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import heapq
 import math
-from collections.abc import Iterable
+import os
+import shutil
+import struct
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,15 +22,18 @@ from gcs.importing.film_log import read_film_log
 from gcs.importing.ground_vehicles import LAST_ID, GroundVehicles, clock_words, read_ground_vehicles
 from gcs.importing.import_report import ImportReport, source_accounts
 from gcs.importing.messages import TlogRecord, vehicle_records
-from gcs.importing.session_folder import write_imported
 from gcs.importing.smoothing import filled_in
 from gcs.importing.sources import read_vehicle_logs
 from gcs.importing.timeline import FilmTimes, check_overlap, find_timeline, on_film
 from gcs.importing.vehicle_log import VehicleLog
 from gcs.mission.mission import Clock, MapChoice, Mission, MissionVehicle
+from gcs.session.metadata import PROGRAM, mission_table
+from gcs.session.session import VIDEO_SUFFIXES
+from infra.session_format import FRAMES, LOG, METADATA
 from mavlink.geodesy import separation_m
+from sim.session import new_session, write_frames
 
-__all__ = ["ImportOptions", "import_flight"]
+__all__ = ["ImportOptions", "import_flight", "write_imported"]
 
 _APART_M = 15.0
 _APART = (
@@ -34,6 +42,9 @@ _APART = (
 )
 _FAR_M = 100_000.0
 """A UAV that is farther from its fleet than this is not above it."""
+_TIME = struct.Struct(">Q")
+_OTHER_NAMES = {".m2ts": ".ts", ".mts": ".ts", ".m4v": ".mp4", ".lrf": ".mp4"}
+"""Of containers that are the same under another name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -243,3 +254,47 @@ def _height_words(uav: VehicleLog, fleet: GroundVehicles) -> list[str]:
         return ["altitudes count from the UAV's take-off: no vehicle tells how high it is"]
     missing = "altitude" if np.isfinite(places.height_m).any() else "height above the ground"
     return [f"the UAV's {missing} by the fleet's median altitude of {fleet.ground_m:.1f} m"]
+
+
+def write_imported(
+    folder: Path,
+    film: ImportedFilm,
+    film_us: int,
+    streams: Sequence[Iterable[TlogRecord]],
+    mission: Mission,
+    notes: Mapping[str, Any],
+) -> None:
+    """Write the folder; the video is linked where the disk can, else copied.
+
+    Args:
+        folder: must not exist.
+        film: what was filmed.
+        film_us: Unix µs of its first frame.
+        streams: records, each in order of time.
+        mission: who flies.
+        notes: where each number came from, for session.toml.
+
+    Raises:
+        SessionWriteError: the folder exists or cannot be made.
+        ImportFileError: the video's container is none that a session has.
+    """
+    suffix = film.path.suffix.lower()
+    suffix = _OTHER_NAMES.get(suffix, suffix)
+    if suffix not in VIDEO_SUFFIXES:
+        raise ImportFileError(f"{film.path}: a session's video is one of {', '.join(VIDEO_SUFFIXES)}; remux it")
+    text = mission_table(mission, {"format": 1, "program": PROGRAM, "imported": dict(notes)})
+    with new_session(folder) as made:
+        with (made / LOG).open("xb") as log:
+            for t_us, raw in heapq.merge(*streams, key=lambda record: record[0]):
+                log.write(_TIME.pack(t_us) + raw)
+        write_frames(made / FRAMES.name, film.elapsed_us + film_us)
+        _link(film.path, made / f"video{suffix}")
+        (made / METADATA).write_text(text, encoding="utf-8")
+
+
+def _link(source: Path, target: Path) -> None:
+    """The same file under another name; on another disk a copy."""
+    try:
+        os.link(source.resolve(), target)
+    except OSError:
+        shutil.copyfile(source, target)

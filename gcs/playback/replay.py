@@ -4,6 +4,8 @@ What is shown at a frame has the names that ``gcs identify`` computes for it; in
 goes on as it did in flight. A place that the analysis has not reached yet shows the frame alone until it is worked out
 provisionally (``gcs.playback.preview``). What the flight itself reported is shown beside it. Marks that are made
 meanwhile go to a ``marks.jsonl``, and nothing else is written.
+
+How sure every vehicle's name was over a whole recording, in few numbers however long that is.
 """
 
 from __future__ import annotations
@@ -14,25 +16,26 @@ from bisect import insort
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gcs.playback.analysis import Analysis
 from gcs.playback.as_flown import FlownReports
-from gcs.playback.confidence import ConfidenceHistory
-from gcs.playback.gaps import find_gaps
 from gcs.playback.preview import Preview
 from gcs.playback.snapshot_store import SnapshotStore
 from gcs.session.event_log import append_event, marks_path, read_marks
 from gcs.session.session import Session
 from gcs.snapshot import Alarm, Event, Snapshot
+from gcs.station import Gap
 from gcs.trails import Trail, Trails
 from mavlink.geodesy import LocalFrame
+from mavlink.state import SILENT_S
+from vision.stream.pace import stall_after_s
 from vision.video.video import Frame, VideoFile
 
-__all__ = ["Replay"]
+__all__ = ["PARTS", "ConfidenceHistory", "Replay", "find_gaps"]
 
 SPEED_LEAST, SPEED_MOST = 0.1, 20.0
 # Decoding on is cheaper than seeking for jumps up to this many frames.
@@ -42,6 +45,79 @@ SOON_US = 5_000_000
 """The analysis itself will be at a place that is no farther ahead."""
 PERIOD_US = 200_000
 """How often a place is drawn again of which nothing is known but its frame."""
+PARTS: Final = 1000
+"""Of a recording: several for each cell of the widest screens."""
+HELD_US: Final = 2_000_000
+"""A name counts for so long without another snapshot, as on the screen."""
+NAMED: Final = frozenset({"confirmed", "tentative", "coasting"})
+
+
+def find_gaps(
+    frames_us: NDArray[np.int64] | None, packets_us: NDArray[np.int64], start_us: int, stop_us: int
+) -> tuple[Gap, ...]:
+    """Every gap from start to stop, in order of time; also before the first and after the last frame or packet.
+
+    Args:
+        frames_us: (n,) when each frame was taken; None for a recording without video, which has no gaps of it.
+        packets_us: (k,) when each packet was received.
+        start_us: of the recording.
+        stop_us: of the recording.
+    """
+    gaps = _gaps(packets_us, start_us, stop_us, "telemetry", SILENT_S)
+    if frames_us is not None:
+        gaps += _gaps(frames_us, start_us, stop_us, "video", stall_after_s(frames_us))
+    return tuple(sorted(gaps, key=lambda gap: gap.start_us))
+
+
+def _gaps(
+    t_us: NDArray[np.int64], start_us: int, stop_us: int, what: Literal["telemetry", "video"], least_s: float
+) -> list[Gap]:
+    inside = t_us[(t_us > start_us) & (t_us < stop_us)]
+    times = np.concatenate([[start_us], np.sort(inside), [stop_us]])
+    starts = np.flatnonzero(np.diff(times) > least_s * 1e6)
+    return [Gap(start_us=int(times[k]), stop_us=int(times[k + 1]), what=what) for k in starts]
+
+
+class ConfidenceHistory:
+    """Takes snapshots in; those worked out provisionally count for nothing.
+
+    Args:
+        start_us: first moment of the recording.
+        stop_us: last one.
+    """
+
+    def __init__(self, start_us: int, stop_us: int) -> None:
+        self._start_us, self._span_us = start_us, max(1, stop_us - start_us)
+        self._least: dict[int, NDArray[np.float32]] = {}
+        self._last_us: int | None = None
+        self._last: dict[int, float] = {}
+
+    def add(self, snapshot: Snapshot) -> None:
+        """Take in the next snapshot: until it came, the names of the one before counted."""
+        if snapshot.provisional or not snapshot.analysed:
+            return
+        part = self._part(snapshot.t_us)
+        last_us = snapshot.t_us if self._last_us is None else self._last_us
+        last, held = self._part(last_us), snapshot.t_us - last_us <= HELD_US
+        now = {
+            row.system_id: row.confidence if row.standing in NAMED and row.confidence == row.confidence else 0.0
+            for row in snapshot.vehicles
+            if row.role == "ugv"
+        }
+        for system_id, confidence in now.items():
+            least = self._least.setdefault(system_id, np.full(PARTS, np.nan, dtype=np.float32))
+            # the worst of a part counts
+            least[last + 1 : part] = self._last.get(system_id, 0.0) if held else 0.0
+            least[part] = np.fmin(least[part], confidence)
+        self._last, self._last_us = now, snapshot.t_us
+
+    def of(self, system_id: int) -> NDArray[np.float32]:
+        """(PARTS,) least confidence in each part of the recording; 0 without a name, NaN where nothing is known yet."""
+        known = self._least.get(system_id)
+        return np.full(PARTS, np.nan, dtype=np.float32) if known is None else known.copy()
+
+    def _part(self, t_us: int) -> int:
+        return min(max((t_us - self._start_us) * PARTS // self._span_us, 0), PARTS - 1)
 
 
 class ReplayPlace(NamedTuple):

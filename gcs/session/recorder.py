@@ -11,14 +11,15 @@ import logging
 import math
 import shutil
 import time
-from collections import deque
-from collections.abc import Mapping
+from collections import defaultdict, deque
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from gcs.health.station_alarms import STALLED_S
 from gcs.mission.mission import Mission
 from gcs.session.event_log import EventLog
 from gcs.session.fold_order import FoldTurn, unfolded_row
@@ -26,25 +27,62 @@ from gcs.session.frame_tables import detection_rows, frame_row, motion_row
 from gcs.session.identity_log import IdentityLog
 from gcs.session.line_file import LineFile
 from gcs.session.metadata import SessionFile
-from gcs.session.recording_events import RecordingEvents
 from gcs.session.session import create_folder
-from gcs.snapshot import Event, Snapshot
+from gcs.snapshot import Event, Level, Snapshot
 from infra.files.disk import OS_DISK, Disk
 from infra.files.flusher import Flusher
 from infra.files.record_state import RecordState
 from infra.program_log import LogFile, least_level
+from infra.reporting import ReportGrowth
 from infra.session_format import DETECTIONS, EVENTS, FOLDS, FRAMES, LOG, MOTION, PROGRAM_LOG, UNFOLDED, TableFormat
 from infra.wall_clock import now_us
 from vision.detect.detections import Detections
 from vision.motion.image_motion import ImageMotion
 
-__all__ = ["Recorder", "SpaceForecast"]
+__all__ = ["Recorder", "RecordingEvents", "SpaceForecast"]
 
 SYNC_S = 0.5
 SETTLE_S = 0.05
 """A look at the files waits so long, all together, for lines that are just being written."""
 GROWTH_S, SHORTEST_GROWTH_S = 60.0, 5.0
 """Growth is measured over the last minute, and over five seconds at least."""
+SLOW_S = 2.0
+"""A disk that has not confirmed for so long is slow."""
+
+
+class RecordingEvents:
+    """Compares the states of the files with their previous ones."""
+
+    def __init__(self) -> None:
+        self._previous: dict[str, RecordState] = {}
+        self._slow: set[str] = set()
+        self._lost: defaultdict[str, ReportGrowth] = defaultdict(ReportGrowth)
+
+    def update(self, t_us: int, states: Mapping[str, RecordState]) -> tuple[Event, ...]:
+        """Events since the last call; ``states`` by what the operator calls the files."""
+        events = []
+        for name, state in states.items():
+            previous = self._previous.get(name, RecordState(name=state.name))
+            for level, text in self._changes(name, previous, state):
+                events.append(Event(t_us=t_us, level=level, kind="recording", text=f"{name}: {text}"))
+            self._previous[name] = state
+        return tuple(events)
+
+    def _changes(self, name: str, previous: RecordState, state: RecordState) -> Iterator[tuple[Level, str]]:
+        if state.faults > previous.faults or (state.failing_s and state.reason != previous.reason):
+            yield "alarm", f"cannot be written{state.because}; kept in memory until it can"
+        if state.failing_s == 0 and (previous.failing_s > 0 or state.faults > previous.faults):
+            goes_on = f", goes on in {state.name}" if state.name != previous.name else ""
+            yield "info", f"written again{goes_on}"
+        if self._lost[name].due(state.lost):
+            yield "alarm", f"{state.lost} rows lost{state.because}"
+        slow = state.sync_age_s > SLOW_S and not state.stalled_s > STALLED_S  # of that there is an alarm, for all files
+        if slow != (name in self._slow):
+            self._slow ^= {name}
+            if slow:
+                yield "warning", f"disk is slow: the last {state.sync_age_s:.0f} s would not survive a power cut"
+            else:
+                yield "info", "disk keeps up again"
 
 
 class Recorder:

@@ -1,10 +1,13 @@
 """Index of a telemetry log: which records it holds, when, and which bytes are damaged.
 
 A record is 8 bytes of time (big-endian Unix µs) and a frame. Old files carry little-endian times, ``.raw`` files none.
+
+Frames embedded in others, in a tunnel or a file transfer, are found where the outer frame is damaged, and left out.
 """
 
 from __future__ import annotations
 
+import string
 from bisect import bisect
 from dataclasses import dataclass
 from functools import partial
@@ -12,14 +15,145 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from mavlink.protocol.dialect import DEFINITIONS, message_name
 from mavlink.protocol.framing import SIGNATURE_LENGTH
-from mavlink.protocol.packet import MAGIC_V2
-from mavlink.tlog.damage import Damage, describe_gaps, describe_times
-from mavlink.tlog.embedded_frames import embedded
+from mavlink.protocol.packet import MAGIC_V1, MAGIC_V2
 from mavlink.tlog.scan import Bytes, Frames, Ints, find_frames, find_unknown, gather
 from mavlink.tlog.timestamps import TIME_LENGTH, TimeSource, could_be_time, fill, read_times, stamped, times_ok
 
-__all__ = ["TIME_LENGTH", "Damage", "TimeSource", "TlogCounts", "TlogIndex", "build_index"]
+__all__ = [
+    "TIME_LENGTH",
+    "Damage",
+    "TimeSource",
+    "TlogCounts",
+    "TlogIndex",
+    "build_index",
+    "describe_gaps",
+    "describe_times",
+    "embedded",
+]
+
+_HEADER, _LONGEST = 10, 280
+_TEXT = frozenset(string.printable.encode())
+_SAMPLE = 4095  # bytes of a gap that are looked at to name it; whole stamps with a byte each
+
+
+@dataclass(frozen=True, slots=True)
+class Damage:
+    """A range of bytes that holds no record, or no usable time."""
+
+    start: int
+    """First byte."""
+    stop: int
+    """One after the last byte."""
+    reason: str
+
+
+def _frame_reason(head: bytes, room: int) -> str:
+    """What is wrong with what looks like a frame; empty when it does not look like one."""
+    v2 = head[:1] == bytes([MAGIC_V2])
+    if len(head) < 10 or (not v2 and head[0] != MAGIC_V1):
+        return ""
+    message_id = int.from_bytes(head[7:10], "little") if v2 else head[5]
+    definition = DEFINITIONS.get(message_id)
+    if (v2 and head[2] > 1) or definition is None:
+        return "header damaged"
+    if head[1] > definition[0]:
+        return f"length of {message_name(message_id)} damaged"
+    length = head[1] + (12 + 13 * head[2] if v2 else 8)
+    return f"{message_name(message_id)} {'cut off' if length > room else 'with a wrong checksum'}"
+
+
+def _reason(gap: bytes, room: int, step: int, last: bool) -> str:
+    """One line on the bytes of a gap that is ``room`` bytes long, from its start on."""
+    if not any(gap):
+        return "zeros"
+    reason = _frame_reason(gap[step : step + 10], room - step)
+    if reason:
+        return reason
+    if last and room < step + 10:
+        return "record cut off"
+    if step and len(gap) % (step + 1) == 0 and all(byte in _TEXT for byte in gap[step :: step + 1]):
+        return "text, each byte with a time stamp"
+    if all(byte in _TEXT for byte in gap):
+        return "text"
+    return "no MAVLink frame"
+
+
+def describe_gaps(data: Bytes, frames: Frames, there: NDArray[np.bool_], step: int) -> list[Damage]:
+    """The byte ranges between records.
+
+    Args:
+        data: (size,) the file.
+        frames: (N,) its frames, not overlapping.
+        there: (N,) whether the eight bytes before a frame are its own time.
+        step: bytes of time before each frame, 8 or 0.
+
+    Returns:
+        One entry per range, in order.
+    """
+    start = np.concatenate([[0], frames.end])
+    stop = np.concatenate([frames.offset - step * there, [data.size]])
+    damage = []
+    for i in np.flatnonzero(stop > start):
+        a, b = int(start[i]), int(stop[i])
+        if i < there.size and step and not there[i]:
+            reason = "time torn"
+        else:
+            reason = _reason(data[a : min(b, a + _SAMPLE)].tobytes(), b - a, step, last=i == there.size)
+        damage.append(Damage(a, b, reason))
+    return damage
+
+
+def describe_times(frames: Frames, bad: NDArray[np.bool_], width: int) -> list[Damage]:
+    """Stamps, ``width`` bytes before their frame, whose time cannot be right."""
+    return [Damage(offset - width, offset, "impossible time") for offset in frames.offset[bad].tolist()]
+
+
+def embedded(data: Bytes, frames: Frames, time_ok: NDArray[np.bool_], step: int) -> NDArray[np.bool_]:
+    """(N,) which frames lie in a damaged record and are no records of their own.
+
+    Such a frame has no time of its own, and before it, in the gap that it follows, another record begins that is long
+    enough to hold it: where the last record ends, or where a stamp begins.
+    """
+    inner = np.zeros(time_ok.size, dtype=np.bool_)
+    if step == 0 or time_ok.all():
+        return inner
+    gap = frames.offset - np.concatenate([[0], frames.end[:-1]])
+    last, ends, timed = -1, frames.end, np.flatnonzero(time_ok)
+    rows = np.flatnonzero(~time_ok & ((gap >= step + _HEADER) | np.append(False, ~time_ok[:-1])))
+    for row in rows[~stamped(data, frames.offset[rows], little=True)].tolist():
+        if not (row and inner[row - 1]):
+            last = row - 1
+        first, offset = (int(ends[last]) if last >= 0 else 0) + step, int(frames.offset[row])
+        following = int(np.searchsorted(timed, row))
+        stop = int(frames.offset[timed[following]]) - step if following < timed.size else data.size
+        inner[row] = any(_reach(data, start, stop) >= ends[row] for start in _starts(data, first, offset))
+    return inner
+
+
+def _starts(data: Bytes, first: int, offset: int) -> list[int]:
+    """Where a record that holds the frame at ``offset`` may begin; the first place needs no stamp."""
+    places = np.arange(max(first, offset - _LONGEST), offset - _HEADER + 1, dtype=np.int64)
+    if not places.size:
+        return []
+    likely = stamped(data, places, little=True) | (places == first)
+    return places[likely].tolist()  # type: ignore[no-any-return]
+
+
+def _reach(data: Bytes, at: int, stop: int) -> int:
+    """Where the frame that should begin here ends: by its length, or before the next record if that is possible."""
+    head = data[at : at + 10].tobytes()
+    if len(head) < 10:
+        return 0
+    v1 = head[0] == MAGIC_V1  # anything else is read as MAVLink 2: its magic may be what is damaged
+    definition = DEFINITIONS.get(head[5] if v1 else int.from_bytes(head[7:10], "little"))
+    if definition is None:
+        return 0
+    around = 8 if v1 else 12
+    longest = at + definition[0] + around + SIGNATURE_LENGTH
+    claimed = at + head[1] + around if head[1] <= definition[0] else 0
+    return stop if stop <= longest else claimed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

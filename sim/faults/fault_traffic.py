@@ -1,22 +1,42 @@
-"""Telemetry of a fleet with faults, datagram by datagram in order of time."""
+"""Telemetry of a fleet with faults, datagram by datagram in order of time.
+
+Frames of the few messages that a fleet needs, made quickly: a struct, a checksum, and a signature on request.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import heapq
 import math
 import random
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import count
+from struct import Struct
+from typing import Final
 
 import numpy as np
+from fastcrc import crc16
 
+from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.encoder import ARDUPILOT, COPTER, ROVER
-from sim.faults.fault_frames import ATTITUDE, GPS, HEARTBEAT, POSITION, TEXT, SenderEncoder
-from sim.faults.fault_texts import BOOT_WORDS, HOSTILE_TEXTS, poison
 from sim.faults.fleet_faults import AGL_M, SimulatedFleet, SimulatedSender, places
 
-__all__ = ["UNKNOWN_SENDER", "FaultTraffic", "ScheduledDatagram", "traffic"]
+__all__ = [
+    "ATTITUDE",
+    "BOOT_WORDS",
+    "GPS",
+    "HEARTBEAT",
+    "HOSTILE_TEXTS",
+    "POSITION",
+    "TEXT",
+    "UNKNOWN_SENDER",
+    "FaultTraffic",
+    "ScheduledDatagram",
+    "SenderEncoder",
+    "poison",
+    "traffic",
+]
 
 BATCH_S = 0.1
 """Datagrams are computed in spans of this length: a choice between memory and calls of numpy."""
@@ -27,6 +47,101 @@ COPTER_GUIDED, ROVER_AUTO, ARMED_CUSTOM, ACTIVE = 4, 10, 129, 4
 MAV_STATE_ACTIVE."""
 UNKNOWN_SENDER = -1
 """Outlet of datagrams that are no vehicle's; ``-2 - k`` is that of part k's replayed frames."""
+HEARTBEAT, GPS, ATTITUDE, POSITION, TEXT = 0, 24, 30, 33, 253
+"""Message ids."""
+_BODY: Final = {
+    HEARTBEAT: Struct("<IBBBBB"),
+    GPS: Struct("<QiiiHHHHBB"),
+    ATTITUDE: Struct("<Iffffff"),
+    POSITION: Struct("<IiiiihhhH"),
+    TEXT: Struct("<B50s"),
+}
+"""Payloads of the messages above, fields in MAVLink's wire order."""
+_V1, _V2, _STAMP, _CRC = Struct("<BBBBBB"), Struct("<BBBBBBBHB"), Struct("<BIH"), Struct("<H")
+"""Headers of MAVLink 1 and 2, the signature's link and time stamp, and the checksum."""
+_SIGNING_EPOCH_US = 1_420_070_400_000_000
+"""Unix time of 2015-01-01, from which MAVLink signatures count their time."""
+HOSTILE_TEXTS: Final = (
+    "[/x]",
+    "[@click=app.quit]x[/]",
+    "[bold red]x[/bold red] [link=http://x]y[/link]",
+    "\x1b[2J\x1b]0;pwned\x07\x1b[31mred",
+    "\x1b]52;c;cm0gLXJmIH4=\x07clipboard",
+    "\x1bPq#0;2;0;0;0#0~~@@vv\x1b\\sixel",
+    "\x9b31mC1 \x90\x9d0;t\x9c",
+    "a\r\nb\tc\x00d\x08\x08\x7f",
+    "\u202eesrever\u2066 \u2069\u200f",
+    "zero\u200bwidth\u200d\u2060\ufeff\u00ad",
+    "\U0001f916\U0001f468\u200d\U0001f469\u200d\U0001f467 \u6f22\u5b57 e\u0301\u0323\u0308",
+    "\U000e0041\U000e0042 tags \ue000\U0010ffff",
+    "{}%s{0}$(x)`x`\\'\"<>&;|",
+    "W" * 50,
+)
+"""Each goes into a STATUSTEXT as its first 50 bytes of UTF-8."""
+BOOT_WORDS: Final = (b"\n\nInit ArduRover V4.6.0\n\nFree RAM: 131072\n", b"Init Gyro", b"*", b"0 ")
+"""Plain text, as autopilots send it before their first packet."""
+
+
+def poison(rng: random.Random, good: bytes) -> bytes:
+    """One datagram that is no frame: headers without a body, noise, text, a frame cut short or with a bit turned.
+
+    Args:
+        rng: chooses.
+        good: a whole frame to spoil.
+    """
+    kind = rng.randrange(6)
+    if kind == 0:
+        return bytes([0xFD, 0xFF, rng.randrange(2)])
+    if kind == 1:
+        return rng.randbytes(rng.randrange(1, 300))
+    if kind == 2:
+        return rng.choice(BOOT_WORDS)
+    if kind == 3:
+        return good[: rng.randrange(1, len(good))]
+    if kind == 4:
+        return b"\xfd\xff\x00\x00" * rng.randrange(1, 300)
+    bit = rng.randrange(8 * 10, 8 * len(good))
+    spoilt = bytearray(good)
+    spoilt[bit >> 3] ^= 1 << (bit & 7)
+    return bytes(spoilt)
+
+
+class SenderEncoder:
+    """One sender's frames, numbered and signed as its autopilot would.
+
+    Args:
+        system_id: 1..255.
+        version: MAVLink 1 or 2; 1 cannot be signed.
+        key: 32 bytes to sign with.
+        link_id: of the signatures.
+    """
+
+    def __init__(self, system_id: int, *, version: int = 2, key: bytes | None = None, link_id: int = 0) -> None:
+        self._system_id, self._version, self._link_id = system_id, version, link_id
+        self._key = key if version == 2 else None
+        self._seq = 0
+        self._stamp = 0
+
+    def frame(self, t_us: int, message_id: int, *values: float | bytes) -> bytes:
+        """The next frame, made at Unix time ``t_us``; values in the order on the wire, without extensions."""
+        body = _BODY[message_id].pack(*values)
+        seq, self._seq = self._seq, (self._seq + 1) & 0xFF
+        if self._version == 1:
+            raw = _V1.pack(0xFE, len(body), seq, self._system_id, 1, message_id) + body
+        else:
+            # trailing zeros are cut off by every autopilot, the first byte never
+            body = body[:1] + body[1:].rstrip(b"\0")
+            flags = 1 if self._key else 0
+            raw = _V2.pack(0xFD, len(body), flags, 0, seq, self._system_id, 1, message_id, 0) + body
+        raw += _CRC.pack(crc16.mcrf4xx(raw[1:] + bytes([DEFINITIONS[message_id][1]])))
+        return raw + self._signature(raw, t_us) if self._key else raw
+
+    def _signature(self, raw: bytes, t_us: int) -> bytes:
+        assert self._key is not None
+        # ticks of 10 µs since 2015, one more than the last at least
+        self._stamp = max(self._stamp + 1, (t_us - _SIGNING_EPOCH_US) // 10)
+        stamp = _STAMP.pack(self._link_id, self._stamp & 0xFFFFFFFF, self._stamp >> 32)
+        return stamp + hashlib.sha256(self._key + raw + stamp).digest()[:6]
 
 
 @dataclass(frozen=True, slots=True, order=True)

@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 
 from assoc.methods.belief import fuse, masses
-from assoc.methods.projection import associate_by_projection
 from assoc.methods.topology import associate_by_topology, topology_angles, topology_cost
-from assoc.methods.tts import associate_by_tts_once, tts_similarity
 from bench.latency import literal
 from bench.latency.measure import MethodTiming, timed
 from bench.latency.scenes import crowd, snap
@@ -19,9 +17,11 @@ from bench.paper.experiments import CONTINUOUS, Condition, Count, conditions, ev
 from bench.paper.films import dense_road, false_box_road, field, film, paper_road
 from bench.paper.methods import METHODS, ConditionNoise
 from bench.paper.occlusion import KEEPERS, Kept, hidden_at_turns
+from bench.paper.projection import associate_by_projection
 from bench.paper.rows import read, write
 from bench.paper.streams import walk
 from bench.paper.tables import percent, pooled, published_at, write_tables
+from bench.paper.tts import associate_by_tts_once, tts_similarity
 from bench.paper.windows import windows
 from vision.detect.detections import Detections
 

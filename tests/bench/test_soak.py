@@ -17,7 +17,7 @@ from bench.soak.report import Run, report
 from gcs.mission.mission import load_mission
 from mavlink.protocol.packet import Packet
 from mavlink.tlog.log import TlogWriter
-from sim.faults.fault_frames import HEARTBEAT, SenderEncoder
+from sim.faults.fault_traffic import HEARTBEAT, SenderEncoder
 
 KEY = bytes(range(32))
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")

@@ -5,11 +5,10 @@ unknown. An object that does not *count* (difficult, mostly hidden, an unlabelle
 is found or not.
 """
 
-from vision.evaluation.folder import Folder, open_folder
+from vision.evaluation.folder import Folder, open_folder, shard_truth
 from vision.evaluation.matching import THRESHOLDS, Matches, match
 from vision.evaluation.measures import Evaluation, evaluate
 from vision.evaluation.precision import average_precision
-from vision.evaluation.shards import shard_truth
 from vision.evaluation.truth import Choice, LabelledImage, Truth, choose, choose_in_all
 
 __all__ = [

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from vision.camera.jacobians import ground_jacobians, image_jacobians
 from vision.motion.fused_evidence import ReportedRotation, SeenTracks
-from vision.motion.rotation_vector import turned_by, vector_of
+from vision.motion.rotation import turned_by, vector_of
 
 __all__ = ["AttitudeFusion"]
 

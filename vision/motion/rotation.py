@@ -7,14 +7,19 @@ camera's displacement s between the frames, all in the earlier camera frame,
 
 so that a turn about x or y and a displacement look nearly alike: R is as good as s is known.
 
+Rotations as vectors along their axis, of the length of their angle, and back; quickly for one at a time.
+
 Reference:
     R. Hartley, A. Zisserman, "Multiple View Geometry", 2nd ed., section 13.1 (plane-induced homography).
+    R. Hartley, A. Zisserman, "Multiple View Geometry", 2nd ed., section A4.3.2 (Rodrigues' formula).
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -23,10 +28,9 @@ from vision.camera.intrinsics import Intrinsics
 from vision.motion.image_motion import ImageMotion
 from vision.motion.plane_fit import mapped
 
-__all__ = ["CameraTurn", "GroundShift", "rotation_of"]
+__all__ = ["CameraTurn", "GroundShift", "rotation_of", "turned_by", "vector_of"]
 
 Floats = NDArray[np.float64]
-
 GRID = (7, 5)
 """Places across and down the image at which the homography is compared with the camera's motion."""
 LEAST_PLACES = 6
@@ -38,6 +42,27 @@ STEPS = 3
 SYSTEMATIC_PX = 0.3
 """1σ of what no number of points averages out, in each place and in all: a rolling shutter, what stands high, waves of
 the ground, the lens."""
+FloatArray = NDArray[np.float64]
+NEAR_HALF_TURN = -0.9
+"""Cosine of an angle near π, at which the difference of R and its transpose no longer shows the axis well."""
+
+
+def turned_by(v: FloatArray) -> FloatArray:
+    """(3, 3) Exp(v) of a rotation vector (3,), radians."""
+    return np.asarray(cv2.Rodrigues(v)[0], np.float64)
+
+
+def vector_of(R: FloatArray) -> FloatArray:
+    """(3,) the shortest v with Exp(v) = R (3, 3), radians."""
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R.tolist()
+    cosine = 0.5 * (xx + yy + zz - 1.0)
+    if not cosine > NEAR_HALF_TURN:
+        return np.asarray(Rotation.from_matrix(R).as_rotvec(), np.float64)
+    # R − Rᵀ = 2 sin θ [n]×
+    x, y, z = 0.5 * (zy - yz), 0.5 * (xz - zx), 0.5 * (yx - xy)
+    sine = math.hypot(x, y, z)
+    stretch = math.atan2(sine, cosine) / sine if sine > 0.0 else 1.0
+    return np.array([stretch * x, stretch * y, stretch * z])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -192,7 +192,7 @@ def _network(text: str, scheme: str) -> Source:
     address = f"{scheme}://{user.replace('#', '%23')}{at}{rest}"
     options = {"protocol_whitelist": "tcp,udp,rtp,tls,http,https,httpproxy,crypto", "fpsprobesize": "0"}
     if scheme.startswith("http"):
-        options |= {"max_redirects": "0"}  # which host is asked is looked at in vision.stream.redirect
+        options |= {"max_redirects": "0"}  # which host is asked is looked at in vision.stream.connection
     if scheme.startswith("rtsp"):
         options |= {"rtsp_transport": "udp+tcp", "rtsp_flags": "prefer_tcp"}
     if scheme.startswith("rtmp"):

@@ -19,16 +19,17 @@ import cv2
 import numpy as np
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
 
 from gcs.export.job import ExportJob
-from gcs.export.robotics.ros_types import typestore
 from gcs.export.unfinished import Unfinished
 from gcs.report.vehicle_names import text_with_sender
 from gcs.snapshot import Box, Snapshot, VehicleRow
 from infra.plain_text import plain
 from vision.video.video import Frame, VideoFile
 
-__all__ = ["RosbagExport"]
+__all__ = ["RosbagExport", "typestore"]
 
 LEVELS: Final = {"info": 20, "warning": 30, "alarm": 40}
 JPEG_QUALITY: Final = 90
@@ -36,6 +37,27 @@ LAST_US: Final = 1_000_000 * (2**31 - 1)
 """ROS counts seconds in 32 bits."""
 UNKNOWN, APPROXIMATED = 0, 1
 """Of a covariance."""
+_VISION: Final = {
+    "Point2D": "float64 x\nfloat64 y\n",
+    "Pose2D": "vision_msgs/Point2D position\nfloat64 theta\n",
+    "BoundingBox2D": "vision_msgs/Pose2D center\nfloat64 size_x\nfloat64 size_y\n",
+    "ObjectHypothesis": "string class_id\nfloat64 score\n",
+    "ObjectHypothesisWithPose": "vision_msgs/ObjectHypothesis hypothesis\ngeometry_msgs/PoseWithCovariance pose\n",
+    "Detection2D": (
+        "std_msgs/Header header\nvision_msgs/ObjectHypothesisWithPose[] results\n"
+        "vision_msgs/BoundingBox2D bbox\nstring id\n"
+    ),
+    "Detection2DArray": "std_msgs/Header header\nvision_msgs/Detection2D[] detections\n",
+}
+"""Definitions of https://github.com/ros-perception/vision_msgs, branch ros2."""
+
+
+def typestore() -> Typestore:
+    """Types by name."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    for name, text in _VISION.items():
+        store.register(get_types_from_msg(text, f"vision_msgs/msg/{name}"))
+    return store
 
 
 class RosbagExport:

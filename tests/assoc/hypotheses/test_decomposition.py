@@ -4,8 +4,14 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from assoc.hypotheses.decomposition import least_losses, separate
-from assoc.hypotheses.marginals import best_assignment, exact_marginals, loopy_marginals, marginals
+from assoc.hypotheses.marginals import (
+    best_assignment,
+    exact_marginals,
+    least_losses,
+    loopy_marginals,
+    marginals,
+    separate,
+)
 
 
 def totals(score):

@@ -9,7 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs.command import CommandParams, GeoPoint
-from gcs.command.pointing import PointingMonitor
+from gcs.command.executor import PointingMonitor
 from gcs.fold.pipeline import Pipeline
 from gcs.mission.mission import Camera, Mission, MissionVehicle
 from mavlink.geodesy import quaternion_from_euler

@@ -14,8 +14,7 @@ from gcs.session.event_log import EventLog
 from gcs.snapshot import Event
 from mavlink.protocol.packet import Packet
 from mavlink.tlog.log import Tlog, TlogWriter
-from sim.faults.fault_frames import HEARTBEAT, TEXT, SenderEncoder
-from sim.faults.fault_texts import HOSTILE_TEXTS
+from sim.faults.fault_traffic import HEARTBEAT, HOSTILE_TEXTS, TEXT, SenderEncoder
 from tests.support.fake_station import START_US, FakeStation, running, screen_text
 
 TEXTS = 20_000

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from gcs.playback.analysis import Analysis
-from gcs.playback.confidence import PARTS, ConfidenceHistory
-from gcs.playback.gaps import find_gaps
+from gcs.playback.replay import PARTS, ConfidenceHistory, find_gaps
 from gcs.session.session import open_session
 from tests.support.bundled import swarm_session
 from tests.support.snapshots import snapshot

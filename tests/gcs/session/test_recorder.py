@@ -15,8 +15,7 @@ from gcs.mission.mission import Mission, MissionVehicle
 from gcs.session.fold_order import FoldOrder, FoldTurn
 from gcs.session.frame_tables import read_detections, read_motions, read_times
 from gcs.session.line_file import LineFile
-from gcs.session.recorder import Recorder
-from gcs.session.recording_events import RecordingEvents
+from gcs.session.recorder import Recorder, RecordingEvents
 from gcs.session.session import open_session
 from gcs.session.tables import read_table
 from gcs.snapshot import Box, Event, Health, Snapshot
@@ -110,7 +109,7 @@ def disk():
 @pytest.fixture
 def recorder(tmp_path, disk, monkeypatch):
     # the disk under the tests may itself be slow, which is an event that no test here asks for
-    monkeypatch.setattr("gcs.session.recording_events.SLOW_S", 60.0)
+    monkeypatch.setattr("gcs.session.recorder.SLOW_S", 60.0)
     recorder = WholeRecorder(tmp_path, MISSION, video=True, disk=disk)
     yield recorder
     recorder.close()

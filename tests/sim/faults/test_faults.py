@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from sim.errors import ScenarioError
-from sim.telemetry.detections import DetectorModel
-from sim.telemetry.merging import merged_boxes
+from sim.telemetry.detections import DetectorModel, merged_boxes
 from sim.telemetry.sensors import Sensors
-from sim.world.formation import slots
+from sim.world.actors import slots
 from sim.world.presets import nominal
 from sim.world.scenario import Gnss, Scenario, ScenarioDetector, ScenarioFault, ScenarioFlight, ScenarioGround
 from sim.world.scenario_file import load_scenario, save_scenario

@@ -10,14 +10,13 @@ from gcs.playback.analysis import Analysis
 from gcs.session.session import open_session
 from tests.support.bundled import ROOT
 from tests.support.onnx_models import ANCHORS, ANY, FLOAT, NAMES, UINT8, black, classifier, model, raw, suppressed, yolo
-from vision.detect import decode_yolo, yolo_layout, yolo_nms
+from vision.detect import decode_yolo, yolo_layout
 from vision.detect.boxes import prob_iou, prob_iou_pairs
-from vision.detect.decode_yolo import MOST_CANDIDATES
+from vision.detect.decode_yolo import MOST_CANDIDATES, fast_nms
 from vision.detect.detections import Detections
 from vision.detect.detector import open_detector
 from vision.detect.front import open_front_classifier
 from vision.detect.tiles import MOST_COMPARED, detect_in_tiles, tile_grid
-from vision.detect.yolo_nms import fast_nms
 from vision.errors import ModelError
 from vision.track.tracker import Tracker
 
@@ -90,7 +89,7 @@ def test_thousands_of_boxes_take_bounded_work(tmp_path, monkeypatch, form, apart
         return prob_iou_pairs(a, b)
 
     monkeypatch.setattr(decode_yolo, "fast_nms", suppress)
-    monkeypatch.setattr(yolo_nms, "prob_iou_pairs", overlaps)
+    monkeypatch.setattr(decode_yolo, "prob_iou_pairs", overlaps)
     found = detector.detect(black())
     assert set(entered) == {MOST_CANDIDATES}
     # the best boxes drop most of the others before those are compared: all pairs would be a thousand to each box

@@ -8,10 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vision.detect.boxes import nms, prob_iou
-from vision.detect.decode_yolo import Rule, decode_boxes, decode_raw
+from vision.detect.decode_yolo import Rule, decode_boxes, decode_raw, fast_nms
 from vision.detect.yolo_classes import class_names, vehicle_classes
 from vision.detect.yolo_layout import anchor_counts, output_form
-from vision.detect.yolo_nms import fast_nms
 
 
 def by_definition(boxes, score, overlap, rival):
@@ -39,7 +38,7 @@ def test_many_boxes_are_suppressed_in_parts(monkeypatch):
     boxes = rng.uniform((0, 0, 5, 5, -2), (200, 200, 30, 15, 2), (300, 5))
     score = rng.random(300)
     whole = fast_nms(boxes, score, 0.3)
-    monkeypatch.setattr("vision.detect.yolo_nms.PAIRS", 1000)
+    monkeypatch.setattr("vision.detect.decode_yolo.PAIRS", 1000)
     assert fast_nms(boxes, score, 0.3).tolist() == whole.tolist()
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from vision.motion.rotation_vector import turned_by, vector_of
+from vision.motion.rotation import turned_by, vector_of
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-6, 0.03, 1.0, 2.6, 3.1, np.pi - 1e-9])

@@ -11,27 +11,105 @@ to the more is a hypothesis. Its normal equations are sums of per-vehicle and pe
 so the frames are summed once and not once per hypothesis. XᵀX depends on the set of vehicles alone: it is solved once
 per set, for all pairs, and the θ of all hypotheses of the set are one product Θ = B A, B the solved pairs and A the 0/1
 matrix of which vehicle is paired with which track. Hypotheses are the last axis of every array.
+
+All injective assignments of the fewer to the more, in blocks that stay in a processor's cache.
+
+Symbols: n_rl vehicles, n_im tracks, s = min(n_rl, n_im) pairs of an assignment. An assignment is a set of s vehicles,
+whose members in ascending order are its places, and an order: the track that each place meets. Every order goes with
+every set, so what depends on the orders alone is made once for all sets, and kept for the next call.
+
+Reference:
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from math import perm
+from functools import lru_cache
+from itertools import combinations, islice
+from math import comb, perm
 
 import numpy as np
 from numpy.typing import NDArray
 
 from assoc.errors import AssocError, DegenerateError, ShapeError
-from assoc.methods.assignments import block_shape, orders, vehicle_sets
 
-__all__ = ["Projection", "associate_by_projection", "reprojection_errors"]
+__all__ = [
+    "Orders",
+    "Projection",
+    "associate_by_projection",
+    "block_shape",
+    "orders",
+    "reprojection_errors",
+    "vehicle_sets",
+]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
-
 _RANK_TOLERANCE = 1e-9
 """Smallest ratio of the least to the largest eigenvalue of XᵀX at which θ counts as determined."""
+_BLOCK = 20_160
+"""Hypotheses times frames of one block: 8 factorial / 2, a few hundred kB."""
+_SETS = 16
+"""Least sets of vehicles in a block where there are many: fewer cost more calls than they save memory."""
+_MEETINGS = 2**18
+"""Largest size of ``meets``, numbers: 2 MB."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Orders:
+    """Consecutive orders."""
+
+    track: IntArray
+    """(s, h) track of each place."""
+    meets: FloatArray
+    """(s · n_im, h) A: 1 in row k · n_im + j where place k meets track j, else 0."""
+
+
+def block_shape(n_rl: int, n_im: int, frames: int) -> tuple[int, int]:
+    """Vehicle sets and orders of one block: few enough for the cache, enough to hide the cost of a call."""
+    s = min(n_rl, n_im)
+    count = perm(n_im, s)
+    sets = min(comb(n_rl, s), max(_SETS, _BLOCK // (count * frames)))
+    return sets, max(1, min(count, _BLOCK // (sets * frames), _MEETINGS // (s * n_im)))
+
+
+def vehicle_sets(n_rl: int, s: int, size: int) -> Iterator[IntArray]:
+    """All sets of s vehicles in lexicographic order, as arrays (≤ size, s)."""
+    sets = combinations(range(n_rl), s)
+    while chunk := list(islice(sets, size)):
+        yield np.array(chunk, np.int64)
+
+
+@lru_cache(maxsize=8)
+def orders(start: int, stop: int, n_im: int, s: int) -> Orders:
+    """The orders start … stop − 1 of all perm(n_im, s) in lexicographic order.
+
+    Args:
+        start: First.
+        stop: One beyond the last; beyond the end it is the end.
+        n_im: Tracks.
+        s: Places.
+
+    Returns:
+        Shared, read-only arrays.
+
+    Example:
+        >>> orders(0, 6, 3, 2).track.T.tolist()
+        [[0, 1], [0, 2], [1, 0], [1, 2], [2, 0], [2, 1]]
+    """
+    rank = np.arange(start, min(stop, perm(n_im, s)))
+    # place k takes the d_k-th of the n_im − k tracks that are left:  rank = Σ_k d_k · perm(n_im − k − 1, s − k − 1)
+    track = np.array([rank // perm(n_im - k - 1, s - k - 1) % (n_im - k) for k in range(s)])
+    for k in reversed(range(s - 1)):
+        track[k + 1 :] += track[k + 1 :] >= track[k]
+    meets = np.zeros((s * n_im, len(rank)))
+    # A[k · n_im + j_k, h] = 1
+    np.put_along_axis(meets, n_im * np.arange(s)[:, None] + track, 1.0, axis=0)
+    track.setflags(write=False)
+    meets.setflags(write=False)
+    return Orders(track=track, meets=meets)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

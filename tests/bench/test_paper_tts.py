@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from assoc.errors import ShapeError
-from assoc.methods.tts import associate_by_tts, associate_by_tts_once, triangle_sequences, tts_similarity
+from bench.paper.tts import associate_by_tts, associate_by_tts_once, triangle_sequences, tts_similarity
 
 
 def points(seed, n):

@@ -9,9 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from assoc.errors import AssocError, DegenerateError, ShapeError
-from assoc.methods import assignments
-from assoc.methods.assignments import block_shape, orders, vehicle_sets
-from assoc.methods.projection import associate_by_projection, reprojection_errors
+from bench.paper import projection
+from bench.paper.projection import associate_by_projection, block_shape, orders, reprojection_errors, vehicle_sets
 
 
 def hypotheses(n_rl, n_im):
@@ -204,9 +203,9 @@ def test_winner_is_that_of_hypotheses_scored_one_by_one(n_rl, n_im, future, seed
 def test_the_answer_does_not_depend_on_the_block(n_rl, n_im, monkeypatch):
     x, y = noisy_scene(n_rl, n_im, 3)
     whole = associate_by_projection(x, y)
-    monkeypatch.setattr(assignments, "_SETS", 2)
+    monkeypatch.setattr(projection, "_SETS", 2)
     for size in (1, 11, 100):
-        monkeypatch.setattr(assignments, "_BLOCK", size)
+        monkeypatch.setattr(projection, "_BLOCK", size)
         parts = associate_by_projection(x, y)
         np.testing.assert_array_equal(parts.vehicle, whole.vehicle)
         np.testing.assert_allclose(parts.theta, whole.theta, rtol=1e-9, atol=1e-9)
