@@ -23,6 +23,7 @@ __all__ = [
     "Box",
     "Candidate",
     "Event",
+    "FleetChange",
     "Health",
     "Level",
     "LinkHealth",
@@ -72,6 +73,20 @@ class Statement:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FleetChange:
+    """What the operator changed about who is named: a vehicle taken in, left out, or called otherwise."""
+
+    what: Literal["added", "left out", "renamed"]
+    system_id: int
+    name: str = ""
+    """What it is called from then on; empty: as a vehicle without a name of its own."""
+    t_us: int = 0
+    """Time of the turn of the fold from which on it counts, Unix µs, 0 not yet."""
+    frame: int = -1
+    """The newest frame then, -1 none."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
     """Something that happened and that an operator or an analyst may want to know."""
 
@@ -92,6 +107,8 @@ class Event:
     reported: Reported = ""
     statement: Statement | None = None
     """What the operator stated or withdrew with it; a replay does so at the same frame."""
+    change: FleetChange | None = None
+    """What the operator changed about the fleet with it; a replay does so at the same time."""
 
     @property
     def acknowledges(self) -> str:

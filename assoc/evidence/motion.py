@@ -109,6 +109,13 @@ class _Past:
     """(n,) time of that sample, seconds, NaN none."""
 
 
+_OF_VEHICLES = (
+    *("last_t", "last_p", "last_v", "last_heading", "first_t", "frozen", "too_uncertain", "rejected_since"),
+    *("_open_count", "_open_since", "_unfiltered", "_speedless"),
+)
+"""Attributes of a log with a row for each vehicle."""
+
+
 class ReportLog:
     """Accepted reports of n vehicles and the state of their null model."""
 
@@ -228,6 +235,33 @@ class ReportLog:
         anew = ReportLog(self.n_vehicles, self._window_s)
         for name in ("last_t", "last_p", "last_v", "last_heading", "first_t", "frozen", "too_uncertain"):
             setattr(anew, name, getattr(self, name).copy())
+        return anew
+
+    def of_vehicles(self, rows: IntArray) -> ReportLog:
+        """The log of another fleet.
+
+        Args:
+            rows: (m,) the index that each of its vehicles has here, −1 of one that nothing was reported of.
+        """
+        anew = ReportLog(len(rows), self._window_s)
+        to = np.flatnonzero(rows >= 0)
+        by = rows[to]
+        for name in _OF_VEHICLES:
+            getattr(anew, name)[to] = getattr(self, name)[by]
+        for past, before in ((anew._before, self._before), (anew._now, self._now)):
+            _set_rows(past.state, to, _rows(before.state, by))
+            _set_rows(past.earlier, to, _rows(before.earlier, by))
+            past.score[to], past.t[to] = before.score[by], before.t[by]
+        for each in fields(Samples):
+            getattr(anew._open, each.name)[to] = getattr(self._open, each.name)[by]
+        anew._open.vehicle[:] = np.arange(len(rows))
+        self._join_closed()
+        index = np.full(self.n_vehicles, -1)
+        index[by] = to
+        kept = _taken(self._closed[0], np.flatnonzero(index[self._closed[0].vehicle] >= 0))
+        anew._closed = [replace(kept, vehicle=index[kept.vehicle])]
+        outliers = ((int(index[vehicle]), t, found) for (vehicle, t), found in self._outliers.items())
+        anew._outliers = {(vehicle, t): found for vehicle, t, found in outliers if vehicle >= 0}
         return anew
 
     def turned(self, centre: FloatArray, angle: FloatArray) -> ReportLog:

@@ -120,6 +120,22 @@ class Identifier:
         self._log, self._common_boxes = self._log.begun_anew(), CommonBoxes(len(self._ids))
         self._begin_anew()
 
+    def change_fleet(self, system_ids: Sequence[int]) -> None:
+        """Name these vehicles from now on, by the same frames and reports: those who stay have their names back soon.
+
+        What was stated of tracks is to be stated again.
+        """
+        before = {system_id: k for k, system_id in enumerate(self._ids.tolist())}
+        rows = np.array([before.get(system_id, -1) for system_id in system_ids], np.int64)
+        self._ids, n = np.array(system_ids, np.int64), len(rows)
+        self._log = self._log.of_vehicles(rows)
+        self._stated.clear()
+        self._beliefs = empty_beliefs(n)
+        self._near_horizon, self._common_boxes = NearHorizon(n, self._params), CommonBoxes(n)
+        self._residual_m = {}
+        self._masses, self._candidates = MassCache(), CandidateCache()
+        self._begin_anew()
+
     def update(
         self, observation: Observation, camera: CameraState, reports: VehicleReports | None = None
     ) -> Identities:

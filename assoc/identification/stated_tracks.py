@@ -40,6 +40,10 @@ class StatedTracks:
         """State nothing of a track any more; whether anything was."""
         return self._vehicle.pop(track_id, None) is not None
 
+    def clear(self) -> None:
+        """State nothing of any track any more."""
+        self._vehicle.clear()
+
     def among(self, track_id: IntArray) -> BoolArray:
         """(m,) of which tracks anything is stated."""
         return np.isin(track_id, list(self._vehicle))

@@ -29,7 +29,7 @@ class NameChanges:
     """
 
     def __init__(self, mission: Mission) -> None:
-        self._mission = mission
+        self.mission = mission
         self._at_border: frozenset[int] = frozenset()
         self.by_track: dict[int, int] = {}
         self.began_anew = False
@@ -62,8 +62,11 @@ class NameChanges:
         lost = {track: vehicle for track, vehicle in before.items() if vehicle not in self.by_track.values()}
         events = self._given(t_us, before, found)
         for track, vehicle in lost.items():
-            text = f"track {track} is no longer {self._mission.name_of(vehicle)}: "
-            text += self._reason(track, vehicle, identities, state, suspected)
+            text = f"track {track} is no longer {self.mission.name_of(vehicle)}: "
+            if vehicle in self.mission.ugv_ids:
+                text += self._reason(track, vehicle, identities, state, suspected)
+            else:
+                text += "it is left out of the fleet"
             events.append(Event(t_us=t_us, level="info", kind="identity", text=text, system_id=vehicle))
         self._at_border = _tracks_at_border(tracks, size)
         self.began_anew = False
@@ -74,8 +77,8 @@ class NameChanges:
         for track, (vehicle, sure) in found.items():
             former = before.get(track)
             if vehicle and vehicle != former:
-                text = f"track {track} is {self._mission.name_of(vehicle)} ({certainty(sure)})"
-                text += f", no longer {self._mission.name_of(former)}" if former else ""
+                text = f"track {track} is {self.mission.name_of(vehicle)} ({certainty(sure)})"
+                text += f", no longer {self.mission.name_of(former)}" if former else ""
                 level: Level = "warning" if former else "info"
                 events.append(Event(t_us=t_us, level=level, kind="identity", text=text, system_id=vehicle))
         return events
@@ -102,7 +105,7 @@ class NameChanges:
         if not len(rows):
             return "it left the picture" if track in self._at_border else "the track was lost"
         if track in self.by_track:
-            return f"it is {self._mission.name_of(self.by_track[track])}"
+            return f"it is {self.mission.name_of(self.by_track[track])}"
         if status.position_state in ("refused", "lost"):
             because = f": {status.refused_for}" if status.position_state == "refused" and status.refused_for else ""
             return f"its positions are {status.position_state}{because}"

@@ -14,7 +14,7 @@ class NoticeEvents:
     """Makes events of one mission's notices."""
 
     def __init__(self, mission: Mission) -> None:
-        self._mission = mission
+        self.mission = mission
         self._contested: frozenset[int] = frozenset()
         self._verifies = False
 
@@ -30,7 +30,7 @@ class NoticeEvents:
 
     def _speaker(self, packet: Packet) -> str:
         """The vehicle whose system id it is, with what speaks against its being the sender."""
-        name = self._mission.name_of(packet.system_id)
+        name = self.mission.name_of(packet.system_id)
         if packet.system_id in self._contested:
             return f"{name} (contested)"
         # where nothing is authenticated, that is said once for all

@@ -20,6 +20,7 @@ from gcs.fold.candidates import CandidateWords
 from gcs.fold.contradictions import Contradictions
 from gcs.fold.evidence import camera_of, observation_of, reports_of
 from gcs.fold.fences import Fences
+from gcs.fold.fleet_changes import FleetChanges
 from gcs.fold.ground.contact import pixel_lengths
 from gcs.fold.name_changes import NameChanges
 from gcs.fold.notice_events import NoticeEvents
@@ -32,7 +33,7 @@ from gcs.health.event_throttle import EventThrottle
 from gcs.health.link_rates import LinkRates
 from gcs.mission.mission import Camera, Mission
 from gcs.session.fold_order import NO_FRAME
-from gcs.snapshot import Box, Event, Health, Snapshot, Standing, Statement
+from gcs.snapshot import Box, Event, FleetChange, Health, Snapshot, Standing, Statement
 from mavlink.estimation.gimbal import turns_camera
 from mavlink.fleet.fleet import Fleet, FleetState
 from mavlink.geodesy import LocalFrame
@@ -126,6 +127,7 @@ class Pipeline:
         self._named_since: Since[int, int] = Since()
         self._standing_since: Since[int, Standing] = Since()
         self._fences = Fences(mission)
+        self._changes = FleetChanges()
         self._events: list[Event] = []
         self._notices = NoticeEvents(mission)
         self._throttle = EventThrottle()
@@ -182,6 +184,10 @@ class Pipeline:
         """
         self._statements.make(statement)
 
+    def change_fleet(self, change: FleetChange) -> None:
+        """Take what the operator changes about who is named; it counts from the next turn on."""
+        self._changes.make(change)
+
     def follow_ground(self, t_us: int) -> None:
         """Take in how high the ground is at a frame that is measured and not folded."""
         self._cameras.follow_ground(self.fleet.at(self.telemetry_time(t_us)), self.fleet.origin)
@@ -236,6 +242,7 @@ class Pipeline:
         if detections is not None and len(detections) > MOST_BOXES:
             self._report_crowd(t_us, len(detections.at_least(self._score)))
             detections = detections.select(np.sort(np.argsort(-detections.score, kind="stable")[:MOST_BOXES]))
+        self._follow_changes(t_us, index)
         state = self.fleet.at(self.telemetry_time(t_us), heard_us)
         self._notices.follow(state)
         self._follow_origin()
@@ -293,11 +300,30 @@ class Pipeline:
             t_us: When, Unix µs on the video's clock.
             health: How the program was doing, passed on.
         """
+        self._follow_changes(t_us, NO_FRAME)
         state = self.fleet.at(self.telemetry_time(t_us))
         self._notices.follow(state)
         self._follow_origin()
         view = self._frame_camera(state, None)
         return self._snapshot(NO_FRAME, t_us, state, view, None, self._names_held(state), health)
+
+    def _follow_changes(self, t_us: int, frame: int) -> None:
+        """Name the fleet as the operator changed it; who stays is named on by the same frames and reports."""
+        frame, before = max(frame, self._frame), self.mission
+        self.mission, events = self._changes.next_due(before, t_us, frame, self._clock_us)
+        self._events += events
+        if self.mission is before:
+            return
+        for part in (self._names, self._statements, self._notices):
+            part.mission = self.mission
+        self._fences = Fences(self.mission)
+        if self.mission.ugv_ids != before.ugv_ids:
+            self.fleet.set_ugvs(self.mission.ugv_ids)
+            self._identifier.change_fleet(self.mission.ugv_ids)
+            self._statements.count_again(self._identifier)
+            self._names.began_anew = True
+            if self._look:
+                self._look = replace(self._look, found=None)
 
     def _names_held(self, state: FleetState) -> Identities | None:
         """Names of the last frame that was looked at, without those that the fleet's state forbids now."""

@@ -43,7 +43,7 @@ class Statements:
     """
 
     def __init__(self, mission: Mission) -> None:
-        self._mission = mission
+        self.mission = mission
         self._waiting: deque[Statement] = deque()
         self._standing: dict[int, _Standing] = {}
         self._reviewed_us = self._step_us = 0
@@ -59,14 +59,15 @@ class Statements:
         """State something, or withdraw it (of track 0: what was stated last), from its frame or else the next one on.
 
         Raises:
-            ValueError: the mission has no such ground vehicle.
+            ValueError: the mission has no such ground vehicle now.
         """
-        if statement.system_id and statement.system_id not in self._mission.ugv_ids:
+        if statement.frame < 0 and not self._is_about_ours(statement):
             raise ValueError(f"system {statement.system_id} is no ground vehicle of the mission")
         self._waiting.append(statement)
 
     def count_again(self, identifier: Identifier) -> None:
-        """Give all that stand to an identifier that begins anew."""
+        """Give all that stand to an identifier that begins anew; those about who was left out end."""
+        self._standing = {track: each for track, each in self._standing.items() if self._is_about_ours(each.made)}
         for track, standing in self._standing.items():
             identifier.state(track, standing.made.system_id)
 
@@ -86,9 +87,10 @@ class Statements:
                 events += self._undo(t_us, frame, asked.track_id, identifier)
                 continue
             late = asked.frame >= 0 and frame - asked.frame > LATE_FRAMES
-            row = None if late else _row_of(asked, tracks)
+            ours = self._is_about_ours(asked)
+            row = None if late or not ours else _row_of(asked, tracks)
             if row is None:
-                text = f"{self._words(asked)}; not used: the track has ended"
+                text = f"{self._words(asked)}; not used: {'the track has ended' if ours else 'it is left out'}"
                 events.append(_event(t_us, "warning", text, asked.system_id))
                 continue
             track = int(tracks.track_id[row])
@@ -139,7 +141,7 @@ class Statements:
                     events.append(_event(t_us, "info", text, made.system_id))
                 continue
             other = int(identities.system_id[row]) != made.system_id and identities.confidence[row] >= CONFIRMED
-            if not other or hole or made.system_id in refused or self._mission.uav.system_id in refused:
+            if not other or hole or made.system_id in refused or self.mission.uav.system_id in refused:
                 standing.contradicted_us = 0
             elif not standing.contradicted_us:
                 standing.contradicted_us = t_us
@@ -168,19 +170,23 @@ class Statements:
                 events.append(_event(t_us, "info", text, made.system_id))
         return events
 
+    def _is_about_ours(self, statement: Statement) -> bool:
+        """Whether the vehicle is in the fleet now, or none of ours is meant."""
+        return statement.system_id in (0, *self.mission.ugv_ids)
+
     def _end(self, track: int, identifier: Identifier) -> None:
         del self._standing[track]
         identifier.unstate(track)
 
     def _words(self, statement: Statement) -> str:
-        name = self._mission.name_of(statement.system_id) if statement.system_id else "none of ours"
+        name = self.mission.name_of(statement.system_id) if statement.system_id else "none of ours"
         return f"stated: track {statement.track_id} is {name}"
 
     def _against(self, identities: Identities, row: int) -> str:
         """What the reports say instead."""
         sure, other = certainty(float(identities.confidence[row])), int(identities.system_id[row])
         if other:
-            return f"by its reports it is {self._mission.name_of(other)} ({sure})"
+            return f"by its reports it is {self.mission.name_of(other)} ({sure})"
         return f"by the reports it is none of ours ({sure})"
 
 

@@ -6,6 +6,7 @@ and logs without a mission go by this one rule.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -47,6 +48,9 @@ class HeardVehicle:
     """That were accepted."""
     positions: deque[int] = field(default_factory=lambda: deque(maxlen=_RATE_OVER))
     """When the last positions came, Unix µs."""
+    lat_deg: float = math.nan
+    lon_deg: float = math.nan
+    """Its last position, NaN none."""
     video: VideoStreamInformation | None = None
     """The video that it offers."""
 
@@ -120,6 +124,7 @@ class Roster:
             if not vehicle.positions:
                 self.news_us = sample.t_us
             vehicle.positions.append(sample.t_us)
+            vehicle.lat_deg, vehicle.lon_deg = sample.lat_deg, sample.lon_deg
         elif isinstance(sample, VideoStreamInformation) and vehicle.video is None:
             vehicle.video, self.news_us = sample, sample.t_us
 

@@ -177,11 +177,15 @@ class Analysis:
                 yield at_us, snapshot
 
     def _pipeline(self) -> Pipeline:
-        senders = self._log.senders
-        pipeline = Pipeline(self.mission, links=senders.names, address=senders.address, sized=self.opened.size.known)
+        senders, session, mission = self._log.senders, self.opened.session, self.mission
+        if session.began is not None:
+            mission = replace(mission, uav=session.began.uav, ugv=session.began.ugv)
+        pipeline = Pipeline(mission, links=senders.names, address=senders.address, sized=self.opened.size.known)
         self._folded = pipeline
-        for statement in read_statements(self.opened.session.tlog.parent, self.mission.ugv_ids):
+        for statement in read_statements(session.tlog.parent, self.mission.ugv_ids):
             pipeline.state_name(statement)
+        for change in session.changes:
+            pipeline.change_fleet(change)
         for text in self.warnings:
             pipeline.add_event(Event(t_us=int(self.times_us[0]), level="warning", kind="recording", text=text))
         return pipeline

@@ -117,7 +117,7 @@ class RollCall:
     """
 
     def __init__(self, mission: Mission) -> None:
-        self._mission = mission
+        self._names = {i: mission.name_of(i) for i in mission.ugv_ids}
         self._entries = {i: _Entry() for i in mission.ugv_ids}
         self._begin_us: int | None = None
         self._start_us = self._stop_us = self._came = 0
@@ -142,7 +142,9 @@ class RollCall:
         if self._begin_us is None:
             self._begin_us = at_us
         for row in snapshot.vehicles:
-            if (entry := self._entries.get(row.system_id)) is not None:
+            if row.role == "ugv":
+                entry = self._entries.setdefault(row.system_id, _Entry())
+                self._names[row.system_id] = row.name
                 _watch(entry, row, (at_us - self._begin_us) * 1e-6)
         self._alarms.add(at_us, snapshot.alarms)
         self.marks += _marks(snapshot.events)
@@ -217,7 +219,7 @@ class RollCall:
         outcome, why = self._outcome(entry)
         return RollCallRow(
             system_id=system_id,
-            name=self._mission.name_of(system_id),
+            name=self._names[system_id],
             first_named_s=(entry.first_us - self._start_us) * 1e-6 if entry.boxes else math.nan,
             boxes=entry.boxes,
             frames_in_view=entry.frames_in_view,

@@ -8,20 +8,29 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
 import msgspec
 
 from gcs.session.line_file import Lines, open_new
-from gcs.snapshot import NAN, Event, Level, Statement
+from gcs.snapshot import NAN, Event, FleetChange, Level, Statement
 from infra.files.safe_open import open_to_append, open_to_read
 from infra.files.segment import segments
 from infra.plain_text import plain
 from infra.session_format import EVENTS, MARKS
 
-__all__ = ["EventLog", "append_event", "event_row", "marks_path", "read_events", "read_marks", "read_statements"]
+__all__ = [
+    "EventLog",
+    "append_event",
+    "event_row",
+    "marks_path",
+    "read_changes",
+    "read_events",
+    "read_marks",
+    "read_statements",
+]
 
 _LEVELS: Mapping[Level, int] = {"info": logging.INFO, "warning": logging.WARNING, "alarm": logging.ERROR}
 
@@ -56,7 +65,8 @@ def event_row(event: Event) -> str:
     if event.alarm_level:
         alarm |= {"alarm_level": event.alarm_level, "over": event.over}
     stated = {"statement": _statement_row(event.statement)} if event.statement else {}
-    return msgspec.json.encode(row | {"text": plain(event.text)} | alarm | stated).decode()
+    changed = {"change": msgspec.to_builtins(event.change)} if event.change else {}
+    return msgspec.json.encode(row | {"text": plain(event.text)} | alarm | stated | changed).decode()
 
 
 def _statement_row(statement: Statement) -> dict[str, int | float | bool | None]:
@@ -98,6 +108,21 @@ class _StatementRow(msgspec.Struct, frozen=True):
         )
 
 
+class _ChangeRow(msgspec.Struct, frozen=True):
+    """What the operator changed about the fleet, as it is read."""
+
+    what: Literal["added", "left out", "renamed"]
+    system_id: _SystemId
+    t_us: Annotated[int, msgspec.Meta(ge=1, le=1 << 60)]
+    frame: Annotated[int, msgspec.Meta(ge=-1, le=1 << 31)]
+    name: Annotated[str, msgspec.Meta(max_length=200)] = ""
+
+    def change(self) -> FleetChange:
+        return FleetChange(
+            what=self.what, system_id=self.system_id, name=plain(self.name), t_us=self.t_us, frame=self.frame
+        )
+
+
 class _Row(msgspec.Struct, frozen=True):
     """A line as it is read; unknown keys are passed over."""
 
@@ -110,6 +135,7 @@ class _Row(msgspec.Struct, frozen=True):
     alarm_level: Level | Literal[""] = ""
     over: bool = False
     statement: _StatementRow | None = None
+    change: _ChangeRow | None = None
 
 
 def read_events(path: Path) -> tuple[list[Event], int]:
@@ -143,6 +169,7 @@ def read_events(path: Path) -> tuple[list[Event], int]:
                     alarm_level=row.alarm_level if row.alarm else "",
                     over=row.over,
                     statement=row.statement.statement() if row.statement else None,
+                    change=row.change.change() if row.change else None,
                 )
             )
     return events, skipped
@@ -153,12 +180,19 @@ def read_statements(folder: Path, ugv_ids: Collection[int]) -> list[Statement]:
 
     Segments that cannot be read are passed over, as bad lines are: a replay reports both where it shows the events.
     """
-    found: list[Statement] = []
+    said = (event.statement for event in _all_events(folder))
+    return [each for each in said if each is not None and each.system_id in (0, *ugv_ids)]
+
+
+def read_changes(folder: Path) -> tuple[FleetChange, ...]:
+    """What the operator changed about the fleet, as :func:`read_statements` reads."""
+    return tuple(event.change for event in _all_events(folder) if event.change is not None)
+
+
+def _all_events(folder: Path) -> Iterator[Event]:
     for part in segments(folder / EVENTS):
         with contextlib.suppress(OSError):
-            said = (event.statement for event in read_events(part)[0])
-            found += [each for each in said if each is not None and each.system_id in (0, *ugv_ids)]
-    return found
+            yield from read_events(part)[0]
 
 
 def append_event(path: Path, event: Event) -> None:

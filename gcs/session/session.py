@@ -16,8 +16,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from gcs.errors import ConfigError, SessionError
+from gcs.mission.fleet_changes import with_all
 from gcs.mission.mission import Mission, load_mission, load_table
+from gcs.session.event_log import read_changes
 from gcs.session.metadata import FlightNotes
+from gcs.snapshot import FleetChange
 from infra.files.safe_open import open_to_read
 from infra.files.segment import segments
 from infra.session_format import DETECTIONS, FOLDS, FRAMES, IDENTITY, LOG, METADATA, MOTION, TRUTH
@@ -33,8 +36,12 @@ class Session:
 
     path: Path
     mission: Mission | None
-    """None: a bare log without a mission file; the vehicles are found in the log."""
+    """Everyone who was ever in it; None: a bare log without a mission file, the vehicles are found in the log."""
     tlog: Path
+    began: Mission | None = None
+    """Who flew at its begin, where the operator changed that in flight; None: it is ``mission`` throughout."""
+    changes: tuple[FleetChange, ...] = ()
+    """What the operator changed, in order."""
     video: Path | None = None
     video_start_s: float = 0.0
     """When a video without frames.csv begins, seconds after the log's first message."""
@@ -88,9 +95,11 @@ def open_session(
     tlog = path / LOG
     if not segments(tlog):
         raise SessionError(f"{path}: no {LOG} in this folder; a session needs one")
-    toml = path / METADATA
+    toml, began, changes = path / METADATA, None, tuple[FleetChange, ...]()
     if chosen is None and toml.is_file():
         chosen = load_mission(toml)
+        if changes := read_changes(path):
+            began, chosen = chosen, with_all(chosen, changes)
     notes = FlightNotes()
     if toml.is_file():
         with contextlib.suppress(ConfigError):  # another mission file may replace one that is damaged
@@ -101,6 +110,8 @@ def open_session(
     return Session(
         path=path,
         mission=chosen,
+        began=began,
+        changes=changes,
         tlog=tlog,
         video=video or (found[0] if found else None),
         video_start_s=video_start_s,

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -113,17 +114,15 @@ class Fleet:
         address: Callable[[int, int], str] = lambda link, peer: "",
     ) -> None:
         self._origin = Origin(origin)
-        self._ids = np.array(ugv_ids, dtype=np.int64)
         names, limits = tuple(links), limits or VehicleLimits()
         self._uav = Vehicle(uav_id, drives=False, limits=_UAV_LIMITS, links=names, address=address)
-        self._ugvs = [
-            Vehicle(system_id, drives=True, limits=limits, links=names, address=address) for system_id in ugv_ids
-        ]
-        self._vehicles = {vehicle.system_id: vehicle for vehicle in [self._uav, *self._ugvs]}
+        self._new_ugv = partial(Vehicle, drives=True, limits=limits, links=names, address=address)
+        self._vehicles = {uav_id: self._uav}
         self._unknown_ids: set[int] = set()
         self._waiting: deque[tuple[Vehicle, int, PositionReport]] = deque(maxlen=_MAX_WAITING)
         self._waiting_since_us = 0
         self._evidence: deque[_AcceptedPosition] = deque(maxlen=_MAX_REPORTS)
+        self.set_ugvs(ugv_ids)
         self._gimbals, self._gimbal_epoch = Gimbals(gimbal_id), 0
         self._undated: deque[GimbalSample] = deque(maxlen=_MAX_UNDATED)
         """Attitudes of the gimbal from before the UAV's clock was known."""
@@ -149,6 +148,18 @@ class Fleet:
             DistanceSensor: self._add_ground_distance,
             TerrainReport: self._add_ground_distance,
         }
+
+    def set_ugvs(self, ugv_ids: Sequence[int]) -> None:
+        """Follow these ground vehicles from now on; of those who were followed before all that is known is kept."""
+        before = self._vehicles
+        self._ids = np.array(ugv_ids, dtype=np.int64)
+        self._ugvs = [before.get(system_id) or self._new_ugv(system_id) for system_id in ugv_ids]
+        self._vehicles = {vehicle.system_id: vehicle for vehicle in [self._uav, *self._ugvs]}
+        self._unknown_ids |= before.keys() - self._vehicles.keys()  # who was left out is no news
+        for kept in (self._waiting, self._evidence):
+            mine = [each for each in kept if self._vehicles.get(each[0].system_id) is each[0]]
+            kept.clear()
+            kept.extend(mine)  # type: ignore[arg-type]
 
     def add_packet(self, packet: Packet) -> tuple[Notice, ...]:
         """Adds one packet, in order of arrival; returns what an operator should know."""

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from bench.again import scripted
 from bench.again.encoders import SECRET
 from bench.again.scripted import CAMERA, InjectedFaults, fly
 from gcs.cli.identify import identify_into
@@ -18,7 +19,7 @@ from gcs.playback.opened_session import OpenedSession
 from gcs.session.event_log import read_events
 from gcs.session.fold_order import FoldOrder
 from gcs.session.session import open_session
-from gcs.snapshot import Statement
+from gcs.snapshot import FleetChange, Statement
 from sim.world.presets import nominal
 from sim.world.scenario import ScenarioDetector, ScenarioGround
 
@@ -265,6 +266,51 @@ def test_what_the_operator_stated_is_stated_again_at_the_same_frame(tmp_path, mo
     assert again == said and [event.statement.undone for event in said if event.statement] == [False] * 3 + [True]
     stated = [row for row in (folder / "identity.jsonl").read_text().splitlines() if '"stated":true' in row]
     assert len(stated) > 20
+
+
+@pytest.mark.slow
+def test_a_fleet_that_was_changed_in_flight_is_changed_again_at_the_same_turn(tmp_path, monkeypatch):
+    """Taken in, renamed, left out, taken in again; frames come late, and there is a hole in the video."""
+    first, *others, last = SCENARIO.ugv_ids
+    changes = {
+        20: FleetChange(what="added", system_id=last),
+        28: FleetChange(what="renamed", system_id=others[0], name="[b]Alpha"),
+        34: FleetChange(what="left out", system_id=first),
+        35: FleetChange(what="left out", system_id=first),
+        60: FleetChange(what="added", system_id=first),
+    }
+
+    def with_three(scenario):
+        mission = whole(scenario)
+        return replace(mission, ugv=mission.ugv[:-1])
+
+    def change(flight, frame):
+        flight.turns = getattr(flight, "turns", -1) + 1
+        if flight.turns in changes:
+            flight.pipeline.change_fleet(changes[flight.turns])
+
+    whole, flown = scripted._mission, []
+    monkeypatch.setattr(scripted, "_mission", with_three)
+    folder = fly(tmp_path / "flown", SCENARIO, InjectedFaults(no_video=((6.0, 6.6),)), flown.append, change)
+    session = open_session(folder)
+    identify_into(session, tmp_path / "again")
+    for name in ("identity.csv", "identity.jsonl"):
+        live, again = ((place / name).read_text().splitlines() for place in (folder, tmp_path / "again"))
+        assert again == live
+    said, again = (
+        [event for event in read_events(place / "events.jsonl")[0] if event.change]
+        for place in (folder, tmp_path / "again")
+    )
+    assert again == said and [event.change.what for event in said] == ["added", "renamed", "left out", "added"]
+    told = [event.text for shown in flown for event in shown.events]
+    assert told.count("the fleet is not changed: UGV-11 is not in the fleet") == 1
+    assert session.began.ugv_ids == SCENARIO.ugv_ids[:-1] and set(session.mission.ugv_ids) == set(SCENARIO.ugv_ids)
+    assert {row.name for row in flown[-1].vehicles} == {"UAV", "UGV-11", "[b]Alpha", "UGV-13", "UGV-14"}
+    names = [{box.system_id for box in shown.new_boxes} - {0} for shown in flown if shown.new_boxes]
+    was = [{row.system_id for row in shown.vehicles if row.role == "ugv"} for shown in flown if shown.new_boxes]
+    assert all(named <= fleet for named, fleet in zip(names, was, strict=True))
+    assert all(named >= {*others} for named in names[1:]), "who stays is named on"
+    assert names[-1] == {*SCENARIO.ugv_ids}
 
 
 STATEMENTS = {

@@ -7,8 +7,8 @@ import math
 
 import pytest
 
-from gcs.session.event_log import event_row, read_events, read_statements
-from gcs.snapshot import Event, Statement
+from gcs.session.event_log import event_row, read_changes, read_events, read_statements
+from gcs.snapshot import Event, FleetChange, Statement
 
 STATED = Statement(track_id=7, system_id=12, frame=40, cx=100.25, cy=50.5)
 NONE = Statement(track_id=9, system_id=0, frame=41, cx=1.0, cy=2.0)
@@ -48,6 +48,20 @@ def test_a_line_that_cannot_be_right_is_counted_and_skipped(tmp_path, change):
     path.write_text(line(STATED, **change) + "\n" + line(NONE) + "\n")
     assert read_statements(tmp_path, (11, 12)) == [NONE]
     assert read_events(path)[1] == 1
+
+
+ADDED = FleetChange(what="added", system_id=18, name="[b]Eve", t_us=5, frame=7)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "kept"),
+    [({}, (ADDED,)), ({"what": "killed"}, ()), ({"system_id": 0}, ()), ({"t_us": 0}, ()), ({"name": "x" * 201}, ())],
+)
+def test_changes_of_the_fleet_come_back_unless_they_cannot_be_right(tmp_path, wrong, kept):
+    row = json.loads(event_row(Event(t_us=1, level="info", kind="operator", text="x", change=ADDED)))
+    row["change"] |= wrong
+    (tmp_path / "events.jsonl").write_text(json.dumps(row) + "\n")
+    assert read_changes(tmp_path) == kept and read_events(tmp_path / "events.jsonl")[1] == 1 - len(kept)
 
 
 def test_an_unknown_place_is_read_as_unknown(tmp_path):
