@@ -10,11 +10,11 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.snapshot import Alarm, Event, Snapshot
+from gcs.snapshot import Alarm, Event, FleetChange, Snapshot
 from gcs.trails import Trail
 from mavlink.geodesy import LocalFrame
 
-__all__ = ["Commands", "Gap", "Station", "Timeline"]
+__all__ = ["Commands", "Gap", "Newcomer", "Station", "Timeline"]
 
 
 class Commands(Protocol):
@@ -29,6 +29,24 @@ class Commands(Protocol):
         Raises:
             KeyError, ValueError: no such order, or not about this vehicle.
         """
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Newcomer:
+    """A vehicle on the air that is not in the fleet."""
+
+    system_id: int
+    kind: str
+    """Its type in a word."""
+    away_m: float
+    """Over ground from the nearest vehicle of the fleet; inf unknown."""
+    offered: bool
+    """It may be one of ours: a ground vehicle that reports to be near, and that nobody has left out."""
+
+    @property
+    def offer(self) -> str:
+        """What an operator is told of it."""
+        return f"{self.kind} {self.system_id} is heard, {self.away_m:.0f} m from the fleet: F takes it in"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,6 +174,17 @@ class Station(Protocol):
 
     def undo_statement(self, track_id: int = 0) -> None:
         """The operator withdraws what was stated of a track; of 0, what was stated last."""
+
+    def newcomers(self) -> Sequence[Newcomer]:
+        """Vehicles that are heard and not in the fleet; none of a recording."""
+
+    def change_fleet(self, change: FleetChange) -> None:
+        """The operator takes a vehicle into the fleet, leaves it out or renames it: from the next frame on, kept in a
+        flight's events.
+
+        Raises:
+            ValueError: it cannot be done, and why not.
+        """
 
     def accept_held(self, system_ids: Sequence[int]) -> None:
         """The operator vouches for vehicles whose signed packets are held; nothing in a recording."""

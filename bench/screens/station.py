@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 from bench.screens.flights import Moment
 from bench.screens.screen import Screen, read_screen
-from gcs.snapshot import Alarm, Event, Snapshot
-from gcs.station import Station
+from gcs.snapshot import Alarm, Event, FleetChange, Snapshot
+from gcs.station import Newcomer, Station
 from gcs.tui import RollcallApp
 
 __all__ = ["VIEWS", "Shot", "shots"]
@@ -53,6 +53,13 @@ class ScriptedStation(Station):
 
     def undo_statement(self, track_id: int = 0) -> None:
         return None
+
+    def newcomers(self) -> Sequence[Newcomer]:
+        """Nobody."""
+        return ()
+
+    def change_fleet(self, change: FleetChange) -> None:
+        """Not in a scene."""
 
     def accept_held(self, system_ids: Sequence[int]) -> None:
         return None

@@ -112,6 +112,11 @@ class CommandService:
             text = f"the gimbal of {self._uav_name} is controlled by {who if any(holder) else 'no station'}"
             self._note("info", "camera", text, self._uav_id)
 
+    def set_ground(self, ground: Mapping[int, str]) -> None:
+        """Orders may be about these ground vehicles from now on: system ids by name."""
+        self._ground = dict(ground)
+        self._rates.set_ground(self._ground)
+
     def orders(self, system_id: int) -> Sequence[tuple[str, str]]:
         """What may be ordered about a selected vehicle: keys and words."""
         about = system_id in self._ground

@@ -22,16 +22,18 @@ from gcs.errors import FlightError
 from gcs.flight.frame_loop import FrameLoop
 from gcs.flight.listening import Listening, open_ingest
 from gcs.flight.monitor import FlightMonitor
+from gcs.flight.newcomers import Newcomers
 from gcs.flight.video import FlightVideo, check_source
 from gcs.fold.detector_factory import fingerprints, open_mission_detector
 from gcs.fold.pipeline import Pipeline
 from gcs.health.faults import Faults
+from gcs.mission.fleet_changes import changed
 from gcs.mission.mission import Mission
 from gcs.mission.written import save_mission
 from gcs.session.metadata import PROGRAM, key_notes
 from gcs.session.recorder import Recorder
-from gcs.snapshot import Alarm, Event, Health, Snapshot, Statement
-from gcs.station import Commands
+from gcs.snapshot import Alarm, Event, FleetChange, Health, Snapshot, Statement
+from gcs.station import Commands, Newcomer
 from infra.wall_clock import now_us
 from mavlink.errors import LinkError
 from mavlink.ingest.ingest import Ingest
@@ -126,6 +128,7 @@ class Flight:
         self._pipeline = Pipeline(mission, links=self._ingest.names, address=self._ingest.address)
         rates = uav_rates(gimbal=mission.follows_gimbal)
         self._rates = MessageRates(None, mission.uav.system_id, mission.ugv_ids, uav_rates=rates)
+        self._newcomers = Newcomers([each.system_id for each in listening.roster.vehicles] if listening else ())
         self._faults = Faults(self._recorder.folder / "faults.txt")
         self._loop = FrameLoop(self._pipeline, detector, self._recorder, self._faults, on_snapshot)
         self._loop.health = Health(
@@ -251,12 +254,25 @@ class Flight:
         """The operator withdraws a statement."""
         self._pipeline.state_name(Statement(track_id=track_id, system_id=0, undone=True))
 
+    def newcomers(self) -> Sequence[Newcomer]:
+        """Who is heard and not in the fleet."""
+        return self._newcomers.heard
+
+    def change_fleet(self, change: FleetChange) -> None:
+        """The operator takes a vehicle into the fleet, leaves it out or renames it."""
+        after = changed(self._pipeline.mission, change)
+        self._pipeline.change_fleet(change)
+        self._rates.set_ground(after.ugv_ids)
+        if self._commands:
+            self._commands.set_ground({i: after.name_of(i) for i in after.ugv_ids})
+        self._ingest.know((after.uav.system_id, *after.ugv_ids), after.uav.system_id)
+
     def save_mission(self) -> str:
         """Write the mission as a file of the working folder, never over one, to be flown again; tells where.
 
         A camera that the film showed is in it.
         """
-        mission, origins = self._mission, self._plan.origins
+        mission, origins = self._pipeline.mission, self._plan.origins
         if found := self._pipeline.found_camera:
             mission = replace(mission, camera=found)
             origins = {**origins, "camera": f"Found from the film of {self.title}: gcs calibrate measures it better."}
@@ -285,7 +301,7 @@ class Flight:
                 t_us=now_us(),
                 level="warning",
                 kind="operator",
-                text=f"{self._mission.name_of(system_id)}: {text}",
+                text=f"{self._pipeline.mission.name_of(system_id)}: {text}",
                 system_id=system_id,
             )
         )
@@ -335,6 +351,7 @@ class Flight:
     def _receive(self) -> None:
         packets = self._ingest.read(READ_S)
         self._loop.add_packets(packets, self._ingest.heard_us)
+        self._newcomers.add_packets(packets, self._fleet)
         if self._commands:
             for packet in packets:
                 self._commands.receive(packet)
@@ -351,7 +368,14 @@ class Flight:
             self._commands.poll()
         self._loop.run_once(frame)
 
+    @property
+    def _fleet(self) -> frozenset[int]:
+        """System ids of those who fly now."""
+        return frozenset((self._pipeline.mission.uav.system_id, *self._pipeline.mission.ugv_ids))
+
     def _check_health(self) -> None:
+        for event in self._newcomers.look(now_us(), self._fleet, self.latest()):
+            self._loop.add_event(event)
         self._loop.health = self._monitor.check(self._loop.throughput, self._faults, self._pipeline.fleet.video_offer)
         self._stop.wait(CARE_S)
 

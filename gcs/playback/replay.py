@@ -27,8 +27,8 @@ from gcs.playback.preview import Preview
 from gcs.playback.snapshot_store import SnapshotStore
 from gcs.session.event_log import append_event, marks_path, read_marks
 from gcs.session.session import Session
-from gcs.snapshot import Alarm, Event, Snapshot
-from gcs.station import Gap
+from gcs.snapshot import Alarm, Event, FleetChange, Snapshot
+from gcs.station import Gap, Newcomer
 from gcs.trails import Trail, Trails
 from mavlink.geodesy import LocalFrame
 from mavlink.state import SILENT_S
@@ -298,6 +298,13 @@ class Replay:
 
     def undo_statement(self, track_id: int = 0) -> None:
         """What was stated in flight stays as it is."""
+
+    def newcomers(self) -> Sequence[Newcomer]:
+        """A recording hears nobody."""
+        return ()
+
+    def change_fleet(self, change: FleetChange) -> None:
+        """The fleet of a recording is as it flew."""
 
     def accept_held(self, system_ids: Sequence[int]) -> None:
         """What was held in flight stays held."""

@@ -40,6 +40,7 @@ from gcs.tui.panes.video import VideoPane
 from gcs.tui.picking import beside, followed
 from gcs.tui.replay_app import ReplayApp
 from gcs.tui.screens.command import ask_for_order
+from gcs.tui.screens.fleet_changes import ask_for_fleet, tell_newcomers
 from gcs.tui.screens.held import ask_to_accept
 from gcs.tui.screens.help import HelpScreen
 from gcs.tui.screens.leaving import Leave, LeaveFlight
@@ -100,6 +101,7 @@ class RollcallApp(ReplayApp):
         self._rung: frozenset[tuple[str, int, str]] = frozenset()
         self._station = station
         self._newest_at = time.monotonic()
+        self._offered: frozenset[int] = frozenset()
         self.left = False
         # held, not queried: a query looks at the screen on top, which may be a question
         self._status = StatusBar(live=station.timeline is None, id="status")
@@ -176,6 +178,7 @@ class RollcallApp(ReplayApp):
             self._timeline.show(self._station.timeline, events, self.selected, name)
         self._alert_line.alert = self._alert()
         self._ring()
+        self._offered = tell_newcomers(self, self._station.newcomers(), self._offered)
 
     def _show_keys_of(self, focused: Widget | None) -> None:
         self._hints.pane = focused.id or "" if isinstance(focused, Pane) else ""
@@ -222,6 +225,10 @@ class RollcallApp(ReplayApp):
     def action_undo_statement(self) -> None:
         """Withdraw a statement."""
         withdraw_name(self, self._station, self.snapshot, (self.selected, self.picked_track))
+
+    def action_fleet(self) -> None:
+        """Take vehicles into the fleet, leave them out, rename them."""
+        ask_for_fleet(self, self._station, self.snapshot)
 
     def action_accept_held(self) -> None:
         """Accept vehicles whose signed packets are held."""

@@ -86,6 +86,7 @@ STATION: Final = (
         "Command the UAV, about the selected vehicle (gcs fly --command)",
         id="station.command",
     ),
+    _key("F", "fleet", "fleet", "Who is in the fleet: take in, leave out, rename", id="station.fleet"),
     _key("b", "accept_held", "accept", "Accept vehicles whose signed packets are held", id="station.believe"),
     _key(
         "V", "take_rival_video", "take", "Take the other video where two senders contest its port", id="station.video"

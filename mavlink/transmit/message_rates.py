@@ -180,7 +180,8 @@ class MessageRates:
         self._encoder = encoder
         self._own = own
         self._uav = uav
-        self._wanted = {**{system_id: ugv_rates for system_id in ground}, uav: uav_rates}
+        self._ugv_rates = ugv_rates
+        self._wanted = {**dict.fromkeys(ground, ugv_rates), uav: uav_rates}
         self._lock = threading.Lock()
         self._peers: dict[tuple[int, int], _VehicleLink] = {}
         self._low_rates: dict[tuple[int, int, str], Hysteresis] = {}
@@ -197,6 +198,13 @@ class MessageRates:
             for (system_id, _), peer in self._peers.items():
                 if system_id == self._uav:
                     peer.streams.setdefault(message_id, _MessageStream())
+
+    def set_ground(self, ground: Collection[int]) -> None:
+        """Measure these ground vehicles from now on, as those before."""
+        with self._lock:
+            uav_rates = self._wanted[self._uav]
+            self._wanted = {**dict.fromkeys(ground, self._ugv_rates), self._uav: uav_rates}
+            self._peers = {key: peer for key, peer in self._peers.items() if key[0] in self._wanted}
 
     def add_packet(self, packet: Packet, now_s: float) -> None:
         """Counts a packet, and reads the UAV's answers.

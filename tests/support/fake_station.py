@@ -245,6 +245,7 @@ class FakeStation:
         self.seen: list[Alarm] = []
         self.accepted: list[int] = []
         self.taken = 0
+        self.heard, self.changes = (), []
         self.stated: list[tuple[int, int | None]] = []
         self.stopped = 0
         self.folder: Path | None = None
@@ -270,6 +271,14 @@ class FakeStation:
 
     def undo_statement(self, track_id: int = 0) -> None:
         self.stated.append((track_id, None))
+
+    def newcomers(self):
+        return self.heard
+
+    def change_fleet(self, change) -> None:
+        if change.system_id == 99:
+            raise ValueError("[b]99 cannot be left out")
+        self.changes.append(change)
 
     def accept_held(self, system_ids: Sequence[int]) -> None:
         self.accepted += system_ids
