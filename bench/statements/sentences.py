@@ -177,7 +177,7 @@ def _stopped(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
 
 def _comes_and_goes(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     came = [frame_us for now_us, frame_us in flown.turns if frame_us and now_us <= said.t_us]
-    stops = sum(b - a > S for a, b in pairwise([*came, said.t_us]))
+    stops = sum(b - a > 2 * S for a, b in pairwise([*came, said.t_us]))
     return "" if abs(stops - int(fields["count"])) <= 1 else f"it has stopped {stops} times"
 
 

@@ -214,7 +214,8 @@ def _come(finding: Finding, now_us: int) -> list[Event]:
 
 
 def _over(finding: Finding, lasted_us: int, now_us: int) -> list[Event]:
-    return _logged(finding, now_us, "info", f"over after {lasted_us * 1e-6:.0f} s: {finding.text}", over=True)
+    lasted_s = max(round(lasted_us * 1e-6), 1)  # what was told was there
+    return _logged(finding, now_us, "info", f"over after {lasted_s} s: {finding.text}", over=True)
 
 
 def _logged(finding: Finding, t_us: int, level: Level, text: str, *, over: bool = False) -> list[Event]:

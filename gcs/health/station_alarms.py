@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from gcs.health.alarm_rule import AlarmRule
 from gcs.health.heard import is_heard, refused_because
 from gcs.snapshot import Health, Snapshot, VehicleRow
+from vision.stream.pace import STALL_S
 
 __all__ = ["CLOCK_STEP", "LATE_S", "LOW_BYTES", "LOW_S", "STALLED_S", "STATION_RULES", "first_of"]
 
@@ -15,6 +16,8 @@ UNHEARD_S = 15.0
 """Vehicles are switched on one after the other."""
 BEHIND_S = 2.0
 """Telemetry is processed five times a second and more; a moment's hold-up changes nothing that is shown."""
+STAYS_AWAY_S = 1.0
+"""What is back within it asks for nothing: under load frames and telemetry are a second late now and then."""
 LATE_S = 1.0
 """A vehicle at 5 m/s is five metres from where an older frame shows it."""
 LATE_FOR_S = 3.0
@@ -157,10 +160,11 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         kind="program",
         text="this computer cannot keep up: telemetry is processed late",
         on_and_off="this computer cannot keep up now and then",
-        meaning=f"what was received and recorded is processed {BEHIND_S:g} s late or more; ages are given for then, so "
-        "that no vehicle counts as silent for it",
+        meaning=f"what was received and recorded is processed {BEHIND_S:g} s late or more, for {STAYS_AWAY_S:g} s; "
+        "ages are given for then, so that no vehicle counts as silent for it",
         advice="what is shown is as old; free the processor: close other programs, or use a smaller detector",
         condition=lambda health, _: health.behind_s > BEHIND_S,
+        lasts_s=STAYS_AWAY_S,
     ),
     AlarmRule(
         key="fault",
@@ -177,10 +181,12 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         level="alarm",
         kind="video",
         text="the video has stopped",
-        meaning="no frame for 1 s, or for 2.5 intervals of a slow stream; it is opened again automatically",
+        meaning=f"no frame for {STALL_S + STAYS_AWAY_S:g} s, or {STAYS_AWAY_S:g} s longer than 2.5 intervals of a slow "
+        "stream: names are taken off then; it is opened again automatically",
         on_and_off="the video comes and goes",
         advice="check the camera and its link; no name is renewed while no frame comes",
         condition=lambda health, _: health.video == "stalled",
+        lasts_s=STAYS_AWAY_S,
     ),
     AlarmRule(
         key="video contest",

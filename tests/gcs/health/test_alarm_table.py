@@ -5,13 +5,14 @@ from pathlib import Path
 
 import pytest
 
+from gcs.fold.pipeline import HELD_US
 from gcs.health.alarm_rule import CLEARS_AFTER_S, GROWING_S
 from gcs.health.condition_alarms import CONDITION_RULES
 from gcs.health.link_alarms import LINK_RULES
 from gcs.health.proximity_alarms import PAIR_RULES
 from gcs.health.station_alarms import LATE_S, STATION_RULES
 from gcs.health.vehicle_alarms import VEHICLE_RULES
-from vision.stream.stream import STALL_S
+from vision.stream.pace import STALL_S
 
 PAGE = Path("docs/operations.md")
 NAMED = [("NAME: ", rule) for rule in (*VEHICLE_RULES, *CONDITION_RULES)]
@@ -53,5 +54,6 @@ def test_every_rule_is_complete(rule):
 
 
 def test_limits_of_other_packages_are_those_that_are_told():
-    assert f"no frame for {STALL_S:g} s" in next(rule.meaning for rule in RULES if rule.key == "video")
+    (video,) = (rule for rule in RULES if rule.key == "video")
+    assert f"no frame for {STALL_S + video.lasts_s:g} s" in video.meaning and STALL_S + video.lasts_s == HELD_US * 1e-6
     assert f"lag below {LATE_S:g} s" in PAGE.read_text(encoding="utf-8")

@@ -36,7 +36,7 @@ class Flight:
         return {alarm.key: alarm for alarm in active}
 
 
-@pytest.mark.parametrize(("on_s", "off_s"), [(0.5, 1.0), (2.0, 2.0), (1.3, 4.0), (8.0, 12.0)])
+@pytest.mark.parametrize(("on_s", "off_s"), [(1.2, 1.0), (2.0, 2.0), (1.3, 4.0), (8.0, 12.0)])
 @pytest.mark.parametrize(("wrong", "key"), [(STALLED, "video"), (CUT, "link udp"), (SILENT, "silent 11")])
 def test_the_sentence_is_never_said_of_what_has_been_well_for_three_seconds(wrong, key, on_s, off_s):
     flight = Flight()
@@ -61,11 +61,23 @@ def test_the_video_that_comes_and_goes_has_its_own_words_and_count():
     for _ in range(6):
         flight.see(2, **STALLED)
         flight.see(22)
-    (alarm,) = flight.see(0.1, **STALLED).values()
+    (alarm,) = flight.see(1.2, **STALLED).values()
     assert alarm.text == "the video comes and goes: 7 times in 2 min"
     told = [(event.alarm, event.alarm_level, event.over) for event in flight.events]
     plain = [("video", "alarm", False), ("video", "alarm", True)]
     assert told == [*plain, *plain, ("video on and off", "warning", False)]
+
+
+def test_a_hole_in_the_video_that_is_over_before_anybody_acts_is_no_alarm():
+    """Frames come a second late now and then on a computer under load: names are held meanwhile."""
+    flight = Flight()
+    for _ in range(6):
+        assert flight.see(0.9, **STALLED) == {}
+        flight.see(5)
+    assert flight.events == []
+    flight.see(1.2, **STALLED)
+    flight.see(5)
+    assert [event.text for event in flight.events] == ["the video has stopped", "over after 1 s: the video has stopped"]
 
 
 def test_what_comes_and_goes_and_then_stays_is_said_as_it_is():
