@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gcs.snapshot import Alarm, Event, FleetChange, Snapshot
 from gcs.trails import Trail
 from mavlink.geodesy import LocalFrame
+from mavlink.transmit.message_rates import Rate
 
 __all__ = ["Commands", "Gap", "Newcomer", "Station", "Timeline"]
 
@@ -174,6 +175,9 @@ class Station(Protocol):
 
     def undo_statement(self, track_id: int = 0) -> None:
         """The operator withdraws what was stated of a track; of 0, what was stated last."""
+
+    def rates(self) -> Sequence[Rate]:
+        """How often the messages come that a flight needs, as measured; none of a recording."""
 
     def newcomers(self) -> Sequence[Newcomer]:
         """Vehicles that are heard and not in the fleet; none of a recording."""

@@ -12,6 +12,7 @@ from bench.screens.screen import Screen, read_screen
 from gcs.snapshot import Alarm, Event, FleetChange, Snapshot
 from gcs.station import Newcomer, Station
 from gcs.tui import RollcallApp
+from mavlink.transmit.message_rates import Rate
 
 __all__ = ["VIEWS", "Shot", "shots"]
 
@@ -53,6 +54,10 @@ class ScriptedStation(Station):
 
     def undo_statement(self, track_id: int = 0) -> None:
         return None
+
+    def rates(self) -> Sequence[Rate]:
+        """A recording measures nothing."""
+        return ()
 
     def newcomers(self) -> Sequence[Newcomer]:
         """Nobody."""

@@ -46,6 +46,9 @@ class CommandService:
         params: how orders are carried out.
         rates: message id → Hz wanted of the UAV.
         gimbal: that carries the camera: a device id 1-6 or a component id, 0: the first that reports.
+
+    Attributes:
+        rates: how often messages come, and what is asked of the UAV.
     """
 
     def __init__(
@@ -66,7 +69,7 @@ class CommandService:
         self._transmitter, self._on_event = transmitter, on_event
         encoder = MavlinkEncoder(*own)
         self._heartbeat, self._timesync = HeartbeatTimer(encoder), TimeSyncTimer(encoder)
-        self._rates = MessageRates(encoder, uav, tuple(ground), own=own[0], uav_rates=rates)
+        self.rates = MessageRates(encoder, uav, tuple(ground), own=own[0], uav_rates=rates)
         self._look_s = 0.0
         self._own = own
         self._holder: tuple[int, int] | None = None
@@ -83,7 +86,7 @@ class CommandService:
         self._transmitter.note_packet(packet)
         if packet.auth > Auth.GOOD:
             return
-        self._rates.add_packet(packet, time.monotonic())
+        self.rates.add_packet(packet, time.monotonic())
         if packet.system_id != self._uav_id:
             return
         self._uav.receive(packet)
@@ -95,7 +98,7 @@ class CommandService:
         for raw in (self._heartbeat.poll(now_s), self._timesync.poll(now_s, time.time_ns())):
             if raw is not None:
                 self._transmitter.broadcast(raw)
-        for link, raw in self._rates.poll(now_s):
+        for link, raw in self.rates.poll(now_s):
             self._transmitter.send(raw, link)
         if now_s >= self._look_s:
             self._look_s = now_s + LOOK_S
@@ -103,7 +106,7 @@ class CommandService:
 
     def _report_changes(self, now_s: float) -> None:
         """Reports rates that are too low, and who controls the gimbal."""
-        for rate in self._rates.troubles(now_s):
+        for rate in self.rates.troubles(now_s):
             self._note("warning", "link", rate.words, rate.system_id)
         holder = self._uav.gimbal_holder
         if holder is not None and holder != self._holder:
@@ -115,7 +118,7 @@ class CommandService:
     def set_ground(self, ground: Mapping[int, str]) -> None:
         """Orders may be about these ground vehicles from now on: system ids by name."""
         self._ground = dict(ground)
-        self._rates.set_ground(self._ground)
+        self.rates.set_ground(self._ground)
 
     def orders(self, system_id: int) -> Sequence[tuple[str, str]]:
         """What may be ordered about a selected vehicle: keys and words."""
@@ -164,7 +167,7 @@ class CommandService:
 
         report("info", "ordered")
         if order.job == "camera":
-            self._rates.add_wanted(GIMBAL_ATTITUDE, UAV_RATES[GIMBAL_ATTITUDE])
+            self.rates.add_wanted(GIMBAL_ATTITUDE, UAV_RATES[GIMBAL_ATTITUDE])
         try:
             await self._executor.carry_out(order.key, system_id, report)
         except asyncio.CancelledError:

@@ -38,7 +38,7 @@ from infra.wall_clock import now_us
 from mavlink.errors import LinkError
 from mavlink.ingest.ingest import Ingest
 from mavlink.signing.keys import KeyRing, read_ring
-from mavlink.transmit.message_rates import MessageRates, uav_rates
+from mavlink.transmit.message_rates import MessageRates, Rate, uav_rates
 from vision.detect.detector import Detector
 
 if TYPE_CHECKING:
@@ -253,6 +253,10 @@ class Flight:
     def undo_statement(self, track_id: int = 0) -> None:
         """The operator withdraws a statement."""
         self._pipeline.state_name(Statement(track_id=track_id, system_id=0, undone=True))
+
+    def rates(self) -> Sequence[Rate]:
+        """How often messages come."""
+        return (self._commands.rates if self._commands else self._rates).rates(time.monotonic())
 
     def newcomers(self) -> Sequence[Newcomer]:
         """Who is heard and not in the fleet."""

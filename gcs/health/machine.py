@@ -8,8 +8,7 @@ import platform
 import shutil
 import sys
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
@@ -18,15 +17,14 @@ import av
 import numpy as np
 import onnxruntime as ort
 
+from gcs.health.check import Check, Verdict
 from gcs.health.station_alarms import FULL_BYTES, LOW_BYTES
 from mavlink.errors import LinkError
 from mavlink.links.kinds import open_link
 from mavlink.links.udp import LEAST_BUFFER_BYTES
-from vision.detect.detector import open_detector
+from vision.detect.detector import Detector, open_detector
 
-__all__ = ["Check", "Verdict", "checks"]
-
-Verdict = Literal["ok", "short", "bad"]
+__all__ = ["GSD_M", "checks"]
 
 PACKAGES = ("pymavlink", "mavsdk", "numpy", "scipy", "opencv-python-headless", "onnxruntime", "av", "textual")
 DECODERS, ENCODERS = ("h264", "hevc", "mjpeg"), ("libx264",)
@@ -45,27 +43,24 @@ _TIMEX_BYTES = 512
 """More than struct timex has on any architecture; its first field, 0, asks without setting."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Check:
-    """One thing that was looked at."""
-
-    name: str
-    verdict: Verdict
-    """``short``: a flight is possible and suffers; ``bad``: something will not work."""
-    found: str
-    advice: str = ""
-
-
-def checks(sessions: Path, ports: Sequence[int] = PORTS) -> Iterator[Check]:
+def checks(
+    sessions: Path,
+    ports: Sequence[int] = PORTS,
+    *,
+    gsd_m: float = GSD_M,
+    open_detector: Callable[[], Detector] | None = None,
+) -> Iterator[Check]:
     """Look at everything but the terminal; takes some two seconds, for the detector is measured.
 
     Args:
         sessions: where flights are recorded; it need not exist yet.
         ports: UDP ports that should be free.
+        gsd_m: ground metres a pixel at the planned height.
+        open_detector: loads the mission's networks; None: the bundled one.
     """
     yield _versions()
     yield _system()
-    yield from _detector()
+    yield from _detector(gsd_m, open_detector)
     yield _codecs("video decoders", DECODERS, "r")
     yield _codecs("video encoders", ENCODERS, "w")
     for port in ports:
@@ -97,26 +92,28 @@ def _system() -> Check:
     )
 
 
-def _detector() -> Iterator[Check]:
+def _detector(gsd_m: float, opened: Callable[[], Detector] | None) -> Iterator[Check]:
     providers = ort.get_available_providers()
     yield Check(name="detector providers", verdict="ok", found=", ".join(providers))
-    fps = _frames_a_second()
+    detector = opened() if opened else open_detector(threads=os.cpu_count() or 1)
+    fps = _frames_a_second(detector, gsd_m)
+    which = "the mission's" if opened else "the bundled"
     advice = "" if fps >= LIVE_FPS else "close other programs, or choose a smaller stream"
     yield Check(
         name="detector speed",
         verdict="short" if advice else "ok",
         advice=advice + ("; names will be late" if fps < SLOW_FPS else ""),
-        found=f"{fps:.1f} frames/s at {FRAME_SIZE[0]}×{FRAME_SIZE[1]} with the bundled detector",
+        found=f"{fps:.1f} frames/s at {FRAME_SIZE[0]}×{FRAME_SIZE[1]}, {gsd_m * 100:.1f} cm a pixel, with {which} "
+        "detector",
     )
 
 
-def _frames_a_second() -> float:
-    detector = open_detector(threads=os.cpu_count() or 1)
+def _frames_a_second(detector: Detector, gsd_m: float) -> float:
     image = np.full((FRAME_SIZE[1], FRAME_SIZE[0], 3), 96, dtype=np.uint8)
-    detector.detect(image, gsd_m=GSD_M)  # the first one also sets the network up
+    detector.detect(image, gsd_m=gsd_m)  # the first one also sets the network up
     frames, start_s = 0, time.perf_counter()
     while (elapsed_s := time.perf_counter() - start_s) < MEASURED_S:
-        detector.detect(image, gsd_m=GSD_M)
+        detector.detect(image, gsd_m=gsd_m)
         frames += 1
     return frames / elapsed_s
 

@@ -32,6 +32,7 @@ from gcs.station import Gap, Newcomer
 from gcs.trails import Trail, Trails
 from mavlink.geodesy import LocalFrame
 from mavlink.state import SILENT_S
+from mavlink.transmit.message_rates import Rate
 from vision.stream.pace import stall_after_s
 from vision.video.video import Frame, VideoFile
 
@@ -298,6 +299,10 @@ class Replay:
 
     def undo_statement(self, track_id: int = 0) -> None:
         """What was stated in flight stays as it is."""
+
+    def rates(self) -> Sequence[Rate]:
+        """A recording measures nothing."""
+        return ()
 
     def newcomers(self) -> Sequence[Newcomer]:
         """A recording hears nobody."""

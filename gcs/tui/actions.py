@@ -13,7 +13,7 @@ from textual.keys import format_key
 from textual.markup import escape
 
 from gcs.tui.draw.format import plain
-from gcs.tui.keys import GROUPS
+from gcs.tui.keys import GROUPS, LIVE_ACTIONS
 from gcs.tui.panes.pane import Pane
 
 __all__ = ["Action", "ActionProvider", "actions", "keys_of"]
@@ -48,11 +48,11 @@ def actions(panes: Sequence[Pane], *, live: bool) -> Iterator[Action]:
 
     Args:
         panes: Of the app.
-        live: A flight, without the actions of replays.
+        live: A flight, without the actions of replays; else a replay, without those of flights.
     """
     for title, bindings in GROUPS:
         if title != "Replay" or not live:
-            for each in bindings:
+            for each in (each for each in bindings if live or each.action not in LIVE_ACTIONS):
                 yield Action(group=title, keys=keys_of(each), words=each.tooltip, run=each.action)
     for pane in panes:
         for binding in pane.BINDINGS:

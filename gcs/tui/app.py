@@ -46,6 +46,7 @@ from gcs.tui.screens.help import HelpScreen
 from gcs.tui.screens.leaving import Leave, LeaveFlight
 from gcs.tui.screens.marking import ask_for_mark
 from gcs.tui.screens.naming import ask_for_name, withdraw_name
+from gcs.tui.screens.preflight import PreflightScreen
 from gcs.tui.screens.prompts import Prompt, ask_for_rival_video
 from gcs.tui.screens.saving import ask_to_save_screen, save_still
 from gcs.tui.terminal.terminal_app import MOST_FPS
@@ -225,6 +226,10 @@ class RollcallApp(ReplayApp):
     def action_undo_statement(self) -> None:
         """Withdraw a statement."""
         withdraw_name(self, self._station, self.snapshot, (self.selected, self.picked_track))
+
+    def action_preflight(self) -> None:
+        """What the flight needs, live."""
+        self.push_screen(PreflightScreen(self._station))
 
     def action_fleet(self) -> None:
         """Take vehicles into the fleet, leave them out, rename them."""

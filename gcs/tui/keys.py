@@ -13,6 +13,7 @@ __all__ = [
     "BINDINGS",
     "COMMAND_HINTS",
     "GROUPS",
+    "LIVE_ACTIONS",
     "LIVE_HINTS",
     "PANE_HINTS",
     "REPLAY_ACTIONS",
@@ -86,7 +87,8 @@ STATION: Final = (
         "Command the UAV, about the selected vehicle (gcs fly --command)",
         id="station.command",
     ),
-    _key("F", "fleet", "fleet", "Who is in the fleet: take in, leave out, rename", id="station.fleet"),
+    _key("p", "preflight", "before", "Before take-off: what is well, and what to do", id="flight.before"),
+    _key("F", "fleet", "fleet", "Who is in the fleet: take in, leave out, rename", id="flight.fleet"),
     _key("b", "accept_held", "accept", "Accept vehicles whose signed packets are held", id="station.believe"),
     _key(
         "V", "take_rival_video", "take", "Take the other video where two senders contest its port", id="station.video"
@@ -125,6 +127,7 @@ ALARMS: Final = (
 GROUPS: Final = (("Replay", REPLAY), ("Panes", PANES), ("Look", LOOK), ("Station", STATION), ("Alarms", ALARMS))
 BINDINGS: Final = [binding for _, group in GROUPS for binding in group]
 REPLAY_ACTIONS: Final = frozenset({"toggle_play", "jump", "step", "speed", "edge", "go_to", "event", "jumps"})
+LIVE_ACTIONS: Final = frozenset({"preflight", "fleet"})
 
 LIVE_HINTS: Final = (
     ("q", "quit"),

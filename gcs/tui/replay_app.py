@@ -5,7 +5,7 @@ from __future__ import annotations
 from gcs.station import Station
 from gcs.tui import playback
 from gcs.tui.draw.moments import KINDS, Moment, times_of
-from gcs.tui.keys import REPLAY_ACTIONS
+from gcs.tui.keys import LIVE_ACTIONS, REPLAY_ACTIONS
 from gcs.tui.panes.event_log import EventPane
 from gcs.tui.panes.timeline import TimelineBar
 from gcs.tui.screens.prompts import Prompt
@@ -24,8 +24,8 @@ class ReplayApp(TerminalApp):
     """What ``n`` and ``p`` go to, None: the events of the log."""
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Replay keys exist only in a replay."""
-        return self._station.timeline is not None or action not in REPLAY_ACTIONS
+        """Replay keys exist only in a replay, those of a flight only there."""
+        return action not in (REPLAY_ACTIONS if self._station.timeline is None else LIVE_ACTIONS)
 
     def action_toggle_play(self) -> None:
         """Play or pause."""

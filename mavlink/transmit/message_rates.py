@@ -349,7 +349,8 @@ def _judge(stream: _MessageStream, measured_hz: float, wanted_hz: float, *, asks
 def _hint(message_id: int, wanted_hz: float, *, ground: bool) -> str:
     parameter = PARAMETERS.get(message_id, "")
     names = f"SRx_{parameter}, from 4.7 on MAVx_{parameter}"
-    how = f"set its stream rate (ArduPilot: {names}, = {wanted_hz:g} of that serial port)" if parameter else ""
+    px4 = f"PX4: mavlink stream -s {message_name(message_id)} -r {wanted_hz:g} on its console"
+    how = f"set its rate (ArduPilot: {names}, = {wanted_hz:g} of that serial port; {px4})" if parameter else ""
     if ground:
         return f"a ground vehicle is never asked: {how or 'ask whoever drives it for more'}"
     return f"the station listens only: --command lets it ask, or {how or 'ask for more elsewhere'}"

@@ -272,6 +272,9 @@ class FakeStation:
     def undo_statement(self, track_id: int = 0) -> None:
         self.stated.append((track_id, None))
 
+    def rates(self):
+        return ()
+
     def newcomers(self):
         return self.heard
 

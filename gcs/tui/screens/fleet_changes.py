@@ -18,7 +18,6 @@ from gcs.tui.screens.prompts import Prompt
 
 __all__ = ["FleetList", "ask_for_fleet", "tell_newcomers"]
 
-RECORDING = "a recording has the fleet that flew"
 OFFER_S = 20.0
 
 
@@ -30,9 +29,7 @@ def ask_for_fleet(app: App[Any], station: Station, snapshot: Snapshot | None) ->
         station: takes the change.
         snapshot: the newest.
     """
-    if snapshot is None or station.timeline is not None:
-        if snapshot is not None:
-            app.notify(RECORDING, severity="warning", timeout=6, markup=False)
+    if snapshot is None:
         return
     names = {row.system_id: row.name for row in snapshot.vehicles}
 

@@ -10,6 +10,8 @@ from typer.testing import CliRunner
 
 from gcs.cli.app import app
 from gcs.health import machine
+from mavlink.protocol.encoder import COPTER, ROVER
+from tests.support.fake_vehicles import FakeVehicle
 from tests.support.ports import free_port
 
 
@@ -63,3 +65,33 @@ def test_whatever_falls_short_comes_with_advice_and_programs_get_the_same(tmp_pa
         assert check["found"]
         assert check["verdict"] == "ok" or check["advice"], check
         assert check["name"] in plain.output
+
+
+MISSION = """
+uav = {{system_id = 1}}
+ugv = [{{system_id = 11}}, {{system_id = 12}}]
+links = {{telemetry = ["udpin:127.0.0.1:{port}"]}}
+"""
+
+
+def test_with_a_mission_every_vehicle_is_listened_to_and_nothing_is_kept(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    port = free_port()
+    (tmp_path / "m.toml").write_text(MISSION.format(port=port))
+    vehicles = [FakeVehicle(("127.0.0.1", port), i, kind=COPTER if i == 1 else ROVER) for i in (1, 11)]
+    words = ["doctor", "--mission", "m.toml", "--listen", "4", "--height", "120", "--json"]
+    try:
+        told = CliRunner().invoke(app, words)
+    finally:
+        for each in vehicles:
+            each.close()
+    checks = json.loads(told.stdout)["checks"]
+    by_name = {check["name"]: check for check in checks}
+    assert told.exit_code == 2 and "cm a pixel, with the mission's detector" in by_name["detector speed"]["found"]
+    assert by_name["UGV-12"]["found"] == "system id 12 is not heard" and by_name["video"]["verdict"] == "short"
+    assert by_name["UGV-11"]["found"] != "system id 11 is not heard"
+    assert [each.name for each in tmp_path.iterdir()] == ["m.toml"]
+
+
+def test_what_is_about_a_flight_needs_a_mission():
+    assert CliRunner().invoke(app, ["doctor", "--command"]).exit_code != 0
