@@ -15,7 +15,7 @@ from gcs.trails import Trail
 from mavlink.geodesy import LocalFrame
 from mavlink.transmit.message_rates import Rate
 
-__all__ = ["Commands", "Gap", "Newcomer", "Station", "Timeline"]
+__all__ = ["Commands", "Gap", "Newcomer", "Practice", "Station", "Timeline"]
 
 
 class Commands(Protocol):
@@ -113,6 +113,16 @@ class Timeline(Protocol):
         """Times real time, 0.1 to 20."""
 
 
+class Practice(Protocol):
+    """Troubles that a simulated fleet has on request."""
+
+    def troubles(self, system_id: int) -> Sequence[tuple[str, str]]:
+        """A key and words for each that a vehicle may have, with whether it has it."""
+
+    def toggle(self, key: str, system_id: int) -> None:
+        """Begin or end one; an event tells it."""
+
+
 class Station(Protocol):
     """A running flight or replay."""
 
@@ -127,6 +137,10 @@ class Station(Protocol):
     @property
     def commands(self) -> Commands | None:
         """None for a station that listens only, and for a recording."""
+
+    @property
+    def practice(self) -> Practice | None:
+        """None of a real fleet, and for a recording."""
 
     @property
     def error(self) -> BaseException | None:

@@ -17,6 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from infra.wall_clock import now_us
 from sim.errors import PlayError
+from sim.practice import Troubles
 from sim.render.broadcast import VideoSender
 from sim.telemetry.messages import camera
 from sim.telemetry.vehicle_telemetry import TELEMETRY_FROM_S, TelemetryPacket, fleet_telemetry
@@ -62,6 +63,7 @@ def play(
     boot_noise: bool = False,
     truth_path: Path | None = None,
     tells_camera: bool = False,
+    practise_port: int = 0,
 ) -> PlaybackCounts:
     """Play a scenario until its duration is over or ``stop`` is set.
 
@@ -77,6 +79,7 @@ def play(
         stop: ends it early when set.
         boot_noise: begin with the plain text that autopilots send while they boot.
         tells_camera: the UAV's camera reports its field of view and its video once a second.
+        practise_port: of this computer, at which datagrams begin and end troubles (``sim.practice``); 0: none.
         truth_path: a new file for ``time_us,cx,cy,w,h,angle,system_id`` of every visible body in every sent frame.
 
     Raises:
@@ -93,7 +96,10 @@ def play(
     packets = dict.fromkeys((UAV_ID, *scenario.ugv_ids), 0)
     ids = (*scenario.ugv_ids, UAV_ID)
     camera_frames, camera_due_us = _camera_frames(scenario, video_url), 0
+    troubles = Troubles(tuple(packets), practise_port)
     with ExitStack() as stack:
+        stack.callback(troubles.close)
+        impostor = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         sockets = [stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in ids]
         if sender is not None:
             sender.start(start_us)
@@ -102,8 +108,12 @@ def play(
             for outlet in sockets:
                 outlet.sendto(noise, target)
         for packet in _on_time(fleet_telemetry(world, start_us), start_us, stop, on_tick):
-            sockets[packet.vehicle].sendto(packet.raw, target)
-            packets[ids[packet.vehicle]] += 1
+            troubles.listen()
+            if sender is not None:
+                sender.lost = troubles.video_is_lost
+            for forged, raw in troubles.frames(packet.raw):
+                (impostor if forged else sockets[packet.vehicle]).sendto(raw, target)
+                packets[ids[packet.vehicle]] += not forged
             if tells_camera and packet.t_us >= camera_due_us:
                 camera_due_us = packet.t_us + CAMERA_US
                 for raw in next(camera_frames):

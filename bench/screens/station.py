@@ -26,7 +26,7 @@ class ScriptedStation(Station):
 
     title = "scripted"
     timeline = None
-    commands = None
+    commands = practice = None
     error = None
     folder = None
     tiles = None

@@ -40,9 +40,16 @@ def demo(
     """Replay the bundled recording; without a terminal, name its vehicles and print the score."""
     if live:
         screen = not as_json and sys.stdout.isatty() and sys.stdin.isatty()
-        with _simulated_fleet() as (link, video):
-            duration = None if screen else HEADLESS_S
-            fly(link=[link], video=video, headless=not screen, duration=duration, listen_s=LISTEN_S, as_json=as_json)
+        with _simulated_fleet() as (link, video, practise):
+            fly(
+                link=[link],
+                video=video,
+                headless=not screen,
+                duration=None if screen else HEADLESS_S,
+                listen_s=LISTEN_S,
+                practise=practise,
+                as_json=as_json,
+            )
         return
     if not BUNDLED.is_dir():
         raise SessionError(f"{BUNDLED}: the bundled recording is not here; run the demo from a wheel or a checkout")
@@ -63,10 +70,10 @@ def demo(
 
 
 @contextlib.contextmanager
-def _simulated_fleet() -> Iterator[tuple[str, str]]:
-    """A fleet and its film, sent by a process of its own: the link and the address of the video."""
-    telemetry, video = (_free_port() for _ in range(2))
-    words = ["sim", "curved-road", "--live", "--duration", str(FLOWN_S)]
+def _simulated_fleet() -> Iterator[tuple[str, str, int]]:
+    """A fleet and its film, sent by a process of its own: link, address of the video, and port that takes troubles."""
+    telemetry, video, practise = (_free_port() for _ in range(3))
+    words = ["sim", "curved-road", "--live", "--duration", str(FLOWN_S), "--practise", str(practise)]
     addresses = ["--telemetry", f"udpout:127.0.0.1:{telemetry}", "--stream", f"udp://127.0.0.1:{video}?pkt_size=1316"]
     program = [sys.executable, "-P", "-c", "from gcs.cli.start import main; main()"]
     with subprocess.Popen(
@@ -77,7 +84,7 @@ def _simulated_fleet() -> Iterator[tuple[str, str]]:
         start_new_session=True,
     ) as fleet:
         try:
-            yield f"udpin:127.0.0.1:{telemetry}", f"udp://127.0.0.1:{video}"
+            yield f"udpin:127.0.0.1:{telemetry}", f"udp://127.0.0.1:{video}", practise
         finally:
             fleet.terminate()
 

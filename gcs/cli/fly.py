@@ -137,6 +137,12 @@ def fly(
     as_json: AsJson = False,
     tell: Tell = None,
     show: Show = None,
+    practise: Annotated[
+        int,
+        typer.Option(
+            callback=check_range(0, 65535), metavar="PORT", help="Of a gcs sim --live --practise: X begins troubles."
+        ),
+    ] = 0,
     serve: Annotated[bool, typer.Option("--serve", hidden=True)] = False,
 ) -> None:
     """Name the vehicles in a live video; records everything, and listens only unless --command is given."""
@@ -178,6 +184,7 @@ def fly(
             accept_late=_check_vehicles(wanted.accept_late, flown),
             spare=ready.spare,
             origins=ready.origins,
+            practise_port=practise,
         )
         calls = RollCall(flown)
         with naming_own_flight(links):

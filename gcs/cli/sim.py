@@ -8,12 +8,13 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.output.console import AsJson, print_json, print_lines, print_note
+from gcs.cli.output.console import AsJson, check_range, print_json, print_lines, print_note
 from gcs.cli.output.progress import progress
 from gcs.cli.output.tables import print_table
 from gcs.errors import GcsError
 from infra.secrets import concealed
 from sim.live import play
+from sim.practice import TROUBLES
 from sim.session import write_session
 from sim.world.presets import PRESETS, preset
 from sim.world.scenario import Scenario
@@ -37,6 +38,15 @@ def sim(
     tells_camera: Annotated[
         bool, typer.Option("--camera/--no-camera", help="Whether the UAV of --live reports its camera and video.")
     ] = True,
+    practise: Annotated[
+        int,
+        typer.Option(
+            callback=check_range(0, 65535),
+            metavar="PORT",
+            help="With --live: UDP port of this computer that takes troubles to begin and end, such as 'battery 12': "
+            f"{', '.join(TROUBLES)}. gcs fly --practise PORT has them by a key.",
+        ),
+    ] = 0,
     duration: Annotated[float | None, typer.Option(help="Seconds, instead of the scenario's.")] = None,
     seed: Annotated[int | None, typer.Option(help="Instead of the scenario's.")] = None,
     as_json: AsJson = False,
@@ -61,6 +71,7 @@ def sim(
             truth_path=truth,
             on_tick=lambda s: report(int(s), int(world.duration_s)),
             tells_camera=tells_camera,
+            practise_port=practise,
         )
     if as_json:
         print_json(asdict(sent))

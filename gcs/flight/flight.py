@@ -23,6 +23,7 @@ from gcs.flight.frame_loop import FrameLoop
 from gcs.flight.listening import Listening, open_ingest
 from gcs.flight.monitor import FlightMonitor
 from gcs.flight.newcomers import Newcomers
+from gcs.flight.practice import Practice
 from gcs.flight.video import FlightVideo, check_source
 from gcs.fold.detector_factory import fingerprints, open_mission_detector
 from gcs.fold.pipeline import Pipeline
@@ -78,6 +79,8 @@ class FlightPlan:
     """Links that nobody asked for: they count once something came over them."""
     origins: Mapping[str, str] = field(default_factory=dict)
     """Where the parts of the mission come from, for the file that it may be saved in."""
+    practise_port: int = 0
+    """At which a simulated fleet of this computer takes troubles, 0 none."""
 
 
 class Flight:
@@ -136,6 +139,7 @@ class Flight:
         )
         for system_id in plan.accept_late:
             self._add_operator_event(system_id, "signed packets are accepted without a proof in this flight")
+        self._practice = Practice(plan.practise_port, self._add_practised) if plan.practise_port else None
         self._stop = threading.Event()
         self._stopped = threading.Lock()
         self._closed = False
@@ -209,6 +213,11 @@ class Flight:
         if not self._faults.count:
             return ()
         return (f"{self._faults.count} faults of this program, in faults.txt; last: {self._faults.last}",)
+
+    @property
+    def practice(self) -> Practice | None:
+        """Troubles of a simulated fleet, None of a real one."""
+        return self._practice
 
     @property
     def commands(self) -> Commands | None:
@@ -298,6 +307,12 @@ class Flight:
             self._loop.add_event(
                 Event(t_us=now_us(), level="warning", kind="operator", text=f"video is to come from {taken}")
             )
+
+    def _add_practised(self, system_id: int, text: str) -> None:
+        name = self._pipeline.mission.name_of(system_id) if system_id else "practice"
+        self._loop.add_event(
+            Event(t_us=now_us(), level="info", kind="operator", text=f"{name}: {text}", system_id=system_id)
+        )
 
     def _add_operator_event(self, system_id: int, text: str) -> None:
         self._loop.add_event(

@@ -137,7 +137,7 @@ class ReplayPlace(NamedTuple):
 class Replay:
     """A station (``gcs.station.Station``) over a recording, with its timeline (``gcs.station.Timeline``)."""
 
-    commands = None
+    commands = practice = None
     folder = None
 
     def __init__(self, session: Session, *, redetect: bool = False) -> None:

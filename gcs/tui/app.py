@@ -46,6 +46,7 @@ from gcs.tui.screens.help import HelpScreen
 from gcs.tui.screens.leaving import Leave, LeaveFlight
 from gcs.tui.screens.marking import ask_for_mark
 from gcs.tui.screens.naming import ask_for_name, withdraw_name
+from gcs.tui.screens.practising import ask_for_trouble
 from gcs.tui.screens.preflight import PreflightScreen
 from gcs.tui.screens.prompts import Prompt, ask_for_rival_video
 from gcs.tui.screens.saving import ask_to_save_screen, save_still
@@ -230,6 +231,10 @@ class RollcallApp(ReplayApp):
     def action_preflight(self) -> None:
         """What the flight needs, live."""
         self.push_screen(PreflightScreen(self._station))
+
+    def action_practise(self) -> None:
+        """Begin or end a trouble of the simulated fleet."""
+        ask_for_trouble(self, self._station, self.snapshot, self.selected)
 
     def action_fleet(self) -> None:
         """Take vehicles into the fleet, leave them out, rename them."""

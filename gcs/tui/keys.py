@@ -89,6 +89,7 @@ STATION: Final = (
     ),
     _key("p", "preflight", "before", "Before take-off: what is well, and what to do", id="flight.before"),
     _key("F", "fleet", "fleet", "Who is in the fleet: take in, leave out, rename", id="flight.fleet"),
+    _key("X", "practise", "trouble", "Practise: a trouble of a simulated fleet (gcs demo --live)", id="flight.trouble"),
     _key("b", "accept_held", "accept", "Accept vehicles whose signed packets are held", id="station.believe"),
     _key(
         "V", "take_rival_video", "take", "Take the other video where two senders contest its port", id="station.video"
@@ -127,7 +128,7 @@ ALARMS: Final = (
 GROUPS: Final = (("Replay", REPLAY), ("Panes", PANES), ("Look", LOOK), ("Station", STATION), ("Alarms", ALARMS))
 BINDINGS: Final = [binding for _, group in GROUPS for binding in group]
 REPLAY_ACTIONS: Final = frozenset({"toggle_play", "jump", "step", "speed", "edge", "go_to", "event", "jumps"})
-LIVE_ACTIONS: Final = frozenset({"preflight", "fleet"})
+LIVE_ACTIONS: Final = frozenset({"preflight", "fleet", "practise"})
 
 LIVE_HINTS: Final = (
     ("q", "quit"),

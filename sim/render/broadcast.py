@@ -41,6 +41,8 @@ class VideoSender:
         self._thread = threading.Thread(target=self._run, name="sim-video", daemon=True)
         self._failure: BaseException | None = None
         self.sent, self.skipped = 0, 0
+        self.lost = False
+        """Whether frames are drawn and not sent, as by a link that is lost; set by another thread."""
 
     def start(self, start_us: int) -> None:
         """Begin; the first frame is exposed at that Unix time.
@@ -88,9 +90,10 @@ class VideoSender:
             if self._stop.wait(max(0.0, t - self._now())):
                 return
             image = self._film.image(t, index)
-            send(image, round(t / TIME_BASE))
-            self.sent += 1
-            self._write_truth(t)
+            if not self.lost:
+                send(image, round(t / TIME_BASE))
+                self.sent += 1
+                self._write_truth(t)
             # the next frame is the first whose exposure is still to come, or has just been
             following = max(index + 1, int((self._now() - 0.5 / scenario.fps) * scenario.fps) + 1)
             self.skipped += min(following, scenario.frame_count) - index - 1

@@ -245,7 +245,7 @@ class FakeStation:
         self.seen: list[Alarm] = []
         self.accepted: list[int] = []
         self.taken = 0
-        self.heard, self.changes = (), []
+        self.heard, self.changes, self.practice = (), [], None
         self.stated: list[tuple[int, int | None]] = []
         self.stopped = 0
         self.folder: Path | None = None

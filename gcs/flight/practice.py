@@ -1,0 +1,45 @@
+"""Practising: a simulated fleet of this computer gets into trouble, and out of it, when the operator asks."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable, Sequence
+
+from sim.practice import TROUBLES, VIDEO
+
+__all__ = ["Practice"]
+
+
+class Practice:
+    """Asks the fleet's simulator, by datagrams to a port of this computer.
+
+    Args:
+        port: of the simulator.
+        on_event: called with a system id, 0 for none, and words when a trouble begins or ends.
+    """
+
+    def __init__(self, port: int, on_event: Callable[[int, str], None]) -> None:
+        self._port, self._on_event = port, on_event
+        self._on: set[tuple[str, int]] = set()
+
+    def troubles(self, system_id: int) -> Sequence[tuple[str, str]]:
+        """A key and words for each that a vehicle may have, with whether it has it."""
+        return [
+            (key, f"{words}{' – is on, ends it' if self._of(key, system_id) in self._on else ''}")
+            for key, words in TROUBLES.items()
+        ]
+
+    def toggle(self, key: str, system_id: int) -> None:
+        """Begin or end a trouble."""
+        trouble = self._of(key, system_id)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as outlet:
+            outlet.sendto((f"{key} {trouble[1]}" if trouble[1] else key).encode(), ("127.0.0.1", self._port))
+        self._on ^= {trouble}
+        if key == "reboot":
+            self._on.discard(trouble)  # it is over at once
+        ends = trouble not in self._on and key != "reboot"
+        self._on_event(trouble[1], f"practised: {TROUBLES[key]}{'; it ends' if ends else ''}")
+
+    @staticmethod
+    def _of(key: str, system_id: int) -> tuple[str, int]:
+        return key, 0 if key == VIDEO else system_id

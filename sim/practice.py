@@ -1,0 +1,181 @@
+"""Troubles of a fleet that is played live, begun and ended while it drives: what an operator practises with."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from sim.errors import PlayError
+
+__all__ = ["TROUBLES", "VIDEO", "Troubles", "parse_trouble"]
+
+VIDEO = "video"
+TROUBLES: Mapping[str, str] = MappingProxyType(
+    {
+        "battery": "its battery is nearly empty",
+        "link": "its link is lost",
+        "loss": "its link loses packets",
+        "impostor": "another sender uses its system id, 80 m away",
+        "lie": "it reports to be 30 m from where it is",
+        "frozen": "its position stands still",
+        "fix": "it has no GPS fix",
+        "reboot": "it boots again",
+        "sensor": "a sensor of it fails",
+        "text": "it says that something is wrong",
+        VIDEO: "the video stops",
+    }
+)
+"""What can go wrong, by name; the last is of no vehicle."""
+LOST_SHARE = 0.4
+LIE_M, IMPOSTOR_M = 30.0, 80.0
+_DEGREES7_PER_M = 1e7 / 111_195.0
+_SAYS_EVERY = 10
+"""Heartbeats."""
+_MOST_BYTES = 64
+_SENSORS = dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO | dialect.MAV_SYS_STATUS_SENSOR_GPS
+Message = Any
+"""The dialect's messages carry no types."""
+
+
+def parse_trouble(text: str, ids: Sequence[int]) -> tuple[str, int]:
+    """A trouble and whose it is: ``battery 12``, ``video``.
+
+    Raises:
+        ValueError: no such trouble, or no such vehicle.
+    """
+    name, _, number = text.strip().partition(" ")
+    if name not in TROUBLES:
+        raise ValueError(f"{name}: is no trouble; there are {', '.join(TROUBLES)}")
+    if name == VIDEO:
+        return name, 0
+    if not (number.isascii() and number.isdecimal() and int(number) in ids):
+        raise ValueError(f"{text}: name one of the vehicles {', '.join(map(str, ids))} behind it")
+    return name, int(number)
+
+
+class Troubles:
+    """Sends the messages of a fleet on as they are, or with the troubles that are on. One thread sends.
+
+    Every vehicle sends SYS_STATUS beside what it sends anyway.
+
+    Args:
+        ids: system ids of the vehicles.
+        port: of this computer alone, at which a datagram with a trouble begins or ends it; 0: none.
+
+    Raises:
+        PlayError: the port cannot be had.
+    """
+
+    def __init__(self, ids: Sequence[int], port: int = 0) -> None:
+        self._ids = tuple(ids)
+        self._on: set[tuple[str, int]] = set()
+        self._parser = dialect.MAVLink(None)
+        self._encoders: dict[tuple[int, int, str], Any] = {}
+        self._frozen: dict[int, tuple[int, int]] = {}
+        self._boot_ms: dict[int, int] = {}
+        """What is taken from the boot times of vehicles that booted again."""
+        self._beats = dict.fromkeys(self._ids, 0)
+        self._rng = np.random.default_rng(1)
+        self._socket: socket.socket | None = None
+        if port:
+            self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+            self._socket.setblocking(False)
+            try:
+                self._socket.bind(("127.0.0.1", port))
+            except OSError as error:
+                self._socket.close()
+                raise PlayError(f"UDP port {port} cannot be had: {error.strerror}") from error
+
+    @property
+    def video_is_lost(self) -> bool:
+        """Whether no frame is to be sent."""
+        return (VIDEO, 0) in self._on
+
+    def toggle(self, text: str) -> None:
+        """Begin or end a trouble.
+
+        Raises:
+            ValueError: no such trouble, or no such vehicle.
+        """
+        name, system_id = parse_trouble(text, self._ids)
+        self._on ^= {(name, system_id)}
+        if name == "frozen":
+            self._frozen.pop(system_id, None)
+
+    def listen(self) -> None:
+        """Take what came to the port; what is no trouble is passed over."""
+        if self._socket is None:
+            return
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                data = self._socket.recv(_MOST_BYTES)
+                with contextlib.suppress(ValueError):  # also of bytes that are no text
+                    self.toggle(data.decode())
+
+    def close(self) -> None:
+        """Give the port back."""
+        if self._socket is not None:
+            self._socket.close()
+
+    def frames(self, raw: bytes) -> Iterator[tuple[bool, bytes]]:
+        """What is sent in place of a frame: whether by the impostor, and the frame."""
+        message = self._parser.decode(bytearray(raw))
+        system_id, kind = message.get_srcSystem(), message.get_type()
+        on = {name for name, whose in self._on if whose == system_id}
+        if "impostor" in on and kind in ("HEARTBEAT", "GLOBAL_POSITION_INT"):
+            forged = self._parser.decode(bytearray(raw))
+            if kind == "GLOBAL_POSITION_INT":
+                forged.lat += round(IMPOSTOR_M * _DEGREES7_PER_M)
+            yield True, self._packed(forged, system_id, message.get_srcComponent(), "impostor")
+        messages = [self._changed(message, system_id, on)]
+        if kind == "HEARTBEAT":
+            messages += self._beside(system_id, on)
+        for each in messages:
+            frame = self._packed(each, system_id, message.get_srcComponent(), "")
+            lost = "link" in on or ("loss" in on and self._rng.random() < LOST_SHARE)
+            if not lost:
+                yield False, frame
+
+    def _changed(self, message: Message, system_id: int, on: set[str]) -> Message:
+        """A message as it is with the troubles of its vehicle."""
+        kind = message.get_type()
+        if kind == "GLOBAL_POSITION_INT":
+            place = self._frozen.setdefault(system_id, (message.lat, message.lon)) if "frozen" in on else None
+            message.lat, message.lon = place or (message.lat, message.lon)
+            message.lat += round(LIE_M * _DEGREES7_PER_M) if "lie" in on else 0
+        if kind == "GPS_RAW_INT" and "fix" in on:
+            message.fix_type, message.satellites_visible = dialect.GPS_FIX_TYPE_NO_FIX, 2
+        if kind == "GLOBAL_POSITION_INT" and "fix" in on:
+            message.lat = message.lon = 0
+        if hasattr(message, "time_boot_ms"):
+            if "reboot" in on:
+                self._boot_ms[system_id] = message.time_boot_ms
+                self._on.discard(("reboot", system_id))
+            message.time_boot_ms = max(message.time_boot_ms - self._boot_ms.get(system_id, 0), 0)
+        return message
+
+    def _beside(self, system_id: int, on: set[str]) -> Iterator[Message]:
+        """What goes with a heartbeat."""
+        self._beats[system_id] = self._beats.get(system_id, 0) + 1
+        health = _SENSORS & ~dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO if "sensor" in on else _SENSORS
+        millivolts, percent = (10_100, 7) if "battery" in on else (12_400, 81)
+        yield dialect.MAVLink_sys_status_message(
+            *(_SENSORS, _SENSORS, health, 200, millivolts, 500, percent), *([0] * 6)
+        )
+        if "text" in on and self._beats[system_id] % _SAYS_EVERY == 1:
+            yield dialect.MAVLink_statustext_message(dialect.MAV_SEVERITY_ERROR, b"Steering: motor does not turn")
+
+    def _packed(self, message: Message, system_id: int, component: int, whose: str) -> bytes:
+        key = system_id, component, whose
+        if key not in self._encoders:
+            self._encoders[key] = dialect.MAVLink(None, srcSystem=system_id, srcComponent=component)
+        encoder = self._encoders[key]
+        frame = bytes(message.pack(encoder))
+        encoder.seq = (encoder.seq + 1) % 256
+        return frame

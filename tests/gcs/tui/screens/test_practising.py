@@ -1,0 +1,24 @@
+"""X begins and ends troubles of a simulated fleet; a real one has none."""
+
+from gcs.flight.practice import Practice
+from tests.support.fake_station import FakeStation, running, screen_text
+
+
+async def test_a_trouble_begins_and_ends_with_two_keys_each():
+    told = []
+    station = FakeStation(live=True)
+    station.practice = Practice(9, lambda system_id, text: told.append((system_id, text)))
+    async with running(station) as (app, pilot, _):
+        await pilot.press("X")
+        assert "Which trouble is UGV-11 to have?" in screen_text(app)
+        await pilot.press("enter", "X")
+        assert "nearly empty – is on, ends it" in screen_text(app)
+        await pilot.press("enter", "X", "end", "enter")
+    battery = "practised: its battery is nearly empty"
+    assert told == [(11, battery), (11, f"{battery}; it ends"), (0, "practised: the video stops")]
+
+
+async def test_a_real_fleet_has_no_troubles_to_practise_with():
+    async with running(FakeStation(live=True)) as (app, pilot, _):
+        await pilot.press("X")
+        assert any("gcs demo --live" in str(each.message) for each in app._notifications)

@@ -1,0 +1,84 @@
+"""Each trouble that an operator practises with does to the frames what it says, and ends again."""
+
+import socket
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from sim.errors import PlayError
+from sim.practice import TROUBLES, Troubles, parse_trouble
+from tests.support.ports import free_port
+
+IDS = (1, 11, 12)
+
+
+def sent(troubles, seconds=20, system_id=11):
+    """What leaves of a vehicle that beats and reports its place: messages of its own, and the impostor's."""
+    source = dialect.MAVLink(None, srcSystem=system_id, srcComponent=1)
+    parser, own, forged = dialect.MAVLink(None), [], []
+    for second in range(seconds):
+        for message in (
+            dialect.MAVLink_heartbeat_message(10, 3, 128, 10, 4, 3),
+            dialect.MAVLink_global_position_int_message(1000 * (60 + second), 10**8 + second * 100, *([0] * 7)),
+            dialect.MAVLink_gps_raw_int_message(0, 3, 0, 0, 0, 80, 120, 0, 0, 14),
+        ):
+            raw = bytes(message.pack(source))
+            source.seq = (source.seq + 1) % 256
+            for by_impostor, frame in troubles.frames(raw):
+                (forged if by_impostor else own).append(parser.decode(bytearray(frame)))
+    return own, forged
+
+
+def of(kind, messages):
+    return [message for message in messages if message.get_type() == kind]
+
+
+POSITION, STATUS, GPS = "GLOBAL_POSITION_INT", "SYS_STATUS", "GPS_RAW_INT"
+SHOWS = {
+    "battery": lambda own, forged: {m.battery_remaining for m in of(STATUS, own)} == {7},
+    "link": lambda own, forged: own == [],
+    "loss": lambda own, forged: 20 < len(own) < 65 and len({m.get_seq() for m in own}) == len(own),
+    "impostor": lambda own, forged: of(POSITION, forged)[0].lat - of(POSITION, own)[0].lat == 7195,
+    "lie": lambda own, forged: of(POSITION, own)[0].lat == 10**8 + 2698,
+    "frozen": lambda own, forged: {m.lat for m in of(POSITION, own)} == {10**8},
+    "fix": lambda own, forged: {(m.fix_type, m.satellites_visible) for m in of(GPS, own)} == {(1, 2)},
+    "reboot": lambda own, forged: of(POSITION, own)[0].time_boot_ms == 0 < of(POSITION, own)[1].time_boot_ms < 2000,
+    "sensor": lambda own, forged: all(
+        m.onboard_control_sensors_health < m.onboard_control_sensors_enabled for m in of(STATUS, own)
+    ),
+    "text": lambda own, forged: len(of("STATUSTEXT", own)) == 2,
+    "video": lambda own, forged: len(own) == 80,
+}
+
+
+@pytest.mark.parametrize("name", TROUBLES)
+def test_a_trouble_shows_in_the_frames_of_its_vehicle_alone_and_ends(name):
+    troubles = Troubles(IDS)
+    troubles.toggle(name if name == "video" else f"{name} 11")
+    assert troubles.video_is_lost == (name == "video")
+    assert SHOWS[name](*sent(troubles))
+    own, forged = sent(troubles, system_id=12)
+    assert len(own) == 80 and not forged and of(POSITION, own)[0].lat == 10**8
+    if name != "reboot":
+        troubles.toggle(name if name == "video" else f"{name} 11")
+    assert not troubles.video_is_lost and len(sent(troubles)[0]) == 80
+
+
+@pytest.mark.parametrize("text", ["", "fire 11", "battery", "battery 99", "battery ²", "lie 11 12"])
+def test_no_trouble_is_taken_for_another(text):
+    with pytest.raises(ValueError, match=r"there are battery|name one of"):
+        parse_trouble(text, IDS)
+
+
+def test_troubles_come_by_a_port_of_this_computer_and_noise_there_is_passed_over():
+    port = free_port()
+    troubles = Troubles(IDS, port)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as outlet:
+        for data in (b"\xff" * 60, b"battery 99", b"", b"video"):
+            outlet.sendto(data, ("127.0.0.1", port))
+    for _ in range(100):
+        troubles.listen()
+    assert troubles.video_is_lost
+    with pytest.raises(PlayError, match="cannot be had"):
+        Troubles(IDS, port)
+    troubles.close()
