@@ -16,7 +16,17 @@ from gcs.errors import ConfigError
 from gcs.mission.mission import Mission, MissionVehicle, usual_name
 from mavlink.protocol.decode import decode
 from mavlink.protocol.dialect import DEFINITIONS
-from mavlink.protocol.messages import GlobalPosition, Heartbeat, VideoStreamInformation
+from mavlink.protocol.messages import (
+    CameraFov,
+    CameraInformation,
+    CameraSettings,
+    GimbalAttitude,
+    GlobalPosition,
+    Heartbeat,
+    MountOrientation,
+    MountStatus,
+    VideoStreamInformation,
+)
 from mavlink.protocol.modes import is_aircraft, is_ground_vehicle, is_vehicle, kind_name
 from mavlink.protocol.packet import Auth, Packet
 
@@ -25,6 +35,11 @@ __all__ = ["Found", "HeardVehicle", "Role", "Roster", "mission_of", "proposed_ro
 Role = Literal["films", "named", "out"]
 """Carries the camera, is to be told apart, or is left out."""
 AUTOPILOTS: Mapping[int, str] = {3: "ArduPilot", 12: "PX4"}
+_OF_A_CAMERA = (
+    *(CameraFov, CameraInformation, CameraSettings, VideoStreamInformation),
+    *(GimbalAttitude, MountOrientation, MountStatus),
+)
+"""What only a vehicle with a camera sends."""
 _RATE_OVER = 20
 """Positions over which their rate is taken."""
 
@@ -51,6 +66,8 @@ class HeardVehicle:
     lat_deg: float = math.nan
     lon_deg: float = math.nan
     """Its last position, NaN none."""
+    camera: bool = False
+    """Whether it reports a camera or a gimbal."""
     video: VideoStreamInformation | None = None
     """The video that it offers."""
 
@@ -125,7 +142,9 @@ class Roster:
                 self.news_us = sample.t_us
             vehicle.positions.append(sample.t_us)
             vehicle.lat_deg, vehicle.lon_deg = sample.lat_deg, sample.lon_deg
-        elif isinstance(sample, VideoStreamInformation) and vehicle.video is None:
+        if isinstance(sample, _OF_A_CAMERA) and not vehicle.camera:
+            vehicle.camera, self.news_us = True, sample.t_us
+        if isinstance(sample, VideoStreamInformation) and vehicle.video is None:
             vehicle.video, self.news_us = sample, sample.t_us
 
 
@@ -153,15 +172,21 @@ def proposed_roles(
 ) -> dict[int, Role]:
     """Who is what, by system id: as the operator chose, else by what a vehicle is; out where its packets are refused.
 
+    Of several aircraft the only one that reports a camera films.
+
     Args:
         vehicles: that are heard.
         chosen: roles by system id, also of vehicles that are not heard. Where one films no other aircraft does.
         whole_fleet: whether ground vehicles that were not chosen are in it too.
     """
+    vehicles = tuple(vehicles)
+    believed = [each for each in vehicles if each.auth <= Auth.GOOD and each.role == "films"]
+    with_camera = [each.system_id for each in believed if each.camera and chosen.get(each.system_id) != "out"]
     one_films = "films" in chosen.values()
     proposed: dict[int, Role] = {}
     for vehicle in vehicles:
-        in_it = vehicle.auth <= Auth.GOOD and (whole_fleet if vehicle.role == "named" else not one_films)
+        films = not one_films and (len(with_camera) != 1 or vehicle.system_id in with_camera)
+        in_it = vehicle.auth <= Auth.GOOD and (whole_fleet if vehicle.role == "named" else films)
         proposed[vehicle.system_id] = vehicle.role if in_it else "out"
     return proposed | dict(chosen)
 

@@ -57,12 +57,20 @@ def heard(*rows):
     """A roster that heard heartbeats: system id, type, and what the signature was worth."""
     roster = Roster()
     for system_id, kind, auth in rows:
+        if kind == CAMERA:
+            told = dialect.MAVLink_camera_fov_status_message(0, *([0] * 6), [1.0, 0.0, 0.0, 0.0], 70.0, 43.0)
+            roster.add_packet(Packet(1_000_000, MessageEncoder(system_id).pack(told), auth=auth))
+            continue
         beat = MessageEncoder(system_id).pack(dialect.MAVLink_heartbeat_message(kind, 3, 0, 0, 4, 3))
         roster.add_packet(Packet(1_000_000, beat, auth=auth))
     return roster.vehicles
 
 
+CAMERA = "camera"
 ALL = ((1, COPTER, Auth.OPEN), (11, ROVER, Auth.OPEN), (12, BOAT, Auth.GOOD), (255, STATION, Auth.OPEN))
+
+
+TWO_WITH_CAMERA = (*ALL, (2, COPTER, Auth.OPEN), (2, CAMERA, Auth.OPEN))
 
 
 @pytest.mark.parametrize(
@@ -74,6 +82,10 @@ ALL = ((1, COPTER, Auth.OPEN), (11, ROVER, Auth.OPEN), (12, BOAT, Auth.GOOD), (2
         ([*ALL, (13, ROVER, Auth.UNSIGNED)], {}, {1: "films", 11: "named", 12: "named", 13: "out"}),
         ([*ALL, (2, COPTER, Auth.OPEN)], {}, {1: "films", 2: "films", 11: "named", 12: "named"}),
         ([*ALL, (2, COPTER, Auth.OPEN)], {2: "films"}, {1: "out", 2: "films", 11: "named", 12: "named"}),
+        # of several aircraft the one with a camera films, unless the operator chose otherwise
+        (TWO_WITH_CAMERA, {}, {1: "out", 2: "films", 11: "named", 12: "named"}),
+        (TWO_WITH_CAMERA, {1: "films"}, {1: "films", 2: "out", 11: "named", 12: "named"}),
+        (TWO_WITH_CAMERA, {2: "out"}, {1: "films", 2: "out", 11: "named", 12: "named"}),
         (ALL, {12: "out", 17: "named"}, {1: "films", 11: "named", 12: "out", 17: "named"}),
     ],
 )
