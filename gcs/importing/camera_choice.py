@@ -23,6 +23,8 @@ _TURNS = math.radians(5.0)
 """A gimbal that turns by more than this in pitch is followed only where its heading is known too."""
 _STRAIGHT_DOWN_DEG = -90.0
 _SAME_ASPECT = 0.01
+_DOWN = "the camera looks straight down; --pitch changes that"
+_SEARCHED = "gcs identify searches for it in the film, once three vehicles drive in view for some 5 s"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,10 +43,19 @@ class ChosenCamera:
     """A camera and where its numbers are from."""
 
     camera: Camera
+    """Without numbers where nothing tells the field of view."""
     optics: str
     """In words, where the field of view is from."""
     direction: str
     assumed: tuple[str, ...] = ()
+    looks_known: bool = True
+    """Whether anything tells which way it looks."""
+
+    @property
+    def stated(self) -> Camera | None:
+        """What the mission says of it: without field of view and direction nothing, so that the film is searched for
+        both."""
+        return self.camera if self.looks_known or self.camera.intrinsics is not None else None
 
 
 def choose_camera(
@@ -58,12 +69,21 @@ def choose_camera(
         options: what the user knows.
 
     Raises:
-        ImportFileError: nothing tells the field of view.
+        ImportFileError: a camera of that name is not known.
         CameraError: the lens file cannot be used.
     """
     lens, optics = _intrinsics(film, uav, options)
     known = camera_model(options.model or film.model)
     mount, pitch_deg, direction, assumed, uav = _direction(uav, options)
+    looks_known = _DOWN not in assumed or options.mount is not None
+    if lens is None:
+        if not looks_known:
+            direction, assumed = f"not known: {_SEARCHED}", ()
+        camera = Camera(mount=mount, pitch_deg=pitch_deg)
+        chosen = ChosenCamera(
+            camera=camera, optics=optics, direction=direction, assumed=assumed, looks_known=looks_known
+        )
+        return chosen, uav
     camera = Camera(
         name=known.name if known else "",
         width=lens.width,
@@ -79,7 +99,7 @@ def choose_camera(
     return ChosenCamera(camera=camera, optics=optics, direction=direction, assumed=assumed), uav
 
 
-def _intrinsics(film: ImportedFilm, uav: VehicleLog | None, options: CameraOptions) -> tuple[Intrinsics, str]:
+def _intrinsics(film: ImportedFilm, uav: VehicleLog | None, options: CameraOptions) -> tuple[Intrinsics | None, str]:
     size = film.width, film.height
     if options.lens is not None:
         return _lens_of(options.lens, film), f"lens file {options.lens.name}"
@@ -100,10 +120,7 @@ def _intrinsics(film: ImportedFilm, uav: VehicleLog | None, options: CameraOptio
         there = [f"its container says {film.model}"] if film.model else []
         there += [uav.view.source] if uav is not None and uav.view.source else []
         said = f" ({'; '.join(there)})" if there else ""
-        raise ImportFileError(
-            f"{film.path}: nothing tells the camera's field of view{said}; give --fov in degrees across the picture, "
-            "--camera NAME or --lens FILE"
-        )
+        return None, f"nothing tells its field of view{said}: {_SEARCHED}; else --fov, --camera or --lens"
     hfov_deg = known.hfov_deg
     return _of_width(size, math.radians(hfov_deg)), f"{hfov_deg:.1f}° of {known.name}, by the video: {known.source}"
 
@@ -145,9 +162,7 @@ def _direction(
             kept = ("the gimbal keeps its pitch: it turns, but the heading is not known, so it is not followed",)
             said = f"{middle_deg:.1f}°, the gimbal's pitch in the log; its heading is not known"
             return told or "stabilized", max(-90.0, min(90.0, middle_deg)), said, kept if turned else (), uav
-    assumed: tuple[str, ...] = (
-        () if options.pitch_deg is not None else ("the camera looks straight down; --pitch changes that",)
-    )
+    assumed: tuple[str, ...] = () if options.pitch_deg is not None else (_DOWN,)
     return told or "stabilized", pitch_deg, _pitch_words(options, pitch_deg), assumed, uav
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Iterator
-from contextlib import closing
 from dataclasses import replace
-from itertools import tee
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +27,8 @@ __all__ = ["boxes_of_spans", "searched_times"]
 
 EVERY_US = 240_000
 """Between two frames that are looked at: a vehicle moves by less than its own length."""
+_FOCALS = (0.71, 1.07, 0.45, 1.69)
+"""Focal lengths in widths of the picture, the likeliest first: 70°, 50°, 96° and 33° across."""
 
 
 def boxes_of_spans(path: Path, film_us: int, choice: DetectorChoice) -> Iterator[FilmBoxes]:
@@ -50,7 +51,7 @@ def boxes_of_spans(path: Path, film_us: int, choice: DetectorChoice) -> Iterator
             def gsd_m(frame: Frame, scale: ScaleFinder = scale) -> float | None:
                 return scale.gsd_m(frame.image, frame.t_us, None)
 
-            with closing(look_ahead(_few(video, first_us, last_us), detector, gsd_m)) as looked:
+            with contextlib.closing(look_ahead(_few(video, first_us, last_us), detector, gsd_m)) as looked:
                 for frame, found in looked:
                     times.append(frame.t_us)
                     boxes.append(found.useful(choice.score))
@@ -97,31 +98,74 @@ def searched_times(
     start_us = film.created_us if dated and film.created_us else times.film_us
     kept = list(records)
     logs = FilmedFleetLogs(mission=mission, uav=lambda: kept, uav_with_fleet=uav is None or dated, fleet=fleet.places)
-    spans, again = tee(_boxes(film, start_us, mission))
+    either = bool(dated and film.created_us)
     bounds_s, where = (-within_s, within_s), str(film.path)
-    try:
-        found = find_fleet_clock(spans, logs, bounds_s, where)
-    except ImportFileError:
-        if not dated or not film.created_us:
-            raise
-        logs = replace(logs, uav_with_fleet=False)
-        found = _second(again, logs, bounds_s, where)
+    spans = _Kept(boxes_of_spans(film.path, start_us, mission.detector))
+    *guesses, last = _missions(mission, (film.width, film.height))
+    for guess in guesses:
+        with contextlib.suppress(ImportFileError):
+            logs, found = _found(spans, replace(logs, mission=guess), bounds_s, where, either=either)
+            break
+    else:
+        logs, found = _found(spans, replace(logs, mission=last), bounds_s, where, either=either)
     ahead_us = round(found.ahead_s * 1e6)
     uav_us = times.uav_shift_us + (0 if logs.uav_with_fleet else ahead_us)
     return replace(times, film_us=start_us + ahead_us, uav_shift_us=uav_us, said=f"{times.said}, {found.said}")
 
 
-def _second(spans: Iterable[FilmBoxes], logs: FilmedFleetLogs, bounds_s: tuple[float, float], where: str) -> FleetClock:
-    """Where the UAV's clock is not the fleet's: perhaps it is the film's, by the dates of both."""
+def _missions(mission: Mission, size: tuple[int, int]) -> list[Mission]:
+    """The mission, and where nothing describes its camera's lens the same with each field of view that one may have.
+
+    An offset is found with a focal length up to a quarter too short or a third too long.
+    """
+    camera = mission.camera
+    if camera is None or camera.intrinsics is not None:
+        return [mission]
+    width, height = size
+    described = (
+        replace(
+            camera,
+            width=width,
+            height=height,
+            fx=focal * width,
+            fy=focal * width,
+            cx=width / 2.0,
+            cy=height / 2.0,
+        )
+        for focal in _FOCALS
+    )
+    return [mission, *(replace(mission, camera=each) for each in described)]
+
+
+class _Kept:
+    """Parts of a film, each looked at once, however often they are gone through."""
+
+    def __init__(self, parts: Iterator[FilmBoxes]) -> None:
+        self._parts, self._seen = parts, list[FilmBoxes]()
+
+    def __iter__(self) -> Iterator[FilmBoxes]:
+        yield from self._seen
+        for part in self._parts:
+            self._seen.append(part)
+            yield part
+
+
+def _found(
+    spans: Iterable[FilmBoxes], logs: FilmedFleetLogs, bounds_s: tuple[float, float], where: str, *, either: bool
+) -> tuple[FilmedFleetLogs, FleetClock]:
+    """The offset, and the logs with whose clock the UAV's is; either: it may be the film's, by the dates of both.
+
+    Raises:
+        ImportFileError: no offset fits, or two do.
+    """
     try:
-        return find_fleet_clock(spans, logs, bounds_s, where)
+        return logs, find_fleet_clock(spans, logs, bounds_s, where)
+    except ImportFileError:
+        if not either:
+            raise
+    logs = replace(logs, uav_with_fleet=False)
+    try:
+        return logs, find_fleet_clock(spans, logs, bounds_s, where)
     except ImportFileError as error:
         taken = "the UAV's clock was taken to be the fleet's, then the film's"
         raise ImportFileError(f"{error} ({taken})") from error
-
-
-def _boxes(film: ImportedFilm, film_us: int, mission: Mission) -> Iterator[FilmBoxes]:
-    # the detector takes long to load
-    from gcs.importing.clock_choice import boxes_of_spans
-
-    return boxes_of_spans(film.path, film_us, mission.detector)

@@ -96,6 +96,7 @@ def import_flight(out: Path, options: ImportOptions) -> ImportReport:
         timeline = searched_times(film, uav, fleet, mission, seen, timeline, options.clock_within_s)
     uav_span = _uav_span(uav, uav_id, fleet, timeline)
     partly = check_overlap(film, timeline, uav_span, fleet.span_us, dict.fromkeys(fleet.assumed))
+    mission = replace(mission, camera=chosen.stated)
     report = _report(film, fleet, uav, chosen, timeline, uav_id)
     unused = (("not read", "; ".join(unread)), ("not in the mission", _not_in_mission(fleet, uav_id)))
     found = (*report.found, *((subject, text) for subject, text in unused if text))

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gcs.mission.mission import load_mission
 from gcs.report.score import score_files
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.tlog.log import Tlog
@@ -198,17 +199,32 @@ def test_an_import_that_breaks_off_leaves_nothing(flown, tmp_path, monkeypatch):
     assert run_gcs(*words)[0] == 0 and list(out.parent.iterdir()) == [out]
 
 
+def unknown_camera_words(flown, folder, *more):
+    (folder / "DJI_0001.SRT").write_text(srt("positional", flown.spots()))
+    files = ("--video", flown.video, "--tlog", flown.fleet, "--uav", folder / "DJI_0001.SRT")
+    return ("import", "-o", folder / "session", *files, *more)
+
+
 def test_nothing_is_guessed_of_the_camera(flown, tmp_path):
-    subtitles = tmp_path / "DJI_0001.SRT"
-    subtitles.write_text(srt("positional", flown.spots()))
-    words = ("import", "-o", tmp_path / "session", "--video", flown.video, "--tlog", flown.fleet, "--uav", subtitles)
-    code, _, told = run_gcs(*words)
+    code, told, _ = run_gcs(*unknown_camera_words(flown, tmp_path, "--clock=+0"))
+    assert code == 0 and "nothing tells its field of view" in told and "straight down" not in told
+    assert load_mission(tmp_path / "session" / "session.toml").camera is None
+    code, _, told = run_gcs(*unknown_camera_words(flown, tmp_path, "--camera", "kodak"))
     assert code == 2
-    assert "--fov" in told
-    assert not (tmp_path / "session").exists()
-    code, _, told = run_gcs(*words, "--camera", "kodak")
-    assert code == 2
-    assert "dji-mini-2" in told
+    (tmp_path / "pitched").mkdir()
+    assert run_gcs(*unknown_camera_words(flown, tmp_path / "pitched", "--pitch", -60, "--clock=+0"))[0] == 0
+    stated = load_mission(tmp_path / "pitched" / "session" / "session.toml").camera
+    assert (stated.pitch_deg, stated.intrinsics) == (-60.0, None)
+
+
+@pytest.mark.slow
+def test_a_camera_that_nothing_describes_is_found_in_the_film_and_so_is_the_clock(longer, tmp_path):
+    (tmp_path / "pose.csv").write_text(pose_csv(longer))
+    files = ("--video", longer.video, "--tlog", longer.fleet, "--uav", tmp_path / "pose.csv")
+    code, told, _ = run_gcs("import", "-o", tmp_path / "session", *files)
+    assert code == 0 and "found by how the fleet fits the film" in told, told
+    result = right_of(tmp_path / "session", longer, tmp_path)
+    assert result.precision > 0.99 and result.coverage > 0.9
 
 
 @pytest.mark.parametrize(("clock", "code"), [("+7200", 2), ("-7200", 0), ("later", 2), ("nan", 2)])
