@@ -12,7 +12,7 @@ from bench.screens.flights import Moment
 from bench.screens.screen import Screen, read_screen
 from bench.screens.station import ScriptedStation
 from bench.statements.flights import TrueFlight
-from bench.statements.sentences import SLACK_S, Said, check_sentence
+from bench.statements.sentences import SLACK_S, Said, check_sentence, match_sentence
 from gcs.tui import RollcallApp
 
 __all__ = ["check_screens"]
@@ -46,12 +46,13 @@ FACTS = dict.fromkeys(
             "boxes",
             "video clock",
             "camera yaw",
+            "do",
         ),
     ),
     ANY,
 ) | {
     "standing": re.compile(
-        rf"(?:{STANDING}|stated(?:: none of ours)?|no name){AGE}|gone: no longer in the picture|"
+        rf"\S (?:{STANDING}|stated(?:: none of ours)?|no name){AGE}|gone: no longer in the picture|"
         r"not known: no new frame .*"
     ),
     "should be": re.compile(
@@ -59,6 +60,7 @@ FACTS = dict.fromkeys(
     ),
 }
 """The pane's facts, and what each may say."""
+NOTHING = ("nothing", "nothing names it now")
 CANDIDATE = re.compile(r"\s?(?:UGV-\d+|none of ours)\s+(\d+)%.*")
 SUM_PERCENT = 103
 """Probabilities of one box are rounded down, and add up to no more than 1; three of them may be old by a comparison."""
@@ -94,14 +96,23 @@ def _identity(flown: TrueFlight, moment: Moment, screen: Screen) -> Iterator[tup
     facts, percents = _facts(rows[1:])
     for name, value in facts:
         said = _said(moment, f"{whose}: {name} {value}", system_id)
-        if name == "doubt":  # a whole sentence
-            yield from ((said, why) for why in check_sentence(flown, replace(said, text=value, system_id=0)))
+        if name == "against":  # a whole sentence, of an alarm without the name
+            yield from ((said, why) for why in _against(flown, moment, replace(said, text=value, system_id=0), whose))
         elif name not in FACTS or FACTS[name].fullmatch(value) is None:
             yield said, "a fact that is not known"
         elif system_id and name in ("heartbeat", "position"):
             yield from ((said, why) for why in _age(flown, moment, system_id, name, value))
     if percents > SUM_PERCENT:
         yield _said(moment, f"{whose}: {percents}% in all", system_id), "that is more than 1"
+
+
+def _against(flown: TrueFlight, moment: Moment, said: Said, whose: str) -> Iterator[str]:
+    """What speaks against a name: an alarm's sentence, a box's doubt, or what a candidate has."""
+    reasons = {each.against for box in moment.snapshot.boxes for each in box.candidates}
+    if said.text in reasons or said.text in NOTHING:
+        return
+    named = replace(said, text=f"{whose}: {said.text}")
+    yield from check_sentence(flown, named if match_sentence(named.text) else said)
 
 
 def _facts(rows: Sequence[str]) -> tuple[list[tuple[str, str]], int]:

@@ -6,21 +6,18 @@ import asyncio
 import contextlib
 import signal
 import time
-from collections.abc import Sequence
 from typing import ClassVar
 
 from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import BindingType
 from textual.command import Provider
-from textual.filter import ANSIToTruecolor, LineFilter
 from textual.reactive import reactive
 from textual.widget import Widget
 
 from gcs.errors import FlightError
 from gcs.snapshot import Snapshot
 from gcs.station import Commands, Station
-from gcs.tui import palette
 from gcs.tui.actions import ActionProvider, actions
 from gcs.tui.draw.pixels import Graphics, picture_mode, pixel_images
 from gcs.tui.keys import BINDINGS, COMMAND_HINTS, LIVE_HINTS, REPLAY_HINTS
@@ -51,7 +48,7 @@ from gcs.tui.screens.preflight import PreflightScreen
 from gcs.tui.screens.prompts import Prompt, ask_for_rival_video
 from gcs.tui.screens.saving import ask_to_save_screen, save_still
 from gcs.tui.terminal.terminal_app import MOST_FPS
-from gcs.tui.themes import THEMES, ThemeName, textual_theme
+from gcs.tui.themes import ThemeName
 
 __all__ = ["RollcallApp"]
 
@@ -95,10 +92,7 @@ class RollcallApp(ReplayApp):
             theme: Colours to begin with.
             fps: most pictures a second of the video and the map.
         """
-        super().__init__(fps)
-        for each in THEMES.values():
-            self.register_theme(textual_theme(each))
-        self.theme = theme
+        super().__init__(fps, theme)
         self._bell = bell
         self._rung: frozenset[tuple[str, int, str]] = frozenset()
         self._station = station
@@ -109,17 +103,18 @@ class RollcallApp(ReplayApp):
         self._status = StatusBar(live=station.timeline is None, id="status")
         self._alert_line = Banner(id="alert")
         self._map = map_pane(station)
+        self._fleet = FleetPane(id="fleet")
         self._identity = IdentityPane(id="identity")
         self._events = EventPane(id="events", live=station.timeline is None)
         self._alarms = AlarmPane(id="alarms")
         pixels = pixel_images(graphics)
-        mode = picture_mode("blocks" if pixels else graphics, self.console.color_system)
+        mode = picture_mode("blocks" if pixels else graphics, self.colours)
         self._video = VideoPane(id="video", pixels=pixels, mode=mode)
         self._panes = PaneArea(
             [
                 self._video,
                 self._map,
-                FleetPane(id="fleet"),
+                self._fleet,
                 self._identity,
                 self._alarms,
                 self._events,
@@ -152,10 +147,6 @@ class RollcallApp(ReplayApp):
         self.watch(self.screen, "focused", self._show_keys_of)
         self._poll()
         self.set_interval(POLL_S, self._poll)
-
-    def get_line_filters(self) -> Sequence[LineFilter]:
-        """Without the palette filter: every colour here is true colour, and it costs more than the video itself."""
-        return [each for each in super().get_line_filters() if not isinstance(each, ANSIToTruecolor)]
 
     def _poll(self) -> None:
         if self.to_end() and not self.left:
@@ -262,7 +253,12 @@ class RollcallApp(ReplayApp):
     def action_pick(self, steps: int) -> None:
         """Select the vehicle, or the box without a name, above or below."""
         if self.snapshot is not None:
-            self._pick(*beside(self.snapshot, (self.selected, self.picked_track), steps))
+            rows = self._fleet.in_order(self.snapshot)
+            self._pick(*beside(self.snapshot, rows, (self.selected, self.picked_track), steps))
+
+    def action_order(self) -> None:
+        """The fleet by trouble, or as the mission has it."""
+        self._fleet.by_trouble = not self._fleet.by_trouble
 
     def action_pick_vehicle(self, system_id: int) -> None:
         """Select one vehicle."""
@@ -306,18 +302,6 @@ class RollcallApp(ReplayApp):
     def action_level(self) -> None:
         """Level filter of the log."""
         self._events.next_filter()
-
-    def watch_theme(self, theme: str) -> None:
-        """Everything in other colours."""
-        palette.use_theme(theme)
-        for widget in self.screen_stack[0].query("*") if self.screen_stack else ():
-            widget.redraw() if isinstance(widget, Pane) else widget.refresh()
-
-    def action_next_theme(self) -> None:
-        """Dark, light, high contrast, dark …"""
-        names = list(THEMES)
-        self.theme = names[(names.index(self.theme) + 1) % len(names)]
-        self.notify(f"theme: {self.theme}", timeout=2, markup=False)
 
     def action_search(self) -> None:
         """Prompt for words that the log's events are to have."""

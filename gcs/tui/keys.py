@@ -18,6 +18,7 @@ __all__ = [
     "PANE_HINTS",
     "REPLAY_ACTIONS",
     "REPLAY_HINTS",
+    "THEME",
     "Hint",
     "hints_for",
     "signs_in",
@@ -31,6 +32,8 @@ def _key(keys: str, action: str, label: str, tooltip: str, *, shown: str | None 
     return Binding(keys, action, label, id=id, tooltip=tooltip, key_display=shown, show=False)
 
 
+THEME: Final = _key("t", "next_theme", "theme", "Theme: dark, light, high contrast", id="station.theme")
+"""Of both apps."""
 REPLAY: Final = (
     _key("space", "toggle_play", "play", "Play or pause", id="replay.play"),
     _key("left", "jump(-5)", "−5 s", "Back 5 seconds", id="replay.back", shown="←"),
@@ -71,6 +74,7 @@ LOOK: Final = (
         id="pick.none",
         shown="esc",
     ),
+    _key("o", "order", "by trouble", "Fleet: in order of trouble, and back", id="fleet.order"),
     _key("plus", "zoom(1)", "closer", "Map: closer", id="map.closer", shown="+"),
     _key("minus", "zoom(-1)", "farther", "Map: farther", id="map.farther", shown="-"),
     _key("0", "zoom(0)", "fit", "Map: fit everything", id="map.fit"),
@@ -107,7 +111,7 @@ STATION: Final = (
     _key("s", "still", "still", "Still: save the full frame with names as PNG", id="station.still"),
     _key("S", "save", "save", "Save this screen as SVG, never over a file", id="station.save"),
     _key("w", "save_mission", "mission", "Save the mission as a file, to fly it again", id="station.mission"),
-    _key("t", "next_theme", "theme", "Theme: dark, light, high contrast", id="station.theme"),
+    THEME,
     _key("ctrl+p", "command_palette", "palette", "Command palette: any action by its words", id="station.palette"),
     _key("question_mark", "help", "help", "All keys, marks and colours, by pages", id="station.help", shown="?"),
     _key(
@@ -177,7 +181,7 @@ PANE_HINTS: Final[Mapping[str, tuple[Hint, ...]]] = MappingProxyType(
             *(("←↓↑→", "pan"), ("+-0", "zoom"), ("c", "follow"), ("r", "ruler"), ("T", "trails"), ("h", "home")),
             ("z", "whole screen"),
         ),
-        "fleet": (("↑↓", "vehicle"), ("z", "all columns")),
+        "fleet": (("↑↓", "vehicle"), ("o", "by trouble"), ("z", "all columns")),
         "identity": (("↑↓", "pick"), ("=", "name"), ("x", "evidence"), ("z", "zoom")),
         "alarms": (("↑↓", "alarm"), ("enter", "seen"), ("A", "all seen"), ("z", "zoom")),
         "events": (("↑↓", "scroll"), ("l", "level"), ("/", "search"), ("z", "zoom")),

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Final
 
 from rich.color import Color
 from rich.style import Style
 
 from gcs.snapshot import Level, Standing
-from gcs.tui.themes import DARK, THEMES, Colour, Rgb, Theme
+from gcs.tui.draw.xterm_palette import nearest, nearest_of_sixteen
+from gcs.tui.themes import DARK, THEMES, Colour, Depth, Theme
 
 __all__ = [
     "ACCENT",
     "ALARM",
+    "ALARM_TINT",
     "BRIGHT",
     "FAINT",
     "GOOD",
@@ -23,19 +25,26 @@ __all__ = [
     "PANEL",
     "PICKED",
     "WARN",
+    "WARN_TINT",
     "Colour",
     "count_colour",
+    "depth_in_use",
     "ink",
     "level_colour",
+    "level_tint",
     "pack",
     "position_colour",
     "standing_colour",
+    "terminal_colour",
+    "use_depth",
     "use_theme",
 ]
 
 PANEL: Final = Colour.PANEL
 HEAD: Final = Colour.HEAD
 PICKED: Final = Colour.PICKED
+ALARM_TINT: Final = Colour.ALARM_TINT
+WARN_TINT: Final = Colour.WARN_TINT
 LINE: Final = Colour.LINE
 FAINT: Final = Colour.FAINT
 INK: Final = Colour.INK
@@ -47,9 +56,10 @@ ALARM: Final = Colour.NO_POSITION
 
 
 class _InUse:
-    """The theme of this process's one terminal."""
+    """The theme of this process's one terminal, and how many colours that has."""
 
     theme: Theme = DARK
+    depth: Depth = "truecolor"
 
 
 def use_theme(name: str) -> None:
@@ -61,15 +71,51 @@ def use_theme(name: str) -> None:
     _InUse.theme = THEMES[name]
 
 
+def use_depth(depth: Depth) -> None:
+    """All that is drawn from now on is in as many colours."""
+    _InUse.depth = depth
+
+
+def depth_in_use() -> Depth:
+    """How many colours the terminal has."""
+    return _InUse.depth
+
+
 def ink(colour: Colour = INK, paper: Colour = PANEL, *, bold: bool = False) -> Style:
     """A style of one text colour on one background."""
-    colours = _InUse.theme.colours
-    return _style(colours[colour], colours[paper], bold)
+    return _style(_InUse.theme.name, _InUse.depth, colour, paper, bold)
 
 
 @lru_cache(maxsize=4096)
-def _style(colour: Rgb, paper: Rgb, bold: bool) -> Style:
-    return Style(color=Color.from_rgb(*colour), bgcolor=Color.from_rgb(*paper), bold=bold or None)
+def _style(theme: str, depth: Depth, colour: Colour, paper: Colour, bold: bool) -> Style:
+    if depth == "standard" and paper is PICKED:  # no colour of the sixteen can be read on any other than black or white
+        return Style(color=Color.from_ansi(0), bgcolor=Color.from_ansi(7), bold=bold or None)
+    letters, behind = (_colour(THEMES[theme], each, depth) for each in (colour, paper))
+    return Style(color=letters, bgcolor=behind, bold=bold or None)
+
+
+def _colour(theme: Theme, colour: Colour, depth: Depth) -> Color:
+    if depth == "truecolor":
+        return Color.from_rgb(*theme.colours[colour])
+    return Color.from_ansi(theme.number(colour, depth))
+
+
+@lru_cache(maxsize=4096)
+def terminal_colour(packed: int, depth: Depth) -> Color:
+    """The terminal's colour for 0xRRGGBB: the theme's own where it is one of a theme, else the nearest."""
+    if depth == "truecolor":
+        return Color.from_rgb(packed >> 16, packed >> 8 & 255, packed & 255)
+    known = _numbers(depth).get(packed)
+    if known is None:
+        known = nearest(packed) if depth == "256" else nearest_of_sixteen(packed)
+    return Color.from_ansi(known)
+
+
+@cache
+def _numbers(depth: Depth) -> dict[int, int]:
+    """Numbers of all colours of the themes, of which the dark one's come last: pictures are in it."""
+    themes = sorted(THEMES.values(), key=lambda theme: theme is DARK)
+    return {pack(colour, theme): theme.number(colour, depth) for theme in themes for colour in Colour}
 
 
 def pack(colour: Colour, theme: Theme | None = None) -> int:
@@ -100,3 +146,8 @@ def position_colour(state: str) -> Colour:
 def level_colour(level: Level) -> Colour:
     """Colour of an event's level."""
     return {"info": INK, "warning": WARN, "alarm": ALARM}.get(level, INK)
+
+
+def level_tint(level: Level) -> Colour:
+    """Background of a row that has something of this level."""
+    return {"warning": WARN_TINT, "alarm": ALARM_TINT}.get(level, PANEL)

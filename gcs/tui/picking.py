@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from gcs.snapshot import Box, Snapshot
+from collections.abc import Iterable
+
+from gcs.snapshot import Box, Snapshot, VehicleRow
 
 __all__ = ["Pick", "beside", "followed", "picked_box"]
 
@@ -17,9 +19,9 @@ def picked_box(snapshot: Snapshot, selected: int, track: int) -> Box | None:
     return next((box for box in snapshot.boxes if track and box.track_id == track), None)
 
 
-def beside(snapshot: Snapshot, pick: Pick, steps: int) -> Pick:
-    """The pick that many steps further: through the vehicles in the table's order, then through unnamed boxes."""
-    choice = [(row.system_id, 0) for row in snapshot.vehicles]
+def beside(snapshot: Snapshot, vehicles: Iterable[VehicleRow], pick: Pick, steps: int) -> Pick:
+    """The pick that many steps further: through the vehicles as the table has them, then through unnamed boxes."""
+    choice = [(row.system_id, 0) for row in vehicles]
     choice += [(0, track) for track in sorted(box.track_id for box in snapshot.boxes if not box.system_id) if track]
     if not choice:
         return pick

@@ -17,14 +17,14 @@ from gcs.flight.video import check_source
 from gcs.mission.mission import usual_name
 from gcs.mission.roster import Found, HeardVehicle, Role, proposed_roles
 from gcs.mission.written import MISSION_FILE
-from gcs.tui import palette
 from gcs.tui.draw.format import age, plain
 from gcs.tui.draw.strips import Part, blank, fitted, folded, line, split_line
+from gcs.tui.keys import THEME
 from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, PANEL, PICKED, WARN, Colour, ink
 from gcs.tui.panes.key_hints import KeyHints
 from gcs.tui.screens.prompts import Prompt
 from gcs.tui.terminal.terminal_app import TerminalApp
-from gcs.tui.themes import THEMES, ThemeName, textual_theme
+from gcs.tui.themes import ThemeName
 from infra.secrets import concealed
 from infra.wall_clock import now_us
 from mavlink.protocol.packet import Auth
@@ -85,7 +85,7 @@ class StartApp(TerminalApp):
         Binding("f", "film", "Films", id="start.film", tooltip="It carries the camera, and no other one"),
         Binding("r", "rename", "Rename", id="start.rename", tooltip="Call it otherwise"),
         Binding("v", "video", "Video", id="start.video", tooltip="Type the address of the video"),
-        Binding("t", "next_theme", "Theme", id="start.theme", tooltip="Dark, light, high contrast"),
+        THEME,
         Binding("q,ctrl+q,escape", "leave", "Quit", id="start.quit", tooltip="Quit; nothing has flown"),
     ]
 
@@ -98,10 +98,7 @@ class StartApp(TerminalApp):
         video: str | None = None,
         theme: ThemeName = "dark",
     ) -> None:
-        super().__init__()
-        for each in THEMES.values():
-            self.register_theme(textual_theme(each))
-        self.theme = theme
+        super().__init__(theme=theme)
         self.found: Found | None = None
         self._listening = listening
         self._chosen, self._whole_fleet = dict(chosen), whole_fleet
@@ -203,17 +200,6 @@ class StartApp(TerminalApp):
 
         hint = "rtsp://192.168.1.10:8554/main, udp://:5600, /dev/video0; nothing: as offered or heard"
         self.push_screen(Prompt("Address of the video", hint, check, value=self._video or ""), take)
-
-    def action_next_theme(self) -> None:
-        """Dark, light, high contrast, dark …"""
-        names = list(THEMES)
-        self.theme = names[(names.index(self.theme) + 1) % len(names)]
-
-    def watch_theme(self, theme: str) -> None:
-        """Everything in other colours."""
-        palette.use_theme(theme)
-        for widget in self.screen_stack[0].query("*") if self.screen_stack else ():
-            widget.refresh()
 
     def _choose(self, system_id: int, role: Role) -> None:
         if role == "films":  # one films: who did before is as it would be without a choice

@@ -1,12 +1,13 @@
 """The themes of the screens: one table of colours each, distinct to colour-blind eyes too. Pure.
 
 Every text colour has a contrast of at least 4.5 (WCAG 2.2, level AA) on every background, 7 (AAA) with high contrast.
+So it has on terminals of 256 and 16 colours, whose numbers a theme has where the nearest would be worse.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from types import MappingProxyType
 from typing import Final, Literal
@@ -15,8 +16,15 @@ from textual.theme import Theme as TextualTheme
 
 from gcs.report.overlay import DARK as PICTURE_PAPER
 from gcs.report.overlay import STANDING_RGB
+from gcs.tui.draw.xterm_palette import nearest
 
-__all__ = ["BACKGROUNDS", "DARK", "THEMES", "Colour", "Rgb", "Theme", "ThemeName", "hex_of", "textual_theme"]
+__all__ = [
+    *("BACKGROUNDS", "DARK", "THEMES", "Colour", "Depth", "Rgb", "Theme", "ThemeName", "hex_of", "next_theme"),
+    "textual_theme",
+]
+
+Depth = Literal["truecolor", "256", "standard"]
+"""How many colours the terminal has, in Rich's words: all, 256, or the sixteen that its user has chosen."""
 
 Rgb = tuple[int, int, int]
 ThemeName = Literal["dark", "light", "high-contrast"]
@@ -32,6 +40,9 @@ class Colour(StrEnum):
     """Behind headings, status and time line."""
     PICKED = "picked"
     """Behind what is selected."""
+    ALARM_TINT = "alarm tint"
+    """Behind the row of what has an alarm."""
+    WARN_TINT = "warning tint"
     LINE = "line"
     """Thin lines that are no text."""
     FAINT = "faint"
@@ -49,7 +60,7 @@ class Colour(StrEnum):
     NO_NEW_FRAME = "no new frame"
 
 
-BACKGROUNDS: Final = (Colour.PANEL, Colour.HEAD, Colour.PICKED)
+BACKGROUNDS: Final = (Colour.PANEL, Colour.HEAD, Colour.PICKED, Colour.ALARM_TINT, Colour.WARN_TINT)
 """What text stands on."""
 
 
@@ -61,10 +72,60 @@ class Theme:
     dark: bool
     colours: Mapping[Colour, Rgb]
     """Every colour's red, green and blue, 0..255."""
+    palette: Mapping[Colour, int] = field(default_factory=dict)
+    """Numbers, 16 to 255, of those of the 256 colours that the nearest one does not stand for."""
+
+    def number(self, colour: Colour, depth: Depth) -> int:
+        """Which of the 256 or 16 colours stands for a colour."""
+        if depth == "standard":
+            return (_DARK_SIXTEEN if self.dark else _LIGHT_SIXTEEN).get(colour, 0 if self.dark else 15)
+        red, green, blue = self.colours[colour]
+        return self.palette.get(colour) or nearest(red << 16 | green << 8 | blue)
 
 
-def _theme(name: ThemeName, colours: Mapping[Colour, Rgb], *, dark: bool = True) -> Theme:
-    return Theme(name=name, dark=dark, colours=MappingProxyType(dict(colours)))
+_DARK_SIXTEEN: Final[Mapping[Colour, int]] = MappingProxyType(
+    {
+        Colour.PICKED: 7,
+        Colour.LINE: 8,
+        Colour.FAINT: 7,
+        Colour.INK: 15,
+        Colour.BRIGHT: 15,
+        Colour.ACCENT: 14,
+        Colour.CONFIRMED: 10,
+        Colour.TENTATIVE: 11,
+        Colour.COASTING: 6,
+        Colour.UNIDENTIFIED: 13,
+        Colour.OUT_OF_VIEW: 7,
+        Colour.NO_POSITION: 9,
+        Colour.MISPLACED: 9,
+        Colour.NO_NEW_FRAME: 15,
+    }
+)
+"""On black, which all other backgrounds are too."""
+_LIGHT_SIXTEEN: Final[Mapping[Colour, int]] = MappingProxyType(
+    {
+        **dict.fromkeys((Colour.FAINT, Colour.INK, Colour.BRIGHT, Colour.OUT_OF_VIEW, Colour.NO_NEW_FRAME), 0),
+        Colour.PICKED: 7,
+        Colour.GAP: 7,
+        Colour.LINE: 8,
+        Colour.ACCENT: 4,
+        Colour.CONFIRMED: 4,
+        Colour.TENTATIVE: 5,
+        Colour.COASTING: 4,
+        Colour.UNIDENTIFIED: 5,
+        Colour.NO_POSITION: 1,
+        Colour.MISPLACED: 1,
+    }
+)
+"""On white, on which no other of the sixteen can be read: marks and words tell what colours cannot."""
+
+
+def _theme(
+    name: ThemeName, colours: Mapping[Colour, Rgb], *, dark: bool = True, palette: Mapping[Colour, int] | None = None
+) -> Theme:
+    return Theme(
+        name=name, dark=dark, colours=MappingProxyType(dict(colours)), palette=MappingProxyType(dict(palette or {}))
+    )
 
 
 DARK: Final = _theme(
@@ -74,6 +135,8 @@ DARK: Final = _theme(
         Colour.PANEL: PICTURE_PAPER,
         Colour.HEAD: (28, 34, 46),
         Colour.PICKED: (34, 46, 70),
+        Colour.ALARM_TINT: (62, 22, 26),
+        Colour.WARN_TINT: (48, 38, 12),
         Colour.LINE: (98, 110, 134),
         Colour.FAINT: (152, 160, 176),
         Colour.INK: (206, 213, 225),
@@ -81,6 +144,7 @@ DARK: Final = _theme(
         Colour.ACCENT: (110, 190, 255),
         **{Colour(standing): rgb for standing, rgb in STANDING_RGB.items()},
     },
+    palette={Colour.LINE: 244, Colour.PICKED: 17, Colour.ALARM_TINT: 52},
 )
 """In the colours of the exported video."""
 
@@ -91,6 +155,8 @@ LIGHT: Final = _theme(
         Colour.PANEL: (252, 252, 250),
         Colour.HEAD: (234, 237, 242),
         Colour.PICKED: (214, 226, 246),
+        Colour.ALARM_TINT: (255, 226, 222),
+        Colour.WARN_TINT: (255, 242, 204),
         Colour.LINE: (118, 126, 138),
         Colour.FAINT: (86, 93, 104),
         Colour.INK: (42, 48, 58),
@@ -106,6 +172,7 @@ LIGHT: Final = _theme(
         Colour.NO_NEW_FRAME: (0, 7, 21),
     },
     dark=False,
+    palette={Colour.TENTATIVE: 58},
 )
 
 HIGH_CONTRAST: Final = _theme(
@@ -115,6 +182,8 @@ HIGH_CONTRAST: Final = _theme(
         Colour.PANEL: (0, 0, 0),
         Colour.HEAD: (22, 22, 22),
         Colour.PICKED: (0, 0, 96),
+        Colour.ALARM_TINT: (52, 0, 0),
+        Colour.WARN_TINT: (28, 22, 0),
         Colour.LINE: (140, 148, 160),
         Colour.FAINT: (196, 200, 208),
         Colour.INK: (234, 238, 244),
@@ -132,6 +201,12 @@ HIGH_CONTRAST: Final = _theme(
 )
 
 THEMES: Final[Mapping[str, Theme]] = MappingProxyType({theme.name: theme for theme in (DARK, LIGHT, HIGH_CONTRAST)})
+
+
+def next_theme(name: str) -> str:
+    """Dark, light, high contrast, dark …"""
+    names = list(THEMES)
+    return names[(names.index(name) + 1) % len(names)]
 
 
 def hex_of(rgb: Rgb) -> str:

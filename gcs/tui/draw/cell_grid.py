@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,8 @@ from textual.strip import Strip
 
 from gcs.tui.draw.braille import BrailleCanvas
 from gcs.tui.draw.mosaic import HALF, Mosaic
-from gcs.tui.draw.xterm_palette import nearest
+from gcs.tui.palette import depth_in_use, terminal_colour
+from gcs.tui.themes import Depth
 
 __all__ = ["CellGrid"]
 
@@ -25,17 +26,17 @@ CACHE_SIZE = 24_576
 class CellGrid:
     """Letter, ink and paper of every cell."""
 
-    def __init__(self, columns: int, rows: int, paper: int, *, palette: bool = False) -> None:
+    def __init__(self, columns: int, rows: int, paper: int, *, depth: Depth | None = None) -> None:
         """Make an empty grid.
 
         Args:
             columns: Cells.
             rows: Cells.
             paper: 0xRRGGBB.
-            palette: For a terminal of 256 colours.
+            depth: Of the terminal's colours; that in use unless given.
         """
         self.columns, self.rows = columns, rows
-        self._looks = _PALETTE_LOOKS if palette else _LOOKS
+        self._looks = _looks_in(depth or depth_in_use())
         self._pictured: NDArray[np.bool_] = np.zeros((rows, columns), dtype=np.bool_)
         self.letter: NDArray[np.int64] = np.full((rows, columns), ord(" "), dtype=np.int64)
         self.ink: NDArray[np.int64] = np.full((rows, columns), paper, dtype=np.int64)
@@ -107,17 +108,9 @@ class _Looks(dict[int, Segment]):
         return segment
 
 
-@lru_cache(maxsize=4096)
-def _colour(packed: int) -> Color:
-    return Color.from_rgb(packed >> 16, packed >> 8 & 255, packed & 255)
-
-
-@lru_cache(maxsize=4096)
-def _palette_colour(packed: int) -> Color:
-    return Color.from_ansi(nearest(packed))
-
-
-_LOOKS, _PALETTE_LOOKS = _Looks(_colour), _Looks(_palette_colour)
+@cache
+def _looks_in(depth: Depth) -> _Looks:
+    return _Looks(partial(terminal_colour, depth=depth))
 
 
 def _segments(letters: list[int], looks: list[int], known: _Looks) -> list[Segment]:

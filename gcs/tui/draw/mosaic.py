@@ -12,7 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.tui.draw.xterm_palette import LUMA_BGR, dithered
+from gcs.tui.draw.xterm_palette import LUMA_BGR, dithered, in_four_greys
+from gcs.tui.themes import Depth
 
 __all__ = ["HALF", "HALF_BLOCKS", "Grain", "Mosaic", "PictureMode", "fit", "mosaic_of"]
 
@@ -33,8 +34,8 @@ class PictureMode:
 
     grain: Grain = "halves"
     """How each cell is divided."""
-    palette: bool = False
-    """It has 256 colours, to which images are dithered; else true colour."""
+    depth: Depth = "truecolor"
+    """Images are dithered to 256 colours, and to the greys of the sixteen."""
 
 
 HALF_BLOCKS: Final = PictureMode()
@@ -79,9 +80,9 @@ def mosaic_of(image: NDArray[np.uint8], columns: int, rows: int, mode: PictureMo
         rows: Height of the result, above 0.
         mode: What the terminal can show; true colour is in steps of brightness and wider ones of hue.
     """
-    grain, palette = mode.grain, mode.palette
+    grain, depth = mode.grain, mode.depth
     if grain == "halves":
-        pixels = _reduced(_shrunk(image, columns, 2 * rows), palette=palette)
+        pixels = _reduced(_shrunk(image, columns, 2 * rows), depth=depth)
         letter = np.full((rows, columns), HALF, dtype=np.int64)
         return Mosaic(letter, pixels[0::2], pixels[1::2])
     high = 3 if grain == "sextants" else 4
@@ -91,7 +92,7 @@ def mosaic_of(image: NDArray[np.uint8], columns: int, rows: int, mode: PictureMo
     bright, ink, paper = _split(parts)
     letters = SEXTANTS if grain == "sextants" else OCTANTS
     pattern = bright @ (1 << np.arange(2 * high))
-    return Mosaic(letters[pattern], _reduced(ink, palette=palette), _reduced(paper, palette=palette))
+    return Mosaic(letters[pattern], _reduced(ink, depth=depth), _reduced(paper, depth=depth))
 
 
 def _split(parts: NDArray[np.uint8]) -> tuple[NDArray[np.bool_], NDArray[np.uint8], NDArray[np.uint8]]:
@@ -125,10 +126,10 @@ def _shrunk(image: NDArray[np.uint8], width: int, height: int) -> NDArray[np.uin
     return np.asarray(cv2.resize(some, (width, height), interpolation=way), dtype=np.uint8)
 
 
-def _reduced(bgr: NDArray[np.uint8], *, palette: bool) -> NDArray[np.int64]:
+def _reduced(bgr: NDArray[np.uint8], *, depth: Depth) -> NDArray[np.int64]:
     """(h, w, 3) BGR to (h, w) 0xRRGGBB of fewer colours."""
-    if palette:
-        return dithered(bgr)
+    if depth != "truecolor":
+        return dithered(bgr) if depth == "256" else in_four_greys(bgr)
     ycc = np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2YCrCb), dtype=np.uint8)
     ycc[..., 0] = ycc[..., 0] // LUMA_STEP * LUMA_STEP + LUMA_STEP // 2
     hue = (ycc[..., 1:].astype(np.float64) - 128) / CHROMA_STEP

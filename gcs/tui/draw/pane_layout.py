@@ -11,14 +11,18 @@ Rect = tuple[int, int, int, int]
 """Left, top, width, height in cells."""
 
 PANES = ("video", "map", "fleet", "identity", "events")
-FLEET_WIDTHS = (31, 40, 50, 59, 64, 70, 77)
+FLEET_WIDTHS = (35, 40, 50, 59, 69, 78)
 """Widths at which one more column of the fleet table fits."""
+FLEET_SHARE = 0.42
+"""Of the width that the table may take beside a view."""
 IDENTITY_ROWS = 13
 EVENT_ROWS = 4
 ALARM_ROWS = 10
 """Two or three alarms with their advice, however many there are: no pane moves when one comes or goes."""
 CHART_ROWS = 8
 ROOMY = (120, 36)
+USUAL = 80
+"""Columns of a usual terminal: from here on the table has its identities in whole words."""
 SMALLEST = 60
 """Columns that screens are made for: from here on the narrowest fleet table is whole."""
 
@@ -72,11 +76,16 @@ def arranged(width: int, height: int, state: LayoutState) -> Mapping[str, Rect]:
 def _main(width: int, height: int, state: LayoutState, shown: frozenset[str]) -> dict[str, Rect]:
     """A large view with the log below; table, identity and the other view in a column on the right."""
     views = [pane for pane in (("video", "map") if state.layout == 1 else ("map", "video")) if pane in shown]
-    left = [*views[:1], *(pane for pane in ("alarms", "events") if pane in shown)]
+    texts = [pane for pane in ("alarms", "events") if pane in shown]
+    if width < USUAL and views and texts:  # a column of half the width has no room for their words
+        rows = min(ALARM_ROWS if "alarms" in texts else EVENT_ROWS, height // 2)
+        above = _main(width, height - rows, state, shown - set(texts))
+        return above | _column(texts[:1], (0, height - rows, width, rows), state)
+    left = [*views[:1], *texts]
     right = [pane for pane in ("fleet", "identity") if pane in shown] + views[1:]
     if not left or not right:
         return _column(left or right, (0, 0, width, height), state)
-    most = max(FLEET_WIDTHS[0], round(0.35 * width))
+    most = max(FLEET_WIDTHS[width >= USUAL], round(FLEET_SHARE * width))
     half = max(width // 2, FLEET_WIDTHS[0]) if width >= SMALLEST else width // 2
     right_width = min(max(size for size in FLEET_WIDTHS if size <= most), half)
     left_width = width - right_width - 1

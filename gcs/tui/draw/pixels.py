@@ -25,8 +25,9 @@ from numpy.typing import NDArray
 from gcs.tui.draw.mosaic import PictureMode
 from gcs.tui.draw.terminal_kind import ask_version, finest_grain, has_terminal, is_in_multiplexer
 from gcs.tui.terminal.question import ask
+from gcs.tui.themes import Depth
 
-__all__ = ["Graphics", "Pixels", "inline_image", "picture_mode", "pixel_images"]
+__all__ = ["Graphics", "Pixels", "depth_of", "inline_image", "picture_mode", "pixel_images"]
 
 Graphics = Literal["auto", "pixels", "blocks", "sextants", "octants"]
 SHOW_INLINE = frozenset({"iTerm.app", "WarpTerminal"})
@@ -121,13 +122,22 @@ def picture_mode(graphics: Graphics, colours: str | None) -> PictureMode:
         graphics: as the user wants it; ``auto`` and ``pixels`` take the finest that the terminal is known to draw.
         colours: Rich's word for what the terminal has: ``truecolor``, ``256``, ``standard`` …
     """
-    palette = colours == "256"
+    depth = depth_of(colours)
     if graphics in ("sextants", "octants"):
-        return PictureMode(grain="sextants" if graphics == "sextants" else "octants", palette=palette)
+        return PictureMode(grain="sextants" if graphics == "sextants" else "octants", depth=depth)
     if graphics == "blocks" or not has_terminal() or sys.__stdin__ is None or sys.__stdout__ is None:
-        return PictureMode(palette=palette)
+        return PictureMode(depth=depth)
     reads, writes = sys.__stdin__.fileno(), sys.__stdout__.fileno()
-    return PictureMode(grain=finest_grain(os.environ, lambda: ask_version(reads, writes)), palette=palette)
+    return PictureMode(grain=finest_grain(os.environ, lambda: ask_version(reads, writes)), depth=depth)
+
+
+def depth_of(colours: str | None) -> Depth:
+    """How many colours the terminal has.
+
+    Args:
+        colours: Rich's word for it; None for a terminal that it has no word for.
+    """
+    return "256" if colours == "256" else "standard" if colours in ("standard", "windows") else "truecolor"
 
 
 def _shows_inline(environ: Mapping[str, str]) -> bool:

@@ -10,7 +10,7 @@ from rich.segment import Segment
 from rich.style import Style
 from textual.strip import Strip
 
-from gcs.tui.palette import HEAD, PANEL, Colour, ink
+from gcs.tui.palette import HEAD, INK, LINE, PANEL, Colour, ink
 
 __all__ = ["Part", "bar", "blank", "clickable", "fitted", "folded", "line", "split_line", "width_of"]
 
@@ -40,12 +40,23 @@ def width_of(parts: Iterable[Part]) -> int:
     return sum(cell_len(text) for text, _ in parts)
 
 
-def split_line(left: Sequence[Part], right: Sequence[Part], width: int, paper: Colour = HEAD) -> Strip:
-    """Parts at both ends of one strip; the right end is dropped when there is no room."""
+def split_line(
+    left: Sequence[Part], right: Sequence[Part], width: int, paper: Colour = HEAD, *, rule: bool = False
+) -> Strip:
+    """Parts at both ends of one strip; the right end is dropped when there is no room.
+
+    Args:
+        left: Parts.
+        right: Parts.
+        width: Cells.
+        paper: Background.
+        rule: Draw a line between them: a heading is one without its background too.
+    """
     gap = width - width_of(left) - width_of(right)
     if gap < 1:
-        return line(left, width, paper)
-    return line([*left, (" " * gap, ink(paper=paper)), *right], width, paper)
+        left, right, gap = left, (), max(0, width - width_of(left))
+    between = "─" * (gap - 1) + " " if rule and gap > 1 else " " * gap
+    return line([*left, (between, ink(LINE if rule else INK, paper)), *right], width, paper)
 
 
 def fitted(text: str, width: int, align: str = "left") -> str:

@@ -66,7 +66,7 @@ def video_cells(
         mode: What the terminal can show.
         inset: Of ``video_inset``, None for none.
     """
-    cells = CellGrid(columns, rows, _packed(PANEL), palette=mode.palette)
+    cells = CellGrid(columns, rows, _packed(PANEL), depth=mode.depth)
     if snapshot.width > 0 and snapshot.height > 0:
         left, top, used_columns, used_rows = fit(snapshot.width, snapshot.height, columns, rows)
         if snapshot.image is not None:
@@ -178,7 +178,7 @@ def _enlarge(
 ) -> None:
     """The picked vehicle in the inset's cells, below a row that names it."""
     x, y, width, height = inset.rect
-    window = CellGrid(width, height, _packed(PANEL), palette=mode.palette)
+    window = CellGrid(width, height, _packed(PANEL), depth=mode.depth)
     part = crop(snapshot, inset)
     if part is not None:
         window.picture(mosaic_of(part, width, height, mode), 0, 0)

@@ -1,4 +1,4 @@
-"""The 256 colours that terminals without true colour have: a cube of 6×6×6 and 24 greys. Pure."""
+"""The 256 colours that terminals without true colour have, a cube and greys, and the sixteen that all have. Pure."""
 
 from __future__ import annotations
 
@@ -8,21 +8,48 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FIRST", "LUMA_BGR", "PALETTE", "dithered", "nearest"]
+__all__ = [
+    "FIRST",
+    "GREYS_OF_SIXTEEN",
+    "LUMA_BGR",
+    "PALETTE",
+    "SIXTEEN",
+    "dithered",
+    "in_four_greys",
+    "nearest",
+    "nearest_of_sixteen",
+]
 
 FIRST: Final = 16
 """Number of the cube's first colour; the sixteen before look different on every terminal."""
 CUBE: Final = np.array([0, 95, 135, 175, 215, 255], dtype=np.int64)
 GREYS: Final = np.arange(8, 239, 10, dtype=np.int64)
-GREY_CHROMA: Final = 16
-"""What differs less between its channels, of 255, is dithered in greys, which are closer to each other."""
+GREY_CHROMA: Final = 40
+"""What differs less between its channels, of 255, is dithered in greys: the cube's dark colours are far apart, and of a
+meadow every third point would be red."""
 _BAYER: Final = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
 THRESHOLDS: Final = (_BAYER + 0.5) / 16
 """Of an ordered dither."""
 NOISE: Final = 40.0
-"""How far a channel is moved up and down, of 255: the cube's steps are 40, but for the darkest; more is noise."""
+"""How far a colour is made brighter and darker, of 255: the cube's steps are 40, but for the darkest; more is noise."""
+SIXTEEN: Final = np.array(
+    [
+        *((0, 0, 0), (205, 0, 0), (0, 205, 0), (205, 205, 0), (0, 0, 238), (205, 0, 205), (0, 205, 205)),
+        *((229, 229, 229), (127, 127, 127), (255, 0, 0), (0, 255, 0), (255, 255, 0), (92, 92, 255), (255, 0, 255)),
+        *((0, 255, 255), (255, 255, 255)),
+    ],
+    dtype=np.int64,
+)
+"""(16, 3) RGB of the sixteen as xterm has them; a user may have chosen others, and their order of brightness holds."""
+GREYS_OF_SIXTEEN: Final = np.array([0x000000, 0x7F7F7F, 0xE5E5E5, 0xFFFFFF], dtype=np.int64)
+"""Those of the sixteen without a hue, the darkest first."""
+CUT: Final = (2.0, 98.0)
+"""Percentiles of the brightness that become black and white: of four greys a flat picture would show one."""
 LUMA_BGR: Final = np.array([0.114, 0.587, 0.299], dtype=np.float32)
 """ITU-R BT.601."""
+
+FLAT: Final = 80.0
+"""Of 255; a picture whose brightness differs by less is spread less: its noise would be all that is seen."""
 
 
 def _palette() -> NDArray[np.int64]:
@@ -61,16 +88,47 @@ def dithered(bgr: NDArray[np.uint8]) -> NDArray[np.int64]:
     Returns:
         (h, w) 0xRRGGBB.
     """
-    height, width = bgr.shape[:2]
-    threshold = np.tile(THRESHOLDS, (height // 4 + 1, width // 4 + 1))[:height, :width]
-    # each channel has a pattern of its own: one for all would mix greys alone
-    noise = np.stack([threshold, np.roll(threshold, (1, 2), (0, 1)), np.roll(threshold, (2, 1), (0, 1))], axis=-1)
-    bits = np.clip(bgr + NOISE * (noise - 0.5), 0, 255).astype(np.uint8) >> 3
+    threshold = _thresholds(bgr.shape)
+    # one pattern for all channels: it makes a point brighter or darker, and not redder or greener
+    noise = NOISE * (threshold - 0.5)[..., None]
+    bits = np.clip(bgr + noise, 0, 255).astype(np.uint8) >> 3
     colour = _nearest_by_bits()[bits[..., 0], bits[..., 1], bits[..., 2]]
     # v = 10 k + 8 for the k-th grey
     level = np.clip(np.floor((bgr @ LUMA_BGR - 8) / 10 + threshold), 0, len(GREYS) - 1).astype(np.int64)
     grey = GREYS[level] * 0x010101
     return np.asarray(np.where(np.ptp(bgr, axis=-1) < GREY_CHROMA, grey, colour), dtype=np.int64)
+
+
+def _thresholds(shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """(h, w) of an ordered dither, for an image of that shape."""
+    height, width = shape[:2]
+    return np.tile(THRESHOLDS, (height // 4 + 1, width // 4 + 1))[:height, :width]
+
+
+def in_four_greys(bgr: NDArray[np.uint8]) -> NDArray[np.int64]:
+    """An image in the greys that every terminal of sixteen colours has, with its contrast spread over them (dithered).
+
+    Args:
+        bgr: (h, w, 3).
+
+    Returns:
+        (h, w) 0xRRGGBB.
+    """
+    luma = bgr @ LUMA_BGR
+    least, most = np.percentile(luma, CUT) if luma.size else (0.0, 1.0)
+    share = np.clip((luma - least) / max(float(most - least), FLAT), 0.0, 1.0)
+    levels = (GREYS_OF_SIXTEEN & 255) / 255
+    # between two greys the share of points that are the brighter one is where it lies between them
+    lower = np.clip(np.searchsorted(levels, share, side="right") - 1, 0, len(levels) - 2)
+    above = (share - levels[lower]) / (levels[lower + 1] - levels[lower]) > _thresholds(bgr.shape)
+    return np.asarray(GREYS_OF_SIXTEEN[lower + above], dtype=np.int64)
+
+
+@lru_cache(maxsize=4096)
+def nearest_of_sixteen(packed: int) -> int:
+    """Number, 0 to 15, of the colour that is nearest to 0xRRGGBB."""
+    away = SIXTEEN - (packed >> 16, packed >> 8 & 255, packed & 255)
+    return int(np.argmin((away * away).sum(axis=1)))
 
 
 @lru_cache(maxsize=4096)

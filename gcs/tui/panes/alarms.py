@@ -20,7 +20,18 @@ from gcs.tui.messages import AlarmsSeen, VehiclePicked
 from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, PANEL, PICKED, WARN, ink, level_colour
 from gcs.tui.panes.pane import Pane
 
-__all__ = ["AlarmPane", "Seen", "alarm_counts", "alike", "count_parts", "text_of", "token", "unseen", "worst_alarm"]
+__all__ = [
+    "AlarmPane",
+    "Seen",
+    "alarm_counts",
+    "alike",
+    "count_parts",
+    "text_of",
+    "token",
+    "trouble_of",
+    "unseen",
+    "worst_alarm",
+]
 
 ADVICE_INDENT: Final = "    "
 HANGING_FROM: Final = 60
@@ -221,7 +232,7 @@ def text_of(group: Group) -> str:
     if len(group) == 1:
         return group[0].text
     names = dict.fromkeys(_parts(alarm)[0] for alarm in group)
-    troubles = dict.fromkeys(_trouble(alarm) for alarm in group)
+    troubles = dict.fromkeys(trouble_of(alarm) for alarm in group)
     says = " says" if group[0].kind == "text" else ""
     return f"{first_of(list(names))}{says}: {'; '.join(troubles)}"
 
@@ -232,10 +243,10 @@ def advice_of(group: Group) -> str:
 
 
 def _what(alarm: Alarm) -> tuple[str, ...]:
-    return alarm.level, alarm.kind, alarm.advice, alarm.reported, _trouble(alarm) if alarm.system_id else alarm.key
+    return alarm.level, alarm.kind, alarm.advice, alarm.reported, trouble_of(alarm) if alarm.system_id else alarm.key
 
 
-def _trouble(alarm: Alarm) -> str:
+def trouble_of(alarm: Alarm) -> str:
     """The text after the vehicle's name."""
     return _parts(alarm)[1] or alarm.key
 

@@ -1,4 +1,4 @@
-"""The fleet table: one vehicle per row, UAV first, as many columns as fit."""
+"""The fleet table: one vehicle per row, what is wrong first, then who it is and how sure; as many columns as fit."""
 
 from __future__ import annotations
 
@@ -10,14 +10,16 @@ from typing import ClassVar, Final
 
 from rich.cells import cell_len
 from textual import events
+from textual.reactive import reactive
 from textual.strip import Strip
 
 from gcs.certainty import certainty, named
-from gcs.snapshot import Snapshot, VehicleRow
+from gcs.snapshot import Level, Snapshot, VehicleRow
 from gcs.tui.draw.condition import battery, from_uav, hdop, radio, satellites
 from gcs.tui.draw.format import NOT_ANALYSED, age, name_or_id, number, percent, plain, position, standing_word
 from gcs.tui.draw.freshness import UNKNOWN, aged, fix_age_s, spread
-from gcs.tui.draw.strips import Part, fitted, line
+from gcs.tui.draw.map_canvas import STANDING_MARKS, UAV_MARK
+from gcs.tui.draw.strips import Part, fitted, line, split_line
 from gcs.tui.messages import VehiclePicked
 from gcs.tui.palette import (
     ACCENT,
@@ -26,12 +28,12 @@ from gcs.tui.palette import (
     FAINT,
     HEAD,
     INK,
-    PANEL,
     PICKED,
     WARN,
     Colour,
     ink,
     level_colour,
+    level_tint,
     position_colour,
     standing_colour,
 )
@@ -40,12 +42,14 @@ from gcs.tui.panes.pane import Pane
 from mavlink.state import SILENT_S
 from mavlink.transmit.message_rates import LOSSY
 
-__all__ = ["FleetPane", "columns_for", "condition_columns"]
+__all__ = ["FleetPane", "columns_for", "condition_columns", "ordered"]
 
-IDENTITY, IDENTITY_CELLS = "IDENTITY", 13
-MARKS: Final = {"info": "", "warning": "!", "alarm": "!!"}
-MARKED_FROM: Final = 33
-"""Narrower tables have ``!`` alone, in the cell of the picked row's mark."""
+IDENTITY, IDENTITY_CELLS = "IDENTITY", 15
+MARKS: Final = {"info": "  ", "warning": " !", "alarm": "!!"}
+GUTTER_CELLS: Final = 3
+"""Before each row: the mark of its worst alarm, of which the picked row's mark takes a cell, and a gap."""
+NARROW: Final = 40
+"""Narrower tables have a shorter identity and link."""
 Cell = tuple[str, Colour]
 
 
@@ -111,8 +115,22 @@ def _view(row: VehicleRow) -> Cell:
     return words[row.in_view]
 
 
-def _loss(row: VehicleRow) -> Cell:
-    return percent(row.loss) or UNKNOWN, WARN if row.loss > LOSSY else INK
+def _link(row: VehicleRow) -> Cell:
+    """For how long it is silent, else how much arrives: ``▆``, ``▄ 9%`` lost."""
+    if math.isinf(row.heartbeat_age_s):
+        return UNKNOWN, FAINT
+    if row.heartbeat_age_s > SILENT_S:
+        return position("lost", row.heartbeat_age_s), ALARM
+    if not math.isfinite(row.loss):
+        return BARS[-1], INK
+    bars = BARS[max(0, len(BARS) - 1 - sum(row.loss > limit for limit in LOSSES))]
+    return f"{bars} {percent(row.loss)}" if row.loss >= LEAST_LOSS else bars, WARN if row.loss > LOSSY else INK
+
+
+def _link_and_position(row: VehicleRow) -> Cell:
+    """The same, and what is wrong with its position, where that has no column."""
+    amiss = row.heartbeat_age_s <= SILENT_S and row.position_state not in ("ok", "never")
+    return _position(row) if amiss else _link(row)
 
 
 def _auth(row: VehicleRow) -> Cell:
@@ -142,7 +160,9 @@ def _many(count: int) -> str:
 
 
 def _identity(row: VehicleRow) -> Cell:
-    return named(standing_word(row.standing), row.confidence, stated=row.stated), standing_colour(row.standing)
+    """Its standing as a mark and a word."""
+    words = named(standing_word(row.standing), row.confidence, stated=row.stated)
+    return f"{STANDING_MARKS[row.standing]} {words}", standing_colour(row.standing)
 
 
 def _height(row: VehicleRow, snapshot: Snapshot) -> Cell:
@@ -150,28 +170,49 @@ def _height(row: VehicleRow, snapshot: Snapshot) -> Cell:
     heights = [float(each.p_enu[2]) for each in snapshot.vehicles if each.role == "ugv"]
     below = [snapshot.camera.ground_z] if snapshot.camera is not None else [z for z in heights if math.isfinite(z)]
     up = float(row.p_enu[2]) - statistics.median(below) if below else math.nan
-    text = f"{number(up, 'm', 0)} up" if math.isfinite(up) else UNKNOWN
+    text = f"{UAV_MARK} {number(up, 'm', 0)} up" if math.isfinite(up) else UNKNOWN
     return aged(text, INK, row.position_age_s, IDENTITY_CELLS)
 
 
-NAME = Column(title="NAME", width=7, rank=0, cell=lambda row: (plain(row.name), BRIGHT))
+def _name(row: VehicleRow) -> Cell:
+    """Its name, the fainter the older what it reports."""
+    silent = not row.heartbeat_age_s <= SILENT_S
+    return plain(row.name), FAINT if silent else BRIGHT if row.position_state == "ok" else INK
+
+
+BARS: Final = "▁▂▄▆"
+LOSSES: Final = (0.02, 0.10, 0.30)
+"""Shares of packets lost from which a link has a bar less; the second is where operators are warned."""
+LEAST_LOSS: Final = 0.005
+"""Less is shown as none."""
+NAME = Column(title="NAME", width=6, rank=0, cell=_name)
+POSITION: Final = "POS"
+LINK = Column(title="LINK", width=8, rank=1, cell=_link_and_position)
 COLUMNS = (
     Column(title="ID", width=3, rank=11, align="right", cell=lambda row: (str(row.system_id), FAINT)),
     NAME,
+    Column(title=IDENTITY, width=IDENTITY_CELLS, rank=0, cell=_identity),
+    LINK,
     Column(title="TYPE", width=6, rank=12, cell=lambda row: (plain(row.kind) or UNKNOWN, FAINT)),
     Column(title="MODE", width=8, rank=3, cell=_mode, age_s=_heartbeat_age_s),
     Column(title="ARM", width=5, rank=7, cell=_armed, age_s=_heartbeat_age_s),
     Column(title="FIX", width=9, rank=4, cell=_fix, age_s=fix_age_s),
     Column(title="HEART", width=8, rank=5, align="right", cell=_heartbeat),
-    Column(title="POS", width=8, rank=1, align="right", cell=_position),
+    Column(title=POSITION, width=8, rank=2, align="right", cell=_position),
     Column(title="±", width=6, rank=8, align="right", cell=_spread, age_s=_position_age_s),
-    Column(title="LOSS", width=4, rank=9, align="right", cell=_loss, age_s=_heartbeat_age_s),
     Column(title="VIEW", width=4, rank=6, cell=_view, age_s=_position_age_s),
     Column(title="TRK", width=4, rank=10, align="right", cell=lambda row: (str(row.track_id or UNKNOWN), FAINT)),
-    Column(title=IDENTITY, width=IDENTITY_CELLS, rank=2, cell=_identity),
 )
+BATTERY: Final = "BATT"
 AUTH = Column(title="AUTH", width=9, rank=3, cell=_auth)
 REFUSED = Column(title="REFUSED", width=14, rank=8, cell=_refusals)
+
+
+ALWAYS: Final = 1
+"""Columns of this rank and below are in every table."""
+LEVELS: Final[tuple[Level, ...]] = ("info", "warning", "alarm")
+STANDINGS: Final = tuple(STANDING_MARKS)
+"""The surest first."""
 
 
 def condition_columns(snapshot: Snapshot) -> tuple[Column, ...]:
@@ -179,9 +220,9 @@ def condition_columns(snapshot: Snapshot) -> tuple[Column, ...]:
     limits, rows = snapshot.limits, snapshot.vehicles
     columns = (
         Column(
-            title="BATT",
+            title=BATTERY,
             width=5,
-            rank=7,
+            rank=1,
             cell=lambda row: battery(row, limits),
             age_s=lambda row: row.condition.power_age_s,
         ),
@@ -195,54 +236,100 @@ def condition_columns(snapshot: Snapshot) -> tuple[Column, ...]:
     )
 
 
-def mark_cells(width: int) -> int:
-    """Cells for the mark of a row's worst alarm in a table so wide."""
-    return 2 if width >= MARKED_FROM else 0
-
-
 def columns_for(
     width: int, rows: Sequence[VehicleRow] = (), *, keyed: bool = False, more: Sequence[Column] = ()
 ) -> tuple[Column, ...]:
-    """Columns that fit ``width`` cells, in their order on screen; name, position and identity always.
+    """Columns that fit ``width`` cells, in their order on screen; name, identity, battery and link always.
 
     Signatures have a column once there are keys or any were seen, refusals once there are any; ``more``: others.
     """
     signing = keyed or any(row.signed or row.bad_signature for row in rows)
     refusing = any(row.refusals for row in rows)
-    order = (*COLUMNS[:-1], *more, *((AUTH,) if signing else ()), *((REFUSED,) if refusing else ()), COLUMNS[-1])
+    power = [column for column in more if column.title == BATTERY]
+    order = [*COLUMNS[:3], *power, *COLUMNS[3:], *(column for column in more if column not in power)]
+    order += [*((AUTH,) if signing else ()), *((REFUSED,) if refusing else ())]
     longest = max((cell_len(plain(row.name)) for row in rows), default=0)
-    # without the two others that are always there
-    most = (
-        width - mark_cells(width) - 1 - sum(column.width + 1 for column in COLUMNS if column.title in ("POS", IDENTITY))
-    )
-    name = replace(NAME, width=max(NAME.width, min(longest, most - 1)))
-    order = tuple(name if column is NAME else column for column in order)
+    if width < NARROW or longest > _name_cells(order, width):
+        order = [_narrowed(column) for column in order]
+    most = max(NAME.width, _name_cells(order, width))
+    order = [replace(each, width=min(max(each.width, longest), most)) if each is NAME else each for each in order]
+    return _kept(order, width)
+
+
+def _kept(columns: Sequence[Column], width: int) -> tuple[Column, ...]:
+    """Those that fit, in order; what is wrong with a position is told by its own column, else by the link's."""
     kept: list[Column] = []
-    # what tells the picked row and the gap before each column but the first cost a cell each
-    room = width - mark_cells(width)
-    for column in sorted(order, key=lambda column: column.rank):
-        if column.rank > 2 and room < column.width + 1:
+    room = width - GUTTER_CELLS + 1
+    for column in sorted(columns, key=lambda column: column.rank):
+        if column.rank > ALWAYS and room < column.width + 1:
             break
         kept.append(column)
         room -= column.width + 1
-    return tuple(column for column in order if column in kept)
+    placed = any(column.title == POSITION for column in kept)
+    return tuple(
+        replace(column, cell=_link) if placed and column is LINK else column for column in columns if column in kept
+    )
+
+
+def _name_cells(columns: Sequence[Column], width: int) -> int:
+    """What is left for names beside the other columns that are in every table, each with a gap before it."""
+    others = sum(column.width + 1 for column in columns if column.rank <= ALWAYS and column is not NAME)
+    return width - GUTTER_CELLS - others
+
+
+def _narrowed(column: Column) -> Column:
+    """The same with what can be left out of it left out."""
+    if column.title == IDENTITY:
+        return replace(
+            column,
+            width=IDENTITY_CELLS - 1,
+            cell=lambda row: (_identity(row)[0].replace(" ", "", 1), _identity(row)[1]),
+        )
+    if column.title == LINK.title:
+        return replace(column, width=4, cell=lambda row: (_link(row)[0].split()[-1], _link(row)[1]))
+    return column
+
+
+def ordered(snapshot: Snapshot, *, by_trouble: bool) -> tuple[VehicleRow, ...]:
+    """The fleet's rows, UAV first, or those first that have the worst alarm, then those whose names are least sure."""
+    if not by_trouble:
+        return snapshot.vehicles
+
+    def trouble(row: VehicleRow) -> tuple[int, int]:
+        worst = worst_alarm(snapshot, row.system_id)
+        return -LEVELS.index(worst.level if worst else "info"), -STANDINGS.index(row.standing)
+
+    return tuple(sorted(snapshot.vehicles, key=trouble))
 
 
 class FleetPane(Pane):
     """The fleet."""
 
     label: ClassVar[str] = "FLEET"
+    by_trouble: reactive[bool] = reactive(False, repaint=False)
+    """Whether those with the worst trouble come first."""
 
     def __init__(self, *, id: str) -> None:
         super().__init__(id=id)
         self._first = 0
 
+    def in_order(self, snapshot: Snapshot) -> tuple[VehicleRow, ...]:
+        """All rows as they are on screen, from the top."""
+        return ordered(snapshot, by_trouble=self.by_trouble)
+
+    def watch_by_trouble(self) -> None:
+        """Another order begins at the top."""
+        self._first = 0
+        self.redraw()
+
     def heading(self, width: int) -> Strip:
         """Column names are the heading, so that no row is lost."""
-        style = ink(ACCENT if self.has_focus else FAINT, HEAD, bold=self.has_focus)
+        style = ink(ACCENT if self.has_focus else BRIGHT, HEAD, bold=True)
         titles = [fitted(column.title, column.width, column.align) for column in self._columns(width)]
         before = "▌" if self.has_focus else " "
-        return line([(before + " " * mark_cells(width), ink(ACCENT, HEAD)), (" ".join(titles), style)], width, HEAD)
+        left = [(before.ljust(GUTTER_CELLS), ink(ACCENT, HEAD)), (" ".join(titles).rstrip() + " ", style)]
+        order: list[Part] = [("by trouble ", ink(ACCENT, HEAD))] if self.by_trouble else []
+        return split_line(left, order, width, rule=True)
 
     def body(self, width: int, height: int) -> list[Strip]:
         """One row per vehicle; scrolled so that the selected one is on screen."""
@@ -250,7 +337,7 @@ class FleetPane(Pane):
             return [line([(f" {NOT_ANALYSED}", ink(FAINT))], width)]
         if self.snapshot is None or not self.snapshot.vehicles:
             return [line([(" no vehicle received yet", ink(FAINT))], width)]
-        rows = self.snapshot.vehicles
+        rows = self.in_order(self.snapshot)
         at = next((index for index, row in enumerate(rows) if row.system_id == self.selected), self._first)
         self._first = max(0, min(max(self._first, at - height + 1), at, len(rows) - height))
         columns = self._columns(width)
@@ -265,24 +352,25 @@ class FleetPane(Pane):
     def _row(self, row: VehicleRow, snapshot: Snapshot, columns: Sequence[Column], width: int) -> Strip:
         picked = bool(self.selected) and row.system_id == self.selected
         held = snapshot.held_s
-        paper = PICKED if picked else PANEL
         worst = worst_alarm(snapshot, row.system_id)
-        mark, room = MARKS[worst.level] if worst else "", mark_cells(width)
-        marked = level_colour(worst.level) if worst else INK
-        first = "▸" if picked else mark[:1] if mark and not room else " "
-        parts: list[Part] = [(first, ink(marked if worst and not room else ACCENT, paper, bold=True))]
-        parts += [(fitted(mark, room), ink(marked, paper, bold=True))] if room else []
+        level: Level = worst.level if worst else "info"
+        paper = PICKED if picked else level_tint(level)
+        marks = MARKS[level]
+        parts: list[Part] = [
+            ("▸" if picked else marks[0], ink(ACCENT if picked else level_colour(level), paper, bold=True))
+        ]
+        parts.append((f"{marks[1]} ", ink(level_colour(level), paper, bold=True)))
         for index, column in enumerate(columns):
             aloft = row.role == "uav" and column.title == IDENTITY
             text, colour = _height(row, snapshot) if aloft else column.aged_cell(row)
             if held and row.track_id and column.title == IDENTITY:
-                text, colour = f"{certainty(row.confidence)} {age(held)} ago", FAINT
+                text, colour = f"{text.split()[0][0]} {certainty(row.confidence)} {age(held)} ago", FAINT
             elif snapshot.provisional and column.title == IDENTITY:
                 colour = FAINT
             elif row.track_id and column.title == IDENTITY and row.system_id in snapshot.doubted:
                 colour = ALARM
             if column.title == NAME.title:
-                text, colour = name_or_id(text, row.system_id, column.width), marked if worst else colour
+                text = name_or_id(text, row.system_id, column.width)
             space = " " if index else ""
             parts.append((space + fitted(text, column.width, column.align), ink(colour, paper, bold=picked)))
         return line(parts, width, paper)
@@ -292,5 +380,6 @@ class FleetPane(Pane):
         if self.snapshot is None:
             return
         at = self._first + event.y - 1
-        if event.y > 0 and at < len(self.snapshot.vehicles):
-            self.post_message(VehiclePicked(self.snapshot.vehicles[at].system_id))
+        rows = self.in_order(self.snapshot)
+        if event.y > 0 and at < len(rows):
+            self.post_message(VehiclePicked(rows[at].system_id))

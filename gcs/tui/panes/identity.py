@@ -1,10 +1,12 @@
-"""The identity pane: who the picked vehicle or box is, since when, who else it may be, and what speaks against that."""
+"""The identity pane: who the picked vehicle or box is, how sure and since when, what speaks against that, where
+it should be, what to do, and who else it may be."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import ClassVar, Final
 
 from textual.strip import Strip
@@ -29,6 +31,7 @@ from gcs.tui.draw.format import (
     standing_word,
 )
 from gcs.tui.draw.freshness import UNKNOWN, aged, fix_age_s, spread
+from gcs.tui.draw.map_canvas import BOX_MARK, STANDING_MARKS
 from gcs.tui.draw.strips import Part, bar, fitted, folded, line, width_of
 from gcs.tui.palette import (
     ACCENT,
@@ -41,9 +44,11 @@ from gcs.tui.palette import (
     Colour,
     count_colour,
     ink,
+    level_colour,
     position_colour,
     standing_colour,
 )
+from gcs.tui.panes.alarms import trouble_of, worst_alarm
 from gcs.tui.panes.pane import Pane
 from gcs.tui.picking import picked_box
 from mavlink.state import SILENT_S
@@ -53,6 +58,9 @@ __all__ = ["IdentityPane", "expected_place"]
 DOUBTS: Final[tuple[Standing, ...]] = (
     *("tentative", "coasting", "unidentified", "out of view", "no position", "misplaced", "no new frame"),
 )
+MARGIN = 1
+"""Cells kept free at the right."""
+MOST_ROWS = 60
 NAME_CELLS = 13
 """Width of what is before a fact."""
 BAR_CELLS, SHORT_BAR_CELLS = 8, 4
@@ -67,6 +75,21 @@ EVIDENCE: Final = (
 FACT_CELLS: Final = 40
 """What a fact's age may take with it; a narrow pane cuts it."""
 Fact = tuple[str, str, Colour]
+SURE: Final[frozenset[Standing]] = frozenset({"confirmed", "tentative", "coasting"})
+"""Standings of vehicles that have a box."""
+ADVICE: Final[Mapping[Standing, str]] = MappingProxyType(
+    {
+        "confirmed": "nothing: rely on it",
+        "tentative": "do not rely on it yet; = states who it is",
+        "coasting": "wait until it is seen again",
+        "unidentified": "do not guess: it should be there without a name",
+        "out of view": "turn or move the camera there",
+        "no position": "check its receiver and its stream rates",
+        "misplaced": "do not rely on its position: find it by eye",
+        "no new frame": "check the camera and its link",
+    }
+)
+"""While no alarm says more."""
 
 
 class IdentityPane(Pane):
@@ -98,20 +121,25 @@ class IdentityPane(Pane):
             return []
         if not self.snapshot.analysed:
             return [line([(f" {NOT_ANALYSED}", ink(FAINT))], width)]
+        room = width - MARGIN
         row = next((row for row in self.snapshot.vehicles if row.system_id == self.selected), None)
         box = picked_box(self.snapshot, self.selected, self.picked_track)
         if self._evidence:
-            lines, facts = [[(f" {text}", ink(FAINT))] for text in folded(EVIDENCE, width - 2)], _evidence(box)
+            lines, facts = [[(f" {text}", ink(FAINT))] for text in folded(EVIDENCE, room - 2)], _evidence(box)
         elif row is not None and row.role == "ugv":
-            lines, facts = _vehicle(self.snapshot, row, box, width), _vehicle_facts(self.snapshot, row, box)
+            lines, facts = _vehicle(self.snapshot, row, box, room), _vehicle_facts(self.snapshot, row, box)
         elif row is not None:
             lines, facts = [], _vehicle_facts(self.snapshot, row, None)
         elif self.picked_track:
-            lines, facts = _unnamed(self.snapshot, box, width), _box_facts(box) if box else []
+            lines, facts = _unnamed(self.snapshot, box, room), _box_facts(box) if box else []
         else:
             lines, facts = [], _fleet_facts(self.snapshot)
         strips = [line(parts, width) for parts in lines[:height]]
         return strips + _columns(facts, width, height - len(strips))
+
+    def rows_wanted(self, width: int) -> int:
+        """Rows below the heading that everything would take."""
+        return len(self.body(width, MOST_ROWS))
 
 
 def _columns(facts: Sequence[Fact], width: int, height: int) -> list[Strip]:
@@ -144,18 +172,48 @@ def _since(snapshot: Snapshot, since_us: int) -> str:
 
 
 def _vehicle(snapshot: Snapshot, row: VehicleRow, box: Box | None, width: int) -> list[list[Part]]:
-    """Standing and since when; then what else its box may be, or where it should be and which box it may be."""
+    """How sure and since when, what speaks against it, where it should be, what to do; then who else its box may be, or
+    which box it may be."""
     words = named(standing_word(row.standing), row.confidence, stated=row.stated)
-    words += _since(snapshot, row.standing_since_us)
-    lines = [_fact_parts(("standing", words, standing_colour(row.standing)))]
+    lines = _standing(f"{STANDING_MARKS[row.standing]} {words}", row.standing, row.standing_since_us, snapshot, width)
+    lines += _text(("against", *_against(snapshot, row, box)), width)
+    lines += _text(("should be", expected_place(snapshot, row), INK), width)
+    lines += _text(("do", _to_do(snapshot, row), INK), width)
     if box is not None:
         return lines + _candidates(snapshot, box, width)
-    lines += _text(("should be", expected_place(snapshot, row), INK), width)
     other = _likeliest_box(snapshot, row.system_id)
     if other is not None:
         name = f"track {other[0].track_id}" if not other[0].system_id else plain(snapshot.name_of(other[0].system_id))
         lines += _text(("likeliest", f"{name}: {_in_words(other[1])}", INK), width)
     return lines
+
+
+def _standing(words: str, standing: Standing, since_us: int, snapshot: Snapshot, width: int) -> list[list[Part]]:
+    """How sure, and since when: on a row of its own where that is too long for one."""
+    colour, since = standing_colour(standing), _since(snapshot, since_us)
+    if len(words) + len(since) + NAME_CELLS + 2 <= width:
+        return [_fact_parts(("standing", words + since, colour))]
+    return [_fact_parts(("standing", words, colour)), *([_fact_parts(("", since.strip(), colour))] if since else [])]
+
+
+def _against(snapshot: Snapshot, row: VehicleRow, box: Box | None) -> tuple[str, Colour]:
+    """What speaks against relying on a vehicle's name, the worst first."""
+    alarms = [each for each in snapshot.alarms if each.system_id == row.system_id and each.kind != "text"]
+    worst = next((each for each in alarms if each.doubts_name), next(iter(alarms), None))
+    if worst is not None:
+        return plain(trouble_of(worst)), level_colour(worst.level)
+    if box is None:
+        return ("nothing names it now", FAINT) if row.standing not in SURE else ("nothing", FAINT)
+    if doubt := may_be(snapshot, box) or box.doubt:
+        return plain(doubt), WARN
+    own = next((each.against for each in box.candidates if each.system_id == row.system_id), "")
+    return (plain(own), WARN) if own else ("nothing", FAINT)
+
+
+def _to_do(snapshot: Snapshot, row: VehicleRow) -> str:
+    """What the worst alarm asks for, else what the standing does."""
+    worst = worst_alarm(snapshot, row.system_id)
+    return plain(worst.advice) if worst is not None and worst.advice else ADVICE[row.standing]
 
 
 def _unnamed(snapshot: Snapshot, box: Box | None, width: int) -> list[list[Part]]:
@@ -167,17 +225,21 @@ def _unnamed(snapshot: Snapshot, box: Box | None, width: int) -> list[list[Part]
         )
         return _text(("standing", gone, FAINT), width)
     standing = standing_of(snapshot, box)
-    words = ("stated: none of ours" if box.stated else "no name") + _since(snapshot, box.since_us)
-    return [_fact_parts(("standing", words, standing_colour(standing))), *_candidates(snapshot, box, width)]
+    words = "stated: none of ours" if box.stated else "no name"
+    lines = _standing(f"{BOX_MARK} {words}", standing, box.since_us, snapshot, width)
+    doubt = may_be(snapshot, box) or box.doubt
+    lines += _text(("against", plain(doubt), WARN), width) if doubt else []
+    if not box.stated and box.track_id:
+        lines += _text(("do", "= states who it is, if you know; else wait", INK), width)
+    return lines + _candidates(snapshot, box, width)
 
 
 def _candidates(snapshot: Snapshot, box: Box, width: int) -> list[list[Part]]:
-    """What took from the answer, then a line a candidate: name, probability, bar, distance, what speaks against it."""
+    """A line a candidate: name, probability, bar, distance, and what speaks against it."""
     if not box.candidates:
         why = "not tracked yet" if not box.track_id else "nothing to compare: the camera's pose is unknown"
         return [] if snapshot.pose != "unknown" and box.track_id else _text(("candidates", why, FAINT), width)
-    doubt = may_be(snapshot, box) or box.doubt
-    lines: list[list[Part]] = _text(("doubt", plain(doubt), WARN), width) if doubt else []
+    lines: list[list[Part]] = []
     for candidate in box.candidates:
         own = candidate.system_id == box.system_id
         colour = standing_colour(standing_of(snapshot, box)) if own else INK
@@ -243,6 +305,8 @@ def expected_place(snapshot: Snapshot, row: VehicleRow) -> str:
     there = next((box for box in snapshot.boxes if drawable(box) and _covers(box, x, y)), None)
     if there is None:
         return f"{place}, where no box is"
+    if there.system_id == row.system_id:
+        return f"{place}, where its box is"
     return f"{place}, where {snapshot.name_of(there.system_id) if there.system_id else f'track {there.track_id}'} is"
 
 

@@ -15,7 +15,7 @@ from textual.widget import Widget
 from gcs.snapshot import Snapshot
 from gcs.tui.draw.strips import Part, blank, split_line, width_of
 from gcs.tui.keys import PANE_HINTS
-from gcs.tui.palette import ACCENT, HEAD, INK, ink
+from gcs.tui.palette import ACCENT, BRIGHT, HEAD, ink
 from gcs.tui.panes.key_hints import hint_parts
 
 __all__ = ["Pane"]
@@ -50,7 +50,7 @@ class Pane(Widget, can_focus=True):
 
     def heading(self, width: int) -> Strip:
         """The first row; with the focus a mark, a brighter name, and the keys that act here as far as there is room."""
-        name: Style = ink(ACCENT, HEAD, bold=True) if self.has_focus else ink(INK, HEAD)
+        name: Style = ink(ACCENT if self.has_focus else BRIGHT, HEAD, bold=True)
         mark = "▌" if self.has_focus else " "
         left, note = [(mark, ink(ACCENT, HEAD)), (self.label, name), (" ", name)], self.note()
         if self.has_focus and self.id is not None:
@@ -58,7 +58,7 @@ class Pane(Widget, can_focus=True):
                 parts = hint_parts(hint, HEAD)
                 if width_of(left) + width_of(parts) + width_of(note) < width:
                     left += parts
-        return split_line(left, note, width)
+        return split_line(left, note, width, rule=True)
 
     def redraw(self) -> None:
         """Build all rows again and repaint those that differ."""

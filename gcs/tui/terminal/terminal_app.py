@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -15,9 +15,14 @@ from textual.app import App
 from textual.driver import Driver
 from textual.drivers.linux_driver import LinuxDriver
 from textual.drivers.web_driver import WebDriver
+from textual.filter import ANSIToTruecolor, LineFilter
 from textual.screen import Screen
 
+from gcs.tui import palette
+from gcs.tui.draw.pixels import depth_of
+from gcs.tui.draw.terminal_kind import has_terminal
 from gcs.tui.terminal.driver import TerminalDriver
+from gcs.tui.themes import THEMES, ThemeName, next_theme, textual_theme
 
 __all__ = ["MOST_FPS", "TerminalApp"]
 
@@ -42,20 +47,45 @@ class _BrowserDriver(WebDriver):
 
 
 class TerminalApp(App[None]):
-    """Base of the station's app.
+    """Base of both apps: how they reach the terminal, and in which colours.
 
     Args:
         fps: most pictures a second.
+        theme: colours to begin with.
     """
 
-    def __init__(self, fps: float = MOST_FPS) -> None:
+    def __init__(self, fps: float = MOST_FPS, theme: ThemeName = "dark") -> None:
         super().__init__()
+        palette.use_depth(depth_of(self.colours))
+        for each in THEMES.values():
+            self.register_theme(textual_theme(each))
+        self.theme = theme
         self._fps = fps
         self._picture_due_s = 0.0
         self.to_end: Callable[[], bool] = lambda: False
         """Asked by the app's own polls whether to end as if the operator had quit."""
         self.hung_up: Callable[[], bool] = lambda: False
         """Asked by the driver's thread whether to end as if the terminal were gone."""
+
+    @property
+    def colours(self) -> str | None:
+        """Rich's word for how many colours the terminal has."""
+        return self.console.color_system if has_terminal() else "truecolor"
+
+    def get_line_filters(self) -> Sequence[LineFilter]:
+        """Without the palette filter: all colours here are the terminal's own, and it costs more than the video."""
+        return [each for each in super().get_line_filters() if not isinstance(each, ANSIToTruecolor)]
+
+    def action_next_theme(self) -> None:
+        """The next one."""
+        self.theme = next_theme(self.theme)
+        self.notify(f"theme: {self.theme}", timeout=2, markup=False)
+
+    def watch_theme(self, theme: str) -> None:
+        """Everything in other colours."""
+        palette.use_theme(theme)
+        for widget in self.screen_stack[0].query("*") if self.screen_stack else ():
+            getattr(widget, "redraw", widget.refresh)()
 
     def get_driver_class(self) -> type[Driver]:
         """Ours instead of Textual's for terminals and browsers."""

@@ -11,7 +11,8 @@ from gcs.cli.output.console import Theme
 from gcs.snapshot import Standing
 from gcs.tui import RollcallApp
 from gcs.tui.draw.map_canvas import STANDING_MARKS
-from gcs.tui.palette import LINE, standing_colour, use_theme
+from gcs.tui.draw.xterm_palette import FIRST, PALETTE, SIXTEEN
+from gcs.tui.palette import LINE, ink, standing_colour, use_depth, use_theme
 from gcs.tui.themes import BACKGROUNDS, THEMES, Colour, ThemeName
 from tests.support.fake_station import SMALL, WIDE, FakeStation, comes_true
 
@@ -82,6 +83,7 @@ def oklab(rgb, eye):
 def dark_again():
     yield
     use_theme("dark")
+    use_depth("truecolor")
 
 
 def test_the_command_line_offers_what_there_is():
@@ -90,14 +92,36 @@ def test_the_command_line_offers_what_there_is():
     assert {standing_colour(standing) for standing in get_args(Standing)} <= set(Colour)
 
 
+TERMINALS = {"truecolor": None, "256": PALETTE, "standard": SIXTEEN}
+"""What each colour of a terminal looks like, by its number: of 256 from the seventeenth on."""
+
+
+def shown(colour, depth):
+    """What the terminal shows of one of Rich's colours."""
+    if depth == "truecolor":
+        return tuple(colour.triplet)
+    return tuple(TERMINALS[depth][colour.number - (FIRST if depth == "256" else 0)])
+
+
+@pytest.mark.parametrize("depth", TERMINALS)
 @pytest.mark.parametrize("name", THEMES)
-def test_every_text_can_be_read_on_every_background(name):
-    colours = THEMES[name].colours
-    least = 7.0 if name == "high-contrast" else READABLE
+def test_every_text_can_be_read_on_every_background(name, depth):
+    use_theme(name)
+    use_depth(depth)
+    least = 7.0 if name == "high-contrast" and depth == "truecolor" else READABLE
     for colour in set(Colour) - {*BACKGROUNDS, Colour.GAP, LINE}:
         for paper in BACKGROUNDS:
-            assert contrast(colours[colour], colours[paper]) >= least, (colour, paper)
-    assert min(contrast(colours[LINE], colours[paper]) for paper in (Colour.PANEL, Colour.HEAD)) >= VISIBLE
+            style = ink(colour, paper)
+            assert contrast(shown(style.color, depth), shown(style.bgcolor, depth)) >= least, (colour, paper)
+    for paper in (Colour.PANEL, Colour.HEAD):
+        style = ink(LINE, paper)
+        assert contrast(shown(style.color, depth), shown(style.bgcolor, depth)) >= VISIBLE
+
+
+@pytest.mark.parametrize("name", THEMES)
+def test_of_sixteen_colours_sure_doubtful_and_without_a_place_are_three(name):
+    numbers = [THEMES[name].number(Colour(each), "standard") for each in ("confirmed", "tentative", "no position")]
+    assert len(set(numbers)) == 3
 
 
 @pytest.mark.parametrize("eye", EYES)

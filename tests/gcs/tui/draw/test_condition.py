@@ -41,7 +41,7 @@ def test_columns_that_matter_more_stay_on_a_narrow_screen():
     more = condition_columns(with_condition(WELL))
     assert "BATT" in {column.title for column in columns_for(80, more=more)}
     assert "RADIO" not in {column.title for column in columns_for(80, more=more)}
-    assert {"NAME", "POS", "IDENTITY"} <= {column.title for column in columns_for(40, more=more)}
+    assert {"NAME", "IDENTITY", "BATT", "LINK"} <= {column.title for column in columns_for(40, more=more)}
 
 
 async def test_table_and_facts_have_them():

@@ -121,9 +121,9 @@ def test_small_screen_wastes_no_row(layout):
 
 
 def test_columns_come_by_rank():
-    assert [column.title for column in columns_for(31)] == ["NAME", "POS", "IDENTITY"]
+    assert [column.title for column in columns_for(31)] == ["NAME", "IDENTITY", "LINK"]
     wide = [column.title for column in columns_for(120)]
-    assert wide[0] == "ID" and wide[-1] == "IDENTITY" and len(wide) == 13
+    assert wide[:4] == ["ID", "NAME", "IDENTITY", "LINK"] and len(wide) == 13
     for width in range(31, 130):
         columns = columns_for(width)
         assert sum(column.width for column in columns) + len(columns) <= width

@@ -54,7 +54,7 @@ def test_no_value_of_a_vehicle_looks_newer_than_it_is(column, age_s):
 
 def test_every_column_ages_or_is_no_report_of_the_vehicle():
     ageless = {column.title for column in COLUMNS if column.age_s is None}
-    assert ageless == {"ID", "NAME", "TYPE", "HEART", "POS", "TRK", "IDENTITY"}
+    assert ageless == {"ID", "NAME", "TYPE", "HEART", "POS", "TRK", "IDENTITY", "LINK"}
 
 
 def test_an_old_value_has_its_age_where_there_is_room():

@@ -25,7 +25,11 @@ from gcs.tui.draw.video_canvas import video_cells
 from gcs.tui.draw.xterm_palette import FIRST, PALETTE, dithered, nearest
 from tests.support.fake_station import FakeStation, comes_true, make_snapshot
 
-MODES = [PictureMode(grain=grain, palette=palette) for grain in ("halves", "sextants", "octants") for palette in (0, 1)]
+MODES = [
+    PictureMode(grain=grain, depth=depth)
+    for grain in ("halves", "sextants", "octants")
+    for depth in ("truecolor", "256")
+]
 HIGH = {"halves": 2, "sextants": 3, "octants": 4}
 
 
@@ -83,7 +87,7 @@ def test_a_picture_in_cells_is_like_the_image(mode):
     mosaic = mosaic_of(small, 10, 6, mode)
     shown = painted(mosaic, mode.grain)[..., ::-1]
     assert mosaic.letter.shape == mosaic.ink.shape == mosaic.paper.shape == (6, 10)
-    rough = 60.0 if mode.palette else 16.0
+    rough = 60.0 if mode.depth == "256" else 16.0
     assert np.abs(shown[4 * HIGH[mode.grain] :, 8:].mean(axis=(0, 1)) - (200, 90, 30)).max() < rough
     assert np.abs(shown[: 2 * HIGH[mode.grain]].mean(axis=(0, 1)) - (60, 120, 200)).max() < rough
 
@@ -135,7 +139,7 @@ def test_greys_stay_grey_and_as_bright(grey):
 def test_a_terminal_of_256_colours_is_sent_no_other():
     snapshot = make_snapshot()
     for grain in HIGH:
-        mode = PictureMode(grain=grain, palette=True)
+        mode = PictureMode(grain=grain, depth="256")
         strips = video_cells(snapshot, 12, 60, 18, mode=mode).strips()
         for strip in strips:
             for segment in strip:
@@ -202,8 +206,8 @@ def test_the_terminal_is_asked_and_nothing_of_its_reply_is_left_to_be_read(reply
 
 def test_what_the_user_wants_is_not_asked():
     assert picture_mode("sextants", "truecolor") == PictureMode(grain="sextants")
-    assert picture_mode("octants", "256") == PictureMode(grain="octants", palette=True)
-    assert picture_mode("blocks", "256") == PictureMode(palette=True)
+    assert picture_mode("octants", "256") == PictureMode(grain="octants", depth="256")
+    assert picture_mode("blocks", "256") == PictureMode(depth="256")
     assert picture_mode("auto", "truecolor") == PictureMode(), "there is no terminal here"
 
 

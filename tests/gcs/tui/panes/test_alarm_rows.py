@@ -93,7 +93,7 @@ async def test_alarms_without_room_are_counted_on_the_smallest_screen_too():
     async with running(station, (60, 20)) as (app, pilot, _):
         await pilot.press("a")
         await pilot.pause()
-        assert "9 new +8" in text_of(app.query_one(AlarmPane)).splitlines()[0]
+        assert "8 below 9 new" in text_of(app.query_one(AlarmPane)).splitlines()[0]
 
 
 async def test_a_click_marks_an_alarm_a_second_one_acknowledges_it():

@@ -70,14 +70,14 @@ async def test_an_unnamed_box_says_which_missing_vehicle_it_may_be():
     async with running(FakeStation(snapshot=snapshot), size=WIDE) as (app, pilot, _):
         await pilot.press("up")
         said = " ".join(text_of(app.query_one(IdentityPane)).split())
-        assert f"doubt may be {SNAPSHOT.name_of(15)}: no position for 27 s" in said
+        assert f"against may be {SNAPSHOT.name_of(15)}: no position for 27 s" in said
 
 
 async def test_candidates_can_be_read_on_a_small_screen():
     snapshot = changed(candidates=CANDIDATES, none_of_ours=0.64)
     async with running(FakeStation(snapshot=snapshot)) as (app, pilot, _):
         await pilot.press("up")
-        assert "34% █▍    9.8 m" in text_of(app.query_one(IdentityPane))
+        assert "34% ██▊       9.8 m" in text_of(app.query_one(IdentityPane))
         await pilot.press("i", "z")
         said = " ".join(text_of(app.query_one(IdentityPane)).split())
         assert "UGV-15 34%" in said and "9.8 m from its report, 4 σ" in said and "no position for 12 s" in said
