@@ -111,7 +111,7 @@ class PaneArea(Widget):
     def _show(self) -> None:
         rects = self.rects_in(self.size)
         for pane in self.panes:
-            pane.display = pane.id in rects
+            pane.display, pane.maximised = pane.id in rects, pane.id == self.state.maximised
             # a child that asks for a layout is what makes its parent forget the arrangement before
             pane.refresh(layout=True)
 

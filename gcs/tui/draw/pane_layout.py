@@ -13,6 +13,8 @@ Rect = tuple[int, int, int, int]
 PANES = ("video", "map", "fleet", "identity", "events")
 FLEET_WIDTHS = (35, 40, 50, 59, 69, 78)
 """Widths at which one more column of the fleet table fits."""
+TALLER = 1.3
+"""The video is so much higher than its frame where there is room: a part of the frame fills it."""
 FLEET_SHARE = 0.42
 """Of the width that the table may take beside a view."""
 IDENTITY_ROWS = 13
@@ -161,4 +163,4 @@ def _heights(panes: list[str], width: int, height: int, state: LayoutState) -> d
 
 
 def _video_rows(width: int, state: LayoutState) -> int:
-    return max(1, round(width / state.aspect / 2)) + 1
+    return max(1, round(TALLER * width / state.aspect / 2)) + 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from gcs.report.box_shapes import box_bounds, box_corners, drawable, front_mark
 from gcs.report.inset import Inset, crop, inset_for, moved_boxes, title_of
 from gcs.report.label_grid import Cells, Grid
-from gcs.report.labels import Labelling, Place, place_labels
+from gcs.report.labels import Label, Labelling, Place, place_labels
 from gcs.report.overlay import (
     box_keys,
     box_labels,
@@ -27,15 +28,23 @@ from gcs.tui.draw.cell_grid import CellGrid
 from gcs.tui.draw.cell_labels import draw_leaders, measure_cells, shows_in_cells, write_labels
 from gcs.tui.draw.format import plain
 from gcs.tui.draw.mosaic import HALF_BLOCKS, PictureMode, fit, mosaic_of
-from gcs.tui.palette import BRIGHT, FAINT, HEAD, INK, PANEL, pack, standing_colour
+from gcs.tui.palette import ALARM, BRIGHT, FAINT, HEAD, INK, PANEL, Colour, pack, standing_colour
 from gcs.tui.themes import DARK
 
 __all__ = ["box_at", "video_cells", "video_inset", "video_labels"]
 
 NO_VIDEO = "no video"
 
-SMALLEST_DOTS = 5.0
-"""A box is drawn at least this long, else it is a speck on a small screen."""
+SMALLEST_DOTS = 3.0
+"""A box counts as at least this long, else its frame is a speck on a small screen."""
+CLEAR_DOTS = 1.5
+"""Between a box and the frame round it."""
+FRONT_DOTS = 3.5
+"""Length of the line ahead of its front."""
+BRACKET = 0.34
+"""Share of each side that a frame's corners take."""
+DOTS = np.array([2, 4])
+"""Across and down a cell."""
 
 LEAST_FIELD = (24, 8)
 """Columns and rows of a field that has room for an inset."""
@@ -110,7 +119,15 @@ def video_labels(
     blocked = (*_notice(snapshot, columns, rows), *([inset.rect] if inset else []))
     grid = Grid(columns=columns, rows=rows, measure=measure_cells, blocked=blocked, covered=True)
     anchors = _anchors(snapshot, boxes, columns, rows)
-    return place_labels(box_labels(snapshot, boxes, anchors, shows_in_cells, (selected, track)), grid, former)
+    labels = box_labels(snapshot, boxes, anchors, shows_in_cells, (selected, track))
+    doubted = [bool(box.system_id) and box.system_id in snapshot.doubted for box in boxes]
+    marked = [_doubted(label) if doubt else label for label, doubt in zip(labels, doubted, strict=True)]
+    return place_labels(marked, grid, former)
+
+
+def _doubted(label: Label) -> Label:
+    """A name on which nobody is to act, so marked without colours too."""
+    return replace(label, texts=tuple(f"!{text}" for text in label.texts))
 
 
 def _anchors(snapshot: Snapshot, boxes: Sequence[Box], columns: int, rows: int) -> list[Cells]:
@@ -159,15 +176,21 @@ def _outlines(
     dots = BrailleCanvas(cells.columns, cells.rows)
     origin = np.array([2.0 * corner[0], 4.0 * corner[1]])
     scale = 2 * columns_per_px
-    for box in reversed(boxes):
-        ink = _packed(standing_colour(standing_of(snapshot, box)))
-        grow = max(1.0, SMALLEST_DOTS / max(scale * max(box.w, box.h), 1e-6))
-        middle = np.array([box.cx, box.cy])
-        every = 2.0 if box.coasting or snapshot.held_s else 1.0
-        dots.polygon(_grown(box_corners(box), middle, grow) * scale + origin, ink, every)
-        tick = _grown(front_mark(box, reach=0.6), middle, grow) * scale + origin
-        dots.line(tick[0], tick[1], ink)
-    colours = [_packed(standing_colour(standing_of(snapshot, box))) for box in boxes]
+    colours = [_packed(colour_of(snapshot, box)) for box in boxes]
+    for box, ink in zip(reversed(boxes), reversed(colours), strict=True):
+        corners = _widened(box, scale) * scale + origin
+        if box.coasting or snapshot.held_s:
+            dots.polygon(corners, ink, 2.0)
+        else:
+            _brackets(dots, corners, ink)
+    for box in boxes:  # what a box marks is not hidden by it
+        dots.bits[_inner_cells(box, scale, origin, dots.bits.shape)] = 0
+    for box, ink in zip(reversed(boxes), reversed(colours), strict=True):
+        tick = front_mark(box, reach=1.0)
+        if np.isfinite(tick).all():
+            ahead = (tick[1] - tick[0]) / max(float(np.hypot(*(tick[1] - tick[0]))), 1e-6)
+            start = tick[0] * scale + origin + CLEAR_DOTS * ahead
+            dots.line(start, start + FRONT_DOTS * ahead, ink)
     inks = dict(zip(box_keys(boxes), colours, strict=True))
     draw_leaders(dots, labelling, lambda place: inks.get(place.key, _packed(INK)))
     cells.dots(dots)
@@ -196,8 +219,42 @@ def _enlarge(
     cells.place(window, x, y)
 
 
-def _grown(points: NDArray[np.float64], middle: NDArray[np.float64], factor: float) -> NDArray[np.float64]:
-    return np.asarray(middle + (points - middle) * factor, dtype=np.float64)
+def colour_of(snapshot: Snapshot, box: Box) -> Colour:
+    """The colour of a box's standing, as in the exported film; of a name on which nobody is to act an alarm's."""
+    if box.system_id and box.system_id in snapshot.doubted:
+        return ALARM
+    return standing_colour(standing_of(snapshot, box))
+
+
+def _widened(box: Box, scale: float) -> NDArray[np.float64]:
+    """(4, 2) corners, px, of a frame that leaves a box free, and is no speck on a small screen."""
+    least = SMALLEST_DOTS / max(scale, 1e-6)
+    clear = 2 * CLEAR_DOTS / max(scale, 1e-6)
+    return box_corners(replace(box, w=max(box.w, least) + clear, h=max(box.h, least) + clear))
+
+
+def _brackets(dots: BrailleCanvas, corners: NDArray[np.float64], ink: int) -> None:
+    """The corners of a frame alone."""
+    for corner, one, other in zip(corners, np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0), strict=True):
+        for end in (one, other):
+            dots.line(corner, corner + (end - corner) * BRACKET, ink)
+
+
+def _inner_cells(
+    box: Box, scale: float, origin: NDArray[np.float64], shape: tuple[int, ...]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of the cells whose middle is on a box, and of the one that its own middle is in."""
+    middle = np.array([box.cx, box.cy]) * scale + origin
+    reach = scale * math.hypot(box.w, box.h) / 2
+    first = np.maximum(np.floor((middle - reach) / DOTS), 0).astype(int)
+    last = np.minimum(np.ceil((middle + reach) / DOTS), shape[::-1]).astype(int)
+    column, row = np.meshgrid(np.arange(first[0], max(first[0], last[0])), np.arange(first[1], max(first[1], last[1])))
+    away = np.stack([column, row], axis=-1) * DOTS + DOTS / 2 - middle
+    c, s = math.cos(box.angle), math.sin(box.angle)
+    along, across = np.abs(away @ (c, s)), np.abs(away @ (-s, c))
+    on = (along <= scale * box.w / 2) & (across <= scale * box.h / 2)
+    on |= (column == middle[0] // DOTS[0]) & (row == middle[1] // DOTS[1])
+    return row[on], column[on]
 
 
 def _write(
@@ -209,12 +266,11 @@ def _write(
         box = owners.get(place.key)
         if box is None:
             return _packed(INK), _packed(PANEL)
-        standing = standing_of(snapshot, box)
-        colour = standing_colour(standing)
+        colour = colour_of(snapshot, box)
         if is_picked(box, *pick):
             return _packed(PANEL), _packed(colour)
         if snapshot.held_s:
             return _packed(FAINT), _packed(PANEL)
-        return _packed(BRIGHT if standing == "confirmed" else colour), _packed(PANEL)
+        return _packed(colour), _packed(PANEL)
 
     write_labels(cells, labelling, look_of)

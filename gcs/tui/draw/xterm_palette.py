@@ -30,7 +30,9 @@ meadow every third point would be red."""
 _BAYER: Final = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
 THRESHOLDS: Final = (_BAYER + 0.5) / 16
 """Of an ordered dither."""
-NOISE: Final = 40.0
+HUE: Final = 1.6
+"""How much more a difference of hue counts than one of brightness: a meadow is dark or light green, and not red."""
+NOISE: Final = 30.0
 """How far a colour is made brighter and darker, of 255: the cube's steps are 40, but for the darkest; more is noise."""
 SIXTEEN: Final = np.array(
     [
@@ -48,6 +50,8 @@ CUT: Final = (2.0, 98.0)
 LUMA_BGR: Final = np.array([0.114, 0.587, 0.299], dtype=np.float32)
 """ITU-R BT.601."""
 
+SOFT: Final = 0.4
+"""Share of the way from one grey to the next in which both are mixed; over all of it a meadow is a chessboard."""
 FLAT: Final = 80.0
 """Of 255; a picture whose brightness differs by less is spread less: its noise would be all that is seen."""
 
@@ -76,7 +80,7 @@ def _nearest_by_bits() -> NDArray[np.int64]:
 def _luma_chroma(bgr: NDArray[np.float32]) -> NDArray[np.float32]:
     """(n, 3) BGR as brightness and two differences of colour (ITU-R BT.601)."""
     luma = bgr @ LUMA_BGR
-    return np.stack([luma, 0.564 * (bgr[:, 0] - luma), 0.713 * (bgr[:, 2] - luma)], axis=-1)
+    return np.stack([luma, HUE * 0.564 * (bgr[:, 0] - luma), HUE * 0.713 * (bgr[:, 2] - luma)], axis=-1)
 
 
 def dithered(bgr: NDArray[np.uint8]) -> NDArray[np.int64]:
@@ -118,9 +122,9 @@ def in_four_greys(bgr: NDArray[np.uint8]) -> NDArray[np.int64]:
     least, most = np.percentile(luma, CUT) if luma.size else (0.0, 1.0)
     share = np.clip((luma - least) / max(float(most - least), FLAT), 0.0, 1.0)
     levels = (GREYS_OF_SIXTEEN & 255) / 255
-    # between two greys the share of points that are the brighter one is where it lies between them
     lower = np.clip(np.searchsorted(levels, share, side="right") - 1, 0, len(levels) - 2)
-    above = (share - levels[lower]) / (levels[lower + 1] - levels[lower]) > _thresholds(bgr.shape)
+    between = (share - levels[lower]) / (levels[lower + 1] - levels[lower])
+    above = between > 0.5 + SOFT * (_thresholds(bgr.shape) - 0.5)
     return np.asarray(GREYS_OF_SIXTEEN[lower + above], dtype=np.int64)
 
 

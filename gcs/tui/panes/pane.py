@@ -38,6 +38,8 @@ class Pane(Widget, can_focus=True):
         super().__init__(id=id)
         self._rows: list[Strip] = []
         self._held = False
+        self.maximised = False
+        """Whether it has the whole screen."""
         self._owed = False
 
     def note(self) -> Sequence[Part]:

@@ -20,6 +20,7 @@ from gcs.tui.draw.mosaic import HALF_BLOCKS, PictureMode
 from gcs.tui.draw.pixels import Pixels
 from gcs.tui.draw.strips import Part, line
 from gcs.tui.draw.video_canvas import box_at, video_cells, video_inset, video_labels
+from gcs.tui.framing import Frame, frame_for, framed
 from gcs.tui.messages import VehiclePicked
 from gcs.tui.palette import ALARM, FAINT, HEAD, INK, WARN, ink
 from gcs.tui.panes.pane import Pane
@@ -47,6 +48,9 @@ class VideoPane(Pane):
         self._rest_until = 0.0
         self._look: tuple[int, ...] = ()
         self._late = False
+        self._frame: Frame | None = None
+        self._shown: Snapshot | None = None
+        """What is on screen in cells: as if the image were the part that is shown."""
         self._labelling = Labelling()
         self._inset: Inset | None = None
 
@@ -71,7 +75,15 @@ class VideoPane(Pane):
             parts += [(f"{health.fps:.0f} fps ", ink(FAINT, HEAD))] if health.fps > 0 else []
             parts += [(f"lag {health.lag_s:.1f}s ", ink(late, HEAD))] if health.lag_s >= LAG_SHOWN_S else []
             parts += [(f"{health.undecoded} undecoded ", ink(WARN, HEAD))] if health.undecoded else []
+        parts = [(self._frame_note(self.snapshot), ink(INK, HEAD)), *parts]
         return [*parts, (f"#{self.snapshot.frame} ", ink(FAINT, HEAD))] if self.snapshot.frame >= 0 else parts
+
+    def _frame_note(self, snapshot: Snapshot) -> str:
+        """How much closer than the whole picture it is, and how many boxes are beyond it."""
+        if self._frame is None or self._shown is None or self._frame.rect[2] >= snapshot.width:
+            return ""
+        beyond = len(snapshot.boxes) - len(self._shown.boxes)
+        return f"x{snapshot.width / self._frame.rect[2]:.1f} " + f"{beyond} beyond " * (beyond > 0)
 
     def _inset_note(self) -> str:
         """Why the picked vehicle is not seen enlarged."""
@@ -88,10 +100,19 @@ class VideoPane(Pane):
         if self._pixels is not None:
             self._send(self._pixels, self.snapshot, width, height)
             return []
-        field = self.snapshot, self.selected, width, height, self.picked_track
+        shown = self._shown = self._framed(self.snapshot, width / (2 * height))
+        field = shown, self.selected, width, height, self.picked_track
         inset = self._inset = video_inset(*field, self._inset) if self.enlarged else None
         self._labelling = video_labels(*field, self._labelling, inset)
         return video_cells(*field, self._labelling, self._mode, inset).strips()
+
+    def _framed(self, snapshot: Snapshot, shape: float) -> Snapshot:
+        """The part that is shown; all of it on the whole screen, which has room for it."""
+        if snapshot.image is None or snapshot.width <= 0 or snapshot.height <= 0 or self.maximised:
+            self._frame = None
+            return snapshot
+        self._frame = frame_for(snapshot, (self.selected, self.picked_track), shape, self._frame)
+        return framed(snapshot, self._frame)
 
     def _send(self, pixels: Pixels, snapshot: Snapshot, width: int, height: int) -> None:
         now = time.monotonic()
@@ -144,6 +165,7 @@ class VideoPane(Pane):
 
     def on_click(self, event: events.Click) -> None:
         """Pick the vehicle or the box under the pointer."""
-        if self.snapshot is not None and not self._is_on_inset(event.x, event.y - 1):
-            box = box_at(self.snapshot, event.x, event.y - 1, self.size.width, self.size.height - 1)
+        shown = self.snapshot if self._pixels is not None else self._shown
+        if shown is not None and not self._is_on_inset(event.x, event.y - 1):
+            box = box_at(shown, event.x, event.y - 1, self.size.width, self.size.height - 1)
             self.post_message(VehiclePicked(box.system_id, box.track_id) if box else VehiclePicked(0))
