@@ -171,11 +171,11 @@ def _severities(snapshot: Snapshot) -> dict[str, tuple[int, str]]:
     silent = [link for link in health.links if not link.silent_s <= 3.5]
     found: dict[str, tuple[int, str]] = {f"{named} confirmed": (1, rf"\b{named}/\d+|\b{named} of \d+")}
     if health.write_failing_s > 0:
-        found["the disk fails"] = (2, "DISK|NOT REC|NO REC")
+        found["the disk fails"] = (2, "DISK")
     if silent:
-        found["links silent"] = (2, "silent|no link")
+        found["links silent"] = (2, r"links \d+/\d|no link")
     if health.video == "stalled":
-        found["the video has stopped"] = (2, "video (stalled|stopped)|no video")
+        found["the video has stopped"] = (2, "no video")
     if health.keys == 0:
         found["nothing is authenticated"] = (1, r"\bAUTHENTICATED\b|\bOPEN\b")
     return found

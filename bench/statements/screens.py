@@ -46,7 +46,7 @@ FACTS = dict.fromkeys(
             "boxes",
             "video clock",
             "camera yaw",
-            "do",
+            *("do", "named", "ever named"),
         ),
     ),
     ANY,

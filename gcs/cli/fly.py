@@ -196,8 +196,8 @@ def fly(
         if not screen:
             print_note(_gone_on(flight, "recording" if headless else "no terminal, so no screen; recording", door))
         with telling(flight, sinks, SinkSource(name=flight.title), sessions):
-            if not screen or not _screen(flight, options, door, asked):
-                _wait(flight, door, asked, duration)
+            if not screen or not _screen(flight, calls, options, door, asked):
+                _wait(flight, calls, door, asked, duration)
     if asked.hung_up:
         redirect_if_terminal_gone(flight.folder / CONSOLE)
     calls.end(flight.frames)
@@ -310,12 +310,17 @@ def _check(duration: float | None, *, screen: bool) -> None:
             raise GcsError(f"only {hard} files may be open, and a flight needs {LEAST_FILES}: see ulimit -n")
 
 
+TAKEN_OVER = "another terminal has taken the screens over"
+
+
 def _gone_on(flight: Flight, why: str, door: AttachServer) -> str:
     shown = door.trouble or "gcs fly --attach shows it on any terminal"
     return f"{why} in {flight.folder}: stop with Ctrl-C, or kill {os.getpid()}; {shown}"
 
 
-def _wait(flight: Flight, door: AttachServer, asked: AskedBySignals, duration: float | None = None) -> None:
+def _wait(
+    flight: Flight, calls: RollCall, door: AttachServer, asked: AskedBySignals, duration: float | None = None
+) -> None:
     """Until the time is over or a signal to end comes; shows the screens on terminals that are attached meanwhile.
 
     A flight outlives the terminal that it was begun on.
@@ -327,34 +332,40 @@ def _wait(flight: Flight, door: AttachServer, asked: AskedBySignals, duration: f
             redirect_if_terminal_gone(flight.folder / CONSOLE)
         if (lent := door.take()) is None:
             time.sleep(LOOK_S)
-        elif _lend(flight, lent, door, asked, end_s):
+        elif _lend(flight, calls, lent, door, asked, end_s):
             break
 
 
-def _screen(flight: Flight, options: ScreenOptions, door: AttachServer, asked: AskedBySignals) -> bool:
+def _screen(flight: Flight, calls: RollCall, options: ScreenOptions, door: AttachServer, asked: AskedBySignals) -> bool:
     """Fly with the screens; whether the flight is to end with them."""
     with redirect_stderr(flight.folder / CONSOLE), door.showing():
-        ended = _run(flight, options, asked, lambda: asked.hung_up or door.taken_over())
+        ended = _run(flight, calls, options, asked, lambda: asked.hung_up or door.taken_over())
     if not ended:
         redirect_if_terminal_gone(flight.folder / CONSOLE)
-        print_note(_gone_on(flight, "the screen is gone; still recording", door))
+        why = TAKEN_OVER if door.taken_over() else "the screen is gone"
+        print_note(_gone_on(flight, f"{why}; still recording", door))
     return ended
 
 
-def _lend(flight: Flight, lent: LentTerminal, door: AttachServer, asked: AskedBySignals, end_s: float) -> bool:
+def _lend(
+    flight: Flight, calls: RollCall, lent: LentTerminal, door: AttachServer, asked: AskedBySignals, end_s: float
+) -> bool:
     """Show the screens on another terminal; whether the flight is to end, which no terminal decides by failing."""
     ended = False
     try:
         with lent.as_standard_streams(), door.showing():
-            ended = _run(flight, lent.options, asked, lambda: door.taken_over() or time.monotonic() >= end_s)
+            ended = _run(flight, calls, lent.options, asked, lambda: door.taken_over() or time.monotonic() >= end_s)
     except Exception:  # noqa: BLE001 - logged; a terminal may never end a flight
         _log.exception("a terminal that was attached failed")
     over = ended or asked.to_end or time.monotonic() >= end_s
-    lent.give_back("the flight has ended" if over else "the flight goes on; gcs fly --attach shows it again")
+    goes_on = f"{TAKEN_OVER}; the flight goes on" if door.taken_over() else "the flight goes on"
+    lent.give_back("the flight has ended" if over else f"{goes_on}; gcs fly --attach shows it again")
     return ended
 
 
-def _run(flight: Flight, options: ScreenOptions, asked: AskedBySignals, hung_up: Callable[[], bool]) -> bool:
+def _run(
+    flight: Flight, calls: RollCall, options: ScreenOptions, asked: AskedBySignals, hung_up: Callable[[], bool]
+) -> bool:
     """The screens, until they are left: whether to end the flight."""
     # The screens are slow to import, and headless flights do without.
     from gcs.tui import run
@@ -366,6 +377,7 @@ def _run(flight: Flight, options: ScreenOptions, asked: AskedBySignals, hung_up:
             bell=options.bell,
             theme=options.theme,
             fps=options.fps,
+            calls=calls,
             to_end=lambda: asked.to_end,
             hung_up=hung_up,
         ).left

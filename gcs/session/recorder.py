@@ -44,8 +44,8 @@ __all__ = ["Recorder", "RecordingEvents", "SpaceForecast"]
 SYNC_S = 0.5
 SETTLE_S = 0.05
 """A look at the files waits so long, all together, for lines that are just being written."""
-GROWTH_S, SHORTEST_GROWTH_S = 60.0, 5.0
-"""Growth is measured over the last minute, and over five seconds at least."""
+GROWTH_S, SHORTEST_GROWTH_S = 300.0, 5.0
+"""Growth is measured over the last five minutes, so that the answer is calm, and over five seconds at least."""
 SLOW_S = 2.0
 """A disk that has not confirmed for so long is slow."""
 
@@ -101,7 +101,7 @@ class Recorder:
         folder, tlog_path, video_path: where it all goes; the processes of links and video write the latter two; no
             video_path without a camera.
         began_us: when it was begun, Unix µs.
-        full_in_s: until the disk is full if it fills up as in the last minute, inf unknown.
+        full_in_s: until the disk is full if it fills up as in the last minutes, inf unknown.
 
     Raises:
         SessionError: the folder or a file cannot be made.
@@ -256,7 +256,7 @@ class Recorder:
 
 
 class SpaceForecast:
-    """How long the disk will last, by what was free and what was written in the last minute."""
+    """How long the disk will last, by what was free and what was written in the last minutes."""
 
     def __init__(self) -> None:
         self._seen: deque[tuple[float, int, int]] = deque()

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from gcs.flight.listening import Listening
 from gcs.mission.roster import Found, Role
+from gcs.report.rollcall import RollCall
 from gcs.station import Station
 from gcs.tui.app import RollcallApp
 from gcs.tui.draw.pixels import Graphics
@@ -39,6 +40,7 @@ def run(
     bell: bool = False,
     theme: ThemeName = "dark",
     fps: float = MOST_FPS,
+    calls: RollCall | None = None,
     to_end: Callable[[], bool] = lambda: False,
     hung_up: Callable[[], bool] = lambda: False,
 ) -> Ended:
@@ -50,13 +52,14 @@ def run(
         bell: ring the terminal's bell at every new alarm.
         theme: colours to begin with.
         fps: most pictures a second of the video and the map.
+        calls: who was named in a flight so far.
         to_end: asked time and again whether to end as if the operator had quit.
         hung_up: asked time and again, by another thread, whether to end as if the terminal were gone.
     """
     # what is loaded by now stays; walking through it costs the screen 0.1 s at every full collection
     gc.collect()
     gc.freeze()
-    app = RollcallApp(station, graphics=graphics, bell=bell, theme=theme, fps=fps)
+    app = RollcallApp(station, graphics=graphics, bell=bell, theme=theme, fps=fps, calls=calls)
     app.to_end, app.hung_up = to_end, hung_up
     with _handlers_kept():
         app.run()

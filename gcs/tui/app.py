@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import signal
 import time
 from typing import ClassVar
@@ -16,8 +17,10 @@ from textual.reactive import reactive
 from textual.widget import Widget
 
 from gcs.errors import FlightError
+from gcs.report.rollcall import RollCall
 from gcs.snapshot import Snapshot
 from gcs.station import Commands, Station
+from gcs.tui import playback
 from gcs.tui.actions import ActionProvider, actions
 from gcs.tui.draw.pixels import Graphics, picture_mode, pixel_images
 from gcs.tui.keys import BINDINGS, COMMAND_HINTS, LIVE_HINTS, REPLAY_HINTS
@@ -53,6 +56,7 @@ from gcs.tui.themes import ThemeName
 __all__ = ["RollcallApp"]
 
 POLL_S = 1 / MOST_FPS
+COUNT_S = 2.0
 
 
 class RollcallApp(ReplayApp):
@@ -81,6 +85,7 @@ class RollcallApp(ReplayApp):
         bell: bool = False,
         theme: ThemeName = "dark",
         fps: float = MOST_FPS,
+        calls: RollCall | None = None,
     ) -> None:
         """Show a station.
 
@@ -91,8 +96,10 @@ class RollcallApp(ReplayApp):
             bell: ring the terminal's bell at every new alarm.
             theme: Colours to begin with.
             fps: most pictures a second of the video and the map.
+            calls: who was named in a flight so far.
         """
         super().__init__(fps, theme)
+        self._calls = calls
         self._bell = bell
         self._rung: frozenset[tuple[str, int, str]] = frozenset()
         self._station = station
@@ -147,6 +154,7 @@ class RollcallApp(ReplayApp):
         self.watch(self.screen, "focused", self._show_keys_of)
         self._poll()
         self.set_interval(POLL_S, self._poll)
+        self.set_interval(COUNT_S, self._count_names)
 
     def _poll(self) -> None:
         if self.to_end() and not self.left:
@@ -172,6 +180,15 @@ class RollcallApp(ReplayApp):
         self._alert_line.alert = self._alert()
         self._ring()
         self._offered = tell_newcomers(self, self._station.newcomers(), self._offered)
+
+    def _count_names(self) -> None:
+        """For how long each vehicle was named; not at every poll, since it changes slowly."""
+        if self._timeline is not None and self._station.timeline is not None and self.snapshot is not None:
+            ours = [row.system_id for row in self.snapshot.vehicles if row.role == "ugv"]
+            self._identity.named_for = playback.shares_named(self._station.timeline, ours)
+        elif self._calls is not None:
+            rows = self._calls.rows()
+            self._identity.named_for = {row.system_id: row.share for row in rows if math.isfinite(row.share)}
 
     def _show_keys_of(self, focused: Widget | None) -> None:
         self._hints.pane = focused.id or "" if isinstance(focused, Pane) else ""

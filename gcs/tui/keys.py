@@ -193,8 +193,11 @@ _KEYS_BY_SIGN: Final = {format_key(key): key for binding in BINDINGS for key in 
 }
 
 
+MOST_HINTS: Final = 6
+
+
 def hints_for(base: Sequence[Hint], pane: str) -> list[Hint]:
-    """The hints of the last row while a pane, or none, has the focus: how to leave and get help, then what acts there.
+    """The six hints of the last row: what acts in the focused pane, then anywhere, and how to get help and to leave.
 
     Args:
         base: The row without a focus.
@@ -203,7 +206,8 @@ def hints_for(base: Sequence[Hint], pane: str) -> list[Hint]:
     own = PANE_HINTS.get(pane, ())
     taken = {sign for keys, _ in own for sign in signs_in(keys)}
     rest = [hint for hint in base[2:] if not taken & set(signs_in(hint[0]))]
-    return [*base[:2], *own, *rest]
+    leave, ask = base[:2]
+    return [*[*own, *rest][: MOST_HINTS - 2], ask, leave]
 
 
 def signs_in(keys: str) -> dict[str, str]:

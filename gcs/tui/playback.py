@@ -6,9 +6,11 @@ import re
 from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
 
+import numpy as np
+
 from gcs.station import Timeline
 
-__all__ = ["SPEEDS", "change_speed", "jump", "parse_time", "time_beside", "toggle"]
+__all__ = ["SPEEDS", "change_speed", "jump", "parse_time", "shares_named", "time_beside", "toggle"]
 
 SPEEDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 SECOND_US = 1_000_000
@@ -43,6 +45,13 @@ def change_speed(timeline: Timeline, steps: int) -> None:
         timeline.set_speed(next((speed for speed in SPEEDS if speed > timeline.speed + 1e-9), SPEEDS[-1]))
     else:
         timeline.set_speed(next((speed for speed in reversed(SPEEDS) if speed < timeline.speed - 1e-9), SPEEDS[0]))
+
+
+def shares_named(timeline: Timeline, system_ids: Iterable[int]) -> dict[int, float]:
+    """For which share of the recording, as far as it is analysed, each vehicle had a name all the while."""
+    parts = {system_id: timeline.confidence(system_id) for system_id in system_ids}
+    known = {system_id: part[np.isfinite(part)] for system_id, part in parts.items()}
+    return {system_id: float((part > 0.0).mean()) for system_id, part in known.items() if part.size}
 
 
 def time_beside(times_us: Iterable[int], timeline: Timeline, steps: int) -> int | None:

@@ -96,6 +96,11 @@ def _choose(which: Path | None) -> socket.socket:
     if not flights:
         raise GcsError("no flight of yours is under way on this computer")
     listed = ", ".join(f"{flying.folder} (process {flying.process_id})" for flying, _ in flights)
+    if which is not None:
+        ended = (
+            f"gcs replay {which} shows a flight that has ended" if which.is_dir() else "it has ended, or is another's"
+        )
+        raise GcsError(f"--attach {which}: no flight of yours is under way there; {ended}. Under way: {listed}")
     raise GcsError(f"--attach: which flight? give its session folder or process: {listed}")
 
 

@@ -14,6 +14,7 @@ __all__ = ["EventRow", "found_events", "rows_of"]
 
 CHATTER: Final = "text"
 """The kind of events that vehicles word themselves: of these alone a run is folded."""
+WAYPOINT: Final = "waypoint"
 NUMBER: Final = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?|\d+(?:\.\d+)?")
 
 
@@ -58,21 +59,28 @@ def rows_of(events: Sequence[Event]) -> list[EventRow]:
     """One row for a run of equal events, and one for a vehicle's texts that differ in numbers only.
 
     Texts of other vehicles may lie within such a run, which stands at its newest event; another event of the same
-    vehicle ends it. Alarms are never folded into other alarms: only equal ones, one after the other, are counted.
+    vehicle ends it, but for waypoints. Alarms are never folded into other alarms: only equal ones, one after the other,
+    are counted.
     """
     runs: list[_EventRun | None] = []
-    latest: dict[int, int] = {}
-    """Index of each vehicle's latest run."""
+    latest: dict[object, int] = {}
+    """Index of each vehicle's latest run, and of its latest about waypoints."""
     for event in events:
-        before = latest.get(event.system_id, -1) if _is_chatter(event) else len(runs) - 1
+        whose: object = (event.system_id, WAYPOINT) if _is_on_its_way(event) else event.system_id
+        before = latest.get(whose, -1) if _is_chatter(event) else len(runs) - 1
         run = runs[before] if before >= 0 else None
         if run is not None and run.takes(event):
             runs[before] = None
         else:
             run = _EventRun(event)
-        latest[event.system_id] = len(runs)
+        latest[whose] = len(runs)
         runs.append(run)
     return [run.row for run in runs if run is not None]
+
+
+def _is_on_its_way(event: Event) -> bool:
+    """Whether a vehicle says which waypoint it is at: one row for all of that, whatever else happens meanwhile."""
+    return _is_chatter(event) and WAYPOINT in event.text.casefold()
 
 
 def _is_chatter(event: Event) -> bool:

@@ -17,7 +17,9 @@ TALLER = 1.3
 """The video is so much higher than its frame where there is room: a part of the frame fills it."""
 FLEET_SHARE = 0.42
 """Of the width that the table may take beside a view."""
-IDENTITY_ROWS = 13
+IDENTITY_ROWS, MORE_IDENTITY_ROWS = 13, 24
+"""As many as who, how sure, what against, where and what to do take; on tall screens what else is known too."""
+TALL = 46
 EVENT_ROWS = 4
 ALARM_ROWS = 10
 """Two or three alarms with their advice, however many there are: no pane moves when one comes or goes."""
@@ -25,6 +27,8 @@ CHART_ROWS = 8
 ROOMY = (120, 36)
 USUAL = 80
 """Columns of a usual terminal: from here on the table has its identities in whole words."""
+LOW = 22
+"""Rows of a field; a narrow one that is lower has room for the fleet and who the picked vehicle is, or for events."""
 SMALLEST = 60
 """Columns that screens are made for: from here on the narrowest fleet table is whole."""
 
@@ -54,7 +58,8 @@ def default_panes(layout: int, width: int, height: int) -> frozenset[str]:
     """Panes of a layout before the operator switches any; not all of them fit a small screen."""
     if width >= ROOMY[0] and height >= ROOMY[1]:
         return frozenset(PANES)
-    return frozenset(PANES) - {1: {"map"}, 2: {"video"}, 3: {"identity", "events"}}.get(layout, set())
+    less = {1: {"map"}, 2: {"video"}, 3: {"identity", "events"}}.get(layout, set())
+    return frozenset(PANES) - less - ({"events"} if width < USUAL and height < LOW else set())
 
 
 def arranged(width: int, height: int, state: LayoutState) -> Mapping[str, Rect]:
@@ -147,7 +152,8 @@ def _heights(panes: list[str], width: int, height: int, state: LayoutState) -> d
     for spare in ("identity", "events", "map", "video"):
         if len(panes) > 1 and spare in panes and sum(least[pane] for pane in panes) > height:
             panes.remove(spare)
-    natural = {**least, "video": _video_rows(width, state), "fleet": state.fleet_rows + 1, "identity": IDENTITY_ROWS}
+    natural = {**least, "video": _video_rows(width, state), "fleet": state.fleet_rows + 1}
+    natural["identity"] = MORE_IDENTITY_ROWS if height >= TALL else IDENTITY_ROWS
     natural["alarms"] = ALARM_ROWS
     rows = {pane: least[pane] for pane in panes}
     for pane in ("fleet", "alarms", "video", "identity"):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import ClassVar, Final
 
 from textual import events
@@ -15,7 +16,7 @@ from gcs.snapshot import Event, Level, Snapshot
 from gcs.tui.draw.event_rows import EventRow, found_events, rows_of
 from gcs.tui.draw.format import REPORTED_WORDS, clock, plain
 from gcs.tui.draw.strips import Part, cut_between_words, fitted, folded, line, width_of
-from gcs.tui.palette import ACCENT, BRIGHT, FAINT, HEAD, ink, level_colour
+from gcs.tui.palette import ACCENT, BRIGHT, FAINT, HEAD, WARN, ink, level_colour
 from gcs.tui.panes.pane import Pane
 
 __all__ = ["EventPane", "events_from"]
@@ -24,6 +25,24 @@ FILTERS: Final[tuple[Level, ...]] = ("info", "warning", "alarm")
 LEVEL_LABELS: Final = {"info": "all", "warning": "warnings", "alarm": "alarms"}
 MARKS: Final = {"info": "  ", "warning": "! ", "alarm": "!!"}
 MOST: Final = 2000
+GLYPHS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "link": "⇄",
+        "vehicle": "▪",
+        "camera": "◎",
+        "text": "”",
+        "identity": "=",
+        "video": "▸",
+        "recording": "●",
+        "operator": "›",
+        "mark": "▼",
+        "program": "§",
+    }
+)
+"""One for each kind of event, before its word where there is room for that."""
+KIND_FROM, HOUR_FROM = 76, 50
+"""Narrower logs have no word for the kind, and minutes and seconds alone."""
+UNTIL_HERE: Final = " ┄ not analysed from here: what follows is what the flight reported"
 
 
 def events_from(events: Sequence[Event], least: Level) -> list[Event]:
@@ -34,6 +53,12 @@ def events_from(events: Sequence[Event], least: Level) -> list[Event]:
 
 def _text(event: Event, snapshot: Snapshot | None) -> str:
     return event.text if snapshot is None else text_with_sender(event, snapshot.name_of)
+
+
+def _in_rows(text: str, room: int) -> tuple[str, str]:
+    """A text's first row, and what of it goes into a second one, so that what it is about is not cut away."""
+    lines = folded(text, room)
+    return (text, "") if len(lines) < 2 else (lines[0], text[len(lines[0]) :].lstrip())
 
 
 def _rank(level: str) -> int:
@@ -142,6 +167,12 @@ class EventPane(Pane):
     def body(self, width: int, height: int) -> list[Strip]:
         """The newest events that fit, oldest first."""
         shown = self.shown()
+        if self._is_unknown_now() and height > 1:
+            rest = self._events_in(shown, width, height - 1)
+            return [*rest, line([(fitted(UNTIL_HERE, width), ink(WARN))], width)]
+        return self._events_in(shown, width, height)
+
+    def _events_in(self, shown: list[EventRow], width: int, height: int) -> list[Strip]:
         if not shown:
             none = f" nothing has “{plain(self.words)}”: esc ends the search" if self.words else " nothing yet"
             return [line([(fitted(none, width), ink(FAINT))], width)]
@@ -154,6 +185,11 @@ class EventPane(Pane):
         for row in shown[stop : stop + height - len(rows)]:
             rows += self._rows_of(row, width)
         return rows[:height]
+
+    def _is_unknown_now(self) -> bool:
+        """Whether the analysis of a recording has not come by yet."""
+        now = self.snapshot
+        return not self._live and now is not None and (now.provisional or not now.analysed)
 
     def _room(self, shown: Sequence[EventRow], width: int, height: int) -> int:
         """How far the log can be scrolled: until the oldest event is on top."""
@@ -169,11 +205,13 @@ class EventPane(Pane):
         event = row.event
         colour = level_colour(event.level)
         ours = bool(self.selected) and event.system_id == self.selected
+        glyph = GLYPHS.get(event.kind, "·")
         parts: list[Part] = [
-            (f" {clock(event.t_us)[:-1]} ", ink(FAINT)),
+            (f" {clock(event.t_us)[:-1] if width >= HOUR_FROM else clock(event.t_us)[3:-1]} ", ink(FAINT)),
             (f"{MARKS.get(event.level, '  ')} ", ink(colour, bold=True)),
+            (f"{glyph} ", ink(ACCENT if ours else FAINT)),
         ]
-        if width >= 76:
+        if width >= KIND_FROM:
             parts.append((f"{fitted(plain(event.kind), 9)} ", ink(ACCENT if ours else FAINT)))
         room = max(1, width - width_of(parts) - 1)
         often = f" × {row.times}" if row.times > 1 else ""
@@ -183,7 +221,10 @@ class EventPane(Pane):
         )
         if not self.has_focus:
             names = [each.name for each in self.snapshot.vehicles] if self.snapshot is not None else []
-            lines = [[*parts, (cut_between_words(text, max(0, room - len(often)), names) + often, style)]]
+            first, rest = _in_rows(text, room)
+            last = cut_between_words(rest or first, max(0, room - len(often)), names) + often
+            indent = (" " * width_of(parts), style)
+            lines = [[*parts, (first, style)], [indent, (last, style)]] if rest else [[*parts, (last, style)]]
         else:
             first, *more = folded(text + often, room)
             indent = (" " * width_of(parts), style)

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import ClassVar, Final
 
+from textual.reactive import reactive
 from textual.strip import Strip
 
 from gcs.certainty import certainty, named
@@ -97,9 +98,17 @@ class IdentityPane(Pane):
 
     label: ClassVar[str] = "IDENTITY"
 
+    named_for: reactive[Mapping[int, float]] = reactive({}, repaint=False)
+    """For which share of the time that it could be named each vehicle was, 0 for never; without those of which nothing
+    is known. Of a flight by its roll call, of a replay over the whole recording."""
+
     def __init__(self, *, id: str) -> None:
         super().__init__(id=id)
         self._evidence = False
+
+    def watch_named_for(self) -> None:
+        """More is known."""
+        self.redraw()
 
     def show_evidence(self) -> None:
         """The view for analysts, or back."""
@@ -128,12 +137,13 @@ class IdentityPane(Pane):
             lines, facts = [[(f" {text}", ink(FAINT))] for text in folded(EVIDENCE, room - 2)], _evidence(box)
         elif row is not None and row.role == "ugv":
             lines, facts = _vehicle(self.snapshot, row, box, room), _vehicle_facts(self.snapshot, row, box)
+            facts += _named_fact(self.named_for.get(row.system_id))
         elif row is not None:
             lines, facts = [], _vehicle_facts(self.snapshot, row, None)
         elif self.picked_track:
             lines, facts = _unnamed(self.snapshot, box, room), _box_facts(box) if box else []
         else:
-            lines, facts = [], _fleet_facts(self.snapshot)
+            lines, facts = [], _fleet_facts(self.snapshot, self.named_for)
         strips = [line(parts, width) for parts in lines[:height]]
         return strips + _columns(facts, width, height - len(strips))
 
@@ -315,7 +325,12 @@ def _covers(box: Box, x: float, y: float) -> bool:
     return math.hypot(box.cx - x, box.cy - y) <= max(box.w, box.h)
 
 
-def _fleet_facts(snapshot: Snapshot) -> list[Fact]:
+def _named_fact(share: float | None) -> list[Fact]:
+    """For how much of the time it was named so far."""
+    return [] if share is None else [("named", f"{percent(share)} of the time" if share else "never yet", INK)]
+
+
+def _fleet_facts(snapshot: Snapshot, named_for: Mapping[int, float]) -> list[Fact]:
     count, total = named_count(snapshot)
     counts = Counter(row.standing for row in snapshot.vehicles if row.role == "ugv")
     facts: list[Fact] = [("confirmed", f"{count} of {total}", count_colour(count, total))]
@@ -324,6 +339,8 @@ def _fleet_facts(snapshot: Snapshot) -> list[Fact]:
         for standing in DOUBTS
         if counts[standing]
     ]
+    if named_for:
+        facts.append(("ever named", f"{sum(map(bool, named_for.values()))} of {total}", INK))
     unnamed = sum(not box.system_id for box in snapshot.boxes)
     facts.append(("boxes", f"{len(snapshot.boxes)}, {unnamed} unnamed", INK))
     health = snapshot.health

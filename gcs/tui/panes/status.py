@@ -1,9 +1,7 @@
-"""The status bar: what is wrong first, then recording, names, links, disk; shortened before anything is left out."""
+"""The status bar: a slot for each fact, always in the same place and in the same short words."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import ClassVar, Final
@@ -16,63 +14,46 @@ from gcs.health.link_alarms import is_silent
 from gcs.health.station_alarms import LATE_S, LOW_BYTES, LOW_S, STALLED_S
 from gcs.report.overlay import named_count
 from gcs.snapshot import HELD_SHOWN_S, Health, Snapshot
-from gcs.tui.draw.format import NOT_ANALYSED, age, bytes_text, clock, duration, plain
+from gcs.tui.draw.format import NOT_ANALYSED, age, clock, duration, plain
 from gcs.tui.draw.strips import Part, clickable, split_line, width_of
 from gcs.tui.palette import ALARM, BRIGHT, FAINT, HEAD, INK, WARN, Colour, count_colour, ink
-from gcs.tui.panes.alarms import alarm_counts, count_parts
+from gcs.tui.panes.alarms import alarm_counts
 
-__all__ = ["StatusBar", "status_line"]
+__all__ = ["Room", "StatusBar", "status_line"]
 
-LAG_SHOWN_S = 0.05
-GAP = 2
-"""Cells between two items, and after the last."""
-MARGIN = 1
-"""Cells before the first item and between the ends, less the second after the last."""
-FORECAST_S = 86_400.0
-"""A disk that lasts longer lasts."""
+FORECAST_S = 3600.0
+"""A disk that lasts longer than an hour is not worth a word."""
 
 
-class Rank(IntEnum):
-    """What goes last when there is no room: the worst troubles first."""
+class Room(IntEnum):
+    """How many words a bar has room for; it depends on its width alone, so that no word changes while it is read."""
 
-    ALARMS = 0
-    DISK_TROUBLE = 1
-    LINK_TROUBLE = 2
-    VIDEO_TROUBLE = 3
-    RECORDING = 4
-    NAMES = 5
-    LINKS = 6
-    DISK = 7
-    OPEN = 8
-    PROGRAM = 9
-    """From here up items are shortened for one another; those below are only there where these need no shorter form."""
-    VIDEO = 10
-    CLOCK = 11
-    KEYS = 12
-    SIZE = 13
-    LINKS_NAMED = 14
-    TITLE = 15
+    TIGHT = 0
+    USUAL = 1
+    WIDE = 2
 
 
-PANES_BY_RANK: Final = {
-    Rank.ALARMS: "alarms",
-    Rank.DISK_TROUBLE: "alarms",
-    Rank.LINK_TROUBLE: "alarms",
-    Rank.VIDEO_TROUBLE: "alarms",
-    Rank.OPEN: "alarms",
-    Rank.NAMES: "identity",
-    Rank.VIDEO: "video",
-}
-"""Which pane has more about it: a click brings it."""
+WIDTHS: Final = {Room.WIDE: 116, Room.USUAL: 80}
+"""From which width on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Item:
-    """A piece of the bar."""
+class Slot:
+    """One fact of the bar."""
 
-    rank: Rank
-    forms: tuple[tuple[Part, ...], ...]
-    """The same in fewer and fewer words; whole words in each."""
+    cells: tuple[int, int, int]
+    """What it takes, by room; 0 leaves it out."""
+    parts: tuple[Part, ...] = ()
+    pane: str = ""
+    """Which pane has more about it: a click brings it."""
+
+    def at(self, room: Room) -> list[Part]:
+        """Its parts, and what is left of its cells."""
+        if not self.cells[room]:
+            return []
+        shown = [clickable(part, f"app.pane({self.pane!r})") if self.pane else part for part in self.parts]
+        gap = 2 if room is Room.WIDE else 1
+        return [*shown, (" " * max(gap, self.cells[room] - width_of(shown) + gap), ink(FAINT, HEAD))]
 
 
 class StatusBar(Widget):
@@ -88,7 +69,7 @@ class StatusBar(Widget):
         self._live = live
 
     def render_line(self, y: int) -> Strip:
-        """Program and title on the left, all else on the right, troubles first."""
+        """Program and title on the left, all else on the right."""
         return status_line(self.snapshot, self.size.width, live=self._live, title=self.title)
 
 
@@ -101,163 +82,132 @@ def status_line(snapshot: Snapshot | None, width: int, *, live: bool, title: str
         live: A flight, not a replay.
         title: What is flown or replayed.
     """
-    program = (("ROLLCALL" if live else "REPLAY", ink(BRIGHT, HEAD, bold=True)),)
-    ends = [Item(rank=Rank.PROGRAM, forms=(program,))]
-    if title:
-        ends.append(_item(Rank.TITLE, FAINT, plain(title)))
-    items = [] if snapshot is None else _items(snapshot, live=live)
-    gap: Part = (" " * GAP, ink(FAINT, HEAD))
+    room = next((room for room, least in WIDTHS.items() if width >= least), Room.TIGHT)
+    slots = [] if snapshot is None else _slots(snapshot, room, live=live)
+    right = [part for slot in slots for part in slot.at(room)]
+    if right and room is Room.TIGHT:  # every cell counts
+        right[-1] = (" " * (len(right[-1][0]) - 1), right[-1][1])
     left: list[Part] = [(" ", ink(FAINT, HEAD))]
-    right: list[Part] = []
-    placed = fitting([*ends, *items], width - MARGIN)
-    there = {item.rank for item, _ in placed}
-    if any(item.rank <= Rank.NAMES and item.rank not in there for item in items):
-        placed = fitting([*ends, *map(_worst_alone, items)], width - MARGIN)
-    for item, parts in placed:
-        goal = PANES_BY_RANK.get(item.rank)
-        shown = [clickable(part, f"app.pane({goal!r})") for part in parts] if goal else parts
-        (left if item in ends else right).extend([*shown, gap])
-    right[-1:] = [(" ", gap[1])]
+    program = "ROLLCALL" if live else "REPLAY"
+    extras = [(program, ink(BRIGHT, HEAD, bold=True)), (plain(title), ink(FAINT, HEAD))]
+    if snapshot is not None and live:
+        extras += _rates(snapshot.health)
+    for text, style in extras:
+        if text and width_of(left) + width_of([(text, style)]) + 2 + width_of(right) < width:
+            left += [(text, style), ("  ", style)]
     return split_line(left, right, width)
 
 
-def _items(snapshot: Snapshot, *, live: bool) -> list[Item]:
-    """In the order they have while nothing is wrong; troubles go before them."""
-    health = snapshot.health
-    items = [_names(snapshot)]
-    if live:
-        size = _item(Rank.SIZE, INK, bytes_text(health.recorded_bytes))
-        items = [_recording(snapshot), *_open(health), size, *items, _links(health), *_links_named(health)]
-        items += [] if health.write_failing_s > 0 else [_disk(health)]
-        items.append(_item(Rank.CLOCK, INK, clock(snapshot.now_us)))
-    items += [_video(snapshot), *_alarms(snapshot)]
-    return sorted(items, key=lambda item: min(item.rank, Rank.RECORDING))
+def _slots(snapshot: Snapshot, room: Room, *, live: bool) -> list[Slot]:
+    """From the left: what is wrong, whether it is kept, who is named, what comes, and the time."""
+    if not live:
+        return [_alarms(snapshot), _names(snapshot, Room.WIDE, (14, 14, 14)), _video(snapshot)]
+    return [
+        _alarms(snapshot),
+        _recording(snapshot, room),
+        _names(snapshot, room, (7, 7, 20)),
+        _links(snapshot.health),
+        _video(snapshot),
+        _authentication(snapshot.health, room),
+        Slot(cells=(0, 0, 9), parts=_words(INK, clock(snapshot.now_us))),
+    ]
 
 
-def _recording(snapshot: Snapshot) -> Item:
-    health = snapshot.health
-    since = duration(max(0, snapshot.now_us - health.recording_since_us) / 1e6) if health.recording_since_us else ""
-    failing_s = health.write_failing_s
-    if failing_s > 0:
-        fails = f"DISK FAILS {age(failing_s)}"
-        text = "NOT RECORDING"
-        return _item(Rank.DISK_TROUBLE, ALARM, f"{text} {since}".rstrip() + f", {fails}", f"{text}, {fails}", text)
-    mark, time = ("● REC", ink(ALARM, HEAD, bold=True)), (f" {since}", ink(INK, HEAD))
-    return Item(rank=Rank.RECORDING, forms=((mark, time), (mark,), (("REC", mark[1]),)))
+def _words(colour: Colour, text: str) -> tuple[Part, ...]:
+    return ((text, ink(colour, HEAD, bold=colour is ALARM)),) if text else ()
 
 
-def fitting(items: Sequence[Item], width: int) -> list[tuple[Item, tuple[Part, ...]]]:
-    """The items that there is room for, in their order, each in the longest form that leaves room for the others."""
-    chosen: dict[int, tuple[Part, ...]] = {}
-    room = width
-    by_rank = sorted(range(len(items)), key=lambda at: items[at].rank)
-    for group in (
-        [at for at in by_rank if items[at].rank <= Rank.PROGRAM],
-        [at for at in by_rank if items[at].rank > Rank.PROGRAM],
-    ):
-        for at in group:
-            shortest = items[at].forms[-1]
-            if width_of(shortest) + GAP > room:
-                break
-            chosen[at] = shortest
-            room -= width_of(shortest) + GAP
-        for at in group:
-            spare = room + width_of(chosen[at]) if at in chosen else -1
-            form = next((form for form in items[at].forms if width_of(form) <= spare), None)
-            if form is not None:
-                chosen[at], room = form, spare - width_of(form)
-    return [(items[at], chosen[at]) for at in sorted(chosen)]
-
-
-def _item(rank: Rank, colour: Colour, *forms: str) -> Item:
-    return Item(rank=rank, forms=tuple(((text, ink(colour, HEAD)),) for text in forms))
-
-
-def _alarms(snapshot: Snapshot) -> list[Item]:
-    """How many, by level; none while nothing is wrong."""
-    if not snapshot.alarms:
-        return []
+def _alarms(snapshot: Snapshot) -> Slot:
+    """How many alarms, and how many warnings beside them; empty while nothing is wrong."""
     loud, quiet = alarm_counts(snapshot.alarms)
-    parts = count_parts(loud, quiet)
-    parts[-1] = (parts[-1][0].rstrip(), parts[-1][1])
-    more = [(f"+{quiet}", parts[-1][1])] if loud and quiet else []
-    return [Item(rank=Rank.ALARMS, forms=(tuple(parts), (*parts[:1], *more) if more else tuple(parts)))]
+    parts = _words(ALARM, f"{loud} alarm{'s' * (loud > 1)}" if loud else "")
+    if quiet:
+        parts += _words(WARN, f" +{quiet}" if loud else f"{quiet} warning{'s' * (quiet > 1)}")
+    return Slot(cells=(13, 13, 13), parts=parts, pane="alarms")
 
 
-def _worst_alone(item: Item) -> Item:
-    """Without the count of warnings, where all that is wrong has no room beside it."""
-    (text, style), *_ = item.forms[-1]
-    return item if item.rank > Rank.ALARMS else Item(rank=item.rank, forms=(((text.rstrip(), style),),))
+def _recording(snapshot: Snapshot, room: Room) -> Slot:
+    """Whether all is kept and for how long it was, or for how long the disk lasts once that is less than an hour."""
+    health, cells = snapshot.health, (10, 14, 16)
+    if trouble := _disk_trouble(health):
+        ago = f" {age(health.write_failing_s or health.write_stalled_s)}" if room is not Room.TIGHT else ""
+        return Slot(cells=cells, parts=_words(ALARM, trouble + ago), pane="alarms")
+    mark: Part = ("● REC" if room is not Room.TIGHT else "●", ink(ALARM, HEAD, bold=True))
+    low = health.free_bytes < LOW_BYTES or health.full_in_s < LOW_S
+    if low or health.full_in_s < FORECAST_S:
+        left = age(health.full_in_s) if health.full_in_s < FORECAST_S else "LOW"
+        return Slot(cells=cells, parts=(mark, *_words(ALARM if low else WARN, f" disk {left}")), pane="alarms")
+    since_us = health.recording_since_us
+    since = f" {duration(max(0, snapshot.now_us - since_us) / 1e6)}" if since_us else ""
+    return Slot(cells=cells, parts=(("● REC", mark[1]), *(_words(INK, since) if room is not Room.TIGHT else ())))
 
 
-def _open(health: Health) -> list[Item]:
-    """Shown for as long as any sender can pose as a vehicle."""
-    if health.keys:
-        return [_item(Rank.KEYS, FAINT, f"{health.keys} key{'s' if health.keys > 1 else ''}")]
-    return [_item(Rank.OPEN, WARN, "NOTHING IS AUTHENTICATED", "NOT AUTHENTICATED", "OPEN")] if health.keys == 0 else []
+def _disk_trouble(health: Health) -> str:
+    if health.write_failing_s > 0:
+        return "DISK FAILS"
+    return "DISK HANGS" if health.write_stalled_s > STALLED_S else ""
 
 
-def _links(health: Health) -> Item:
-    silent = [link for link in health.links if is_silent(link)]
-    if not health.links:
-        return _item(Rank.LINK_TROUBLE, ALARM, "no link")
-    if not silent:
-        return _item(Rank.LINKS, INK, f"{len(health.links)} link{'s' if len(health.links) > 1 else ''} ok")
-    since = f" {age(silent[0].silent_s)}" * math.isfinite(silent[0].silent_s)
-    text = f"{len(silent)} of {len(health.links)} links silent"
-    short = f"{len(silent)} link{'s' if len(silent) > 1 else ''} silent"
-    return _item(Rank.LINK_TROUBLE, ALARM, text + since, text, short)
+def _names(snapshot: Snapshot, room: Room, cells: tuple[int, int, int]) -> Slot:
+    """How many are confirmed, and how old that is where it is held for want of a frame."""
+    if not snapshot.analysed:
+        return Slot(cells=cells, parts=_words(WARN, NOT_ANALYSED), pane="identity")
+    named, total = named_count(snapshot)
+    count, word = f"{named}/{total}", " confirmed" if room is Room.WIDE else ""
+    stopped = any(row.standing == "no new frame" for row in snapshot.vehicles)
+    old_s = snapshot.frame_age_s if stopped else snapshot.held_s
+    if old_s:
+        return Slot(
+            cells=cells, parts=_words(WARN if stopped else FAINT, f"{count}{word} {age(old_s)}"), pane="identity"
+        )
+    if snapshot.provisional:
+        return Slot(cells=cells, parts=_words(FAINT, f"{count}{word}, provisional"), pane="identity")
+    return Slot(cells=cells, parts=_words(count_colour(named, total), f"{count}{word}"), pane="identity")
 
 
-def _links_named(health: Health) -> list[Item]:
+def _links(health: Health) -> Slot:
+    """How many of the links bring something."""
+    count = len(health.links)
+    silent = sum(map(is_silent, health.links))
+    colour = ALARM if silent or not count else INK
+    return Slot(
+        cells=(9, 9, 11), parts=_words(colour, f"links {count - silent}/{count}" if count else "no link"), pane="alarms"
+    )
+
+
+def _rates(health: Health) -> list[Part]:
+    """Of each link, where there is room, the packets a second and what was lost."""
     parts: list[Part] = []
     for link in health.links:
-        parts.append((f"{' ' if parts else ''}{plain(link.name)} ", ink(ALARM if is_silent(link) else FAINT, HEAD)))
         lost = f" {link.bad} bad" * bool(link.bad) + f" {link.dropped} dropped" * bool(link.dropped)
-        rate = f"{link.packets_per_s:.0f}/s" if math.isfinite(link.packets_per_s) else str(link.packets)
-        parts.append((f"{rate}{lost}", ink(WARN if link.dropped else FAINT, HEAD)))
-    return [Item(rank=Rank.LINKS_NAMED, forms=(tuple(parts),))] if parts else []
+        rate = f"{link.packets_per_s:.0f}/s" if link.packets_per_s == link.packets_per_s else str(link.packets)
+        colour = ALARM if is_silent(link) else WARN if link.dropped else FAINT
+        parts.append((f"{plain(link.name)} {rate}{lost}", ink(colour, HEAD)))
+    return parts
 
 
-def _disk(health: Health) -> Item:
-    low = health.free_bytes < LOW_BYTES or health.full_in_s < LOW_S
-    free = bytes_text(health.free_bytes)
-    full = f", full in {age(health.full_in_s)}" if health.full_in_s < FORECAST_S else ""
-    if health.write_stalled_s > STALLED_S:
-        return _item(Rank.DISK_TROUBLE, ALARM, f"DISK HANGS {age(health.write_stalled_s)}", "DISK HANGS")
-    if low:
-        return _item(Rank.DISK_TROUBLE, ALARM, f"disk LOW {free}{full}", f"disk LOW {free}", "disk LOW")
-    return _item(Rank.DISK, FAINT, f"disk {free} free{full}", f"disk {free} free", f"disk {free}", "disk ok")
-
-
-def _names(snapshot: Snapshot) -> Item:
-    """How many are confirmed; with the age of the names where they are held, and no count once they are too old."""
-    if not snapshot.analysed:
-        return _item(Rank.NAMES, WARN, NOT_ANALYSED)
-    if any(row.standing == "no new frame" for row in snapshot.vehicles):
-        return _item(Rank.NAMES, WARN, f"no new frame for {age(snapshot.frame_age_s)}", "no new frame")
-    named, total = named_count(snapshot)
-    count = f"{named}/{total}"
-    if snapshot.held_s:
-        ago = f"{age(snapshot.held_s)} ago"
-        return _item(Rank.NAMES, FAINT, f"{count} confirmed {ago}", f"{count} {ago}")
-    if snapshot.provisional:
-        return _item(Rank.NAMES, FAINT, f"{count} confirmed, provisional", f"{count} provisional")
-    return _item(Rank.NAMES, count_colour(named, total), f"{count} confirmed", count)
-
-
-def _video(snapshot: Snapshot) -> Item:
+def _video(snapshot: Snapshot) -> Slot:
+    """Whether what is shown is new; the pane has the figures."""
     health = snapshot.health
     if health.video in ("none", "waiting", "ended"):
-        return _item(Rank.VIDEO, FAINT, f"video {health.video}")
-    if health.video != "ok":
-        return _item(Rank.VIDEO_TROUBLE, ALARM, f"video {plain(health.video)}", "no video")
-    if snapshot.frame_age_s > HELD_SHOWN_S:
-        return _item(Rank.VIDEO_TROUBLE, WARN, f"video {age(snapshot.frame_age_s)} old", "video old")
-    faults = f" lag {health.lag_s:.1f}s" * (health.lag_s >= LAG_SHOWN_S)
-    faults += f" {health.undecoded} undecoded" * (health.undecoded > 0)
-    if health.lag_s > LATE_S:
-        return _item(Rank.VIDEO_TROUBLE, WARN, f"video{faults}", "video late")
-    if health.undecoded:
-        return _item(Rank.VIDEO_TROUBLE, WARN, f"video ok{faults}", f"{health.undecoded} undecoded", "bad video")
-    return _item(Rank.VIDEO, FAINT, f"video ok{faults}", "video ok")
+        colour, word = FAINT, {"none": "no camera", "waiting": "video wait", "ended": "video end"}[health.video]
+    elif health.video != "ok":
+        colour, word = ALARM, "no video"
+    elif snapshot.frame_age_s > HELD_SHOWN_S:
+        colour, word = WARN, "video old"
+    elif health.lag_s > LATE_S:
+        colour, word = WARN, "video late"
+    elif health.undecoded:
+        colour, word = WARN, "video bad"
+    else:
+        colour, word = FAINT, "video ok"
+    return Slot(cells=(10, 10, 10), parts=_words(colour, word), pane="video")
+
+
+def _authentication(health: Health, room: Room) -> Slot:
+    """Shown for as long as any sender can pose as a vehicle; else how many keys are in use."""
+    if health.keys:
+        words = _words(FAINT, f"{health.keys} key{'s' * (health.keys > 1)}") if room is not Room.TIGHT else ()
+    else:
+        words = _words(WARN, "OPEN" if room is not Room.WIDE else "NOT AUTHENTICATED") if health.keys == 0 else ()
+    return Slot(cells=(4, 7, 17), parts=words, pane="alarms")

@@ -75,7 +75,7 @@ class HelpPage(Widget):
     def pages(self) -> list[list[list[list[Part]]]]:
         """Of the size as it is now."""
         columns = max(1, min(2, self.size.width // COLUMN_CELLS))
-        return pages(self._blocks, columns, self.size.width // columns - 1, max(2, self.size.height - 2))
+        return pages(self._blocks, columns, self.size.width // columns - 3, max(2, self.size.height - 2))
 
     def turn(self, steps: int) -> None:
         """To another page; after the last comes the first."""

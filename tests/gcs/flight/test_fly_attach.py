@@ -188,7 +188,7 @@ def test_what_cannot_be_attached_is_told(begin, tmp_path, monkeypatch):
     with pytest.raises(GcsError, match="no flight of yours"):
         show_flight(None, options, take_over=False)
     server = AttachServer(tmp_path / "session", ["udpin:127.0.0.1:2"])
-    with pytest.raises(GcsError, match=r"which flight.*session"):
+    with pytest.raises(GcsError, match=r"under way there; gcs replay.*session"):
         show_flight(tmp_path, options, take_over=False)
     assert flies_on(["udpin:127.0.0.1:1"]) is None
     assert flies_on(["udpin:127.0.0.1:1", "udpin:127.0.0.1:2"]).folder == str(tmp_path / "session")

@@ -100,7 +100,7 @@ async def test_a_click_on_the_status_brings_the_pane_that_has_more_about_it():
     async with running(station, WIDE) as (app, pilot, _):
         await polled(app, pilot)
         bar = app.query_one(StatusBar)
-        for words, pane in (("1 alarm", "alarms"), ("confirmed", "identity"), ("links silent", "alarms")):
+        for words, pane in (("1 alarm", "alarms"), ("confirmed", "identity"), ("links 1/2", "alarms")):
             await pilot.press("escape", "v")
             await pilot.click(bar, offset=cell_of(bar, words))
             await pilot.pause()

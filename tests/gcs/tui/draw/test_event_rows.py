@@ -37,8 +37,13 @@ def test_others_may_talk_within_a_run_and_stay_apart():
 
 
 def test_another_event_of_the_vehicle_ends_its_run():
-    said = [event("Reached waypoint #1"), event("mode HOLD", kind="vehicle"), event("Reached waypoint #2")]
+    said = [event("Lap #1"), event("mode HOLD", kind="vehicle"), event("Lap #2")]
     assert [times for _, times in rows(said)] == [1, 1, 1]
+
+
+def test_a_vehicles_waypoints_are_one_row_whatever_happens_meanwhile():
+    said = [event("Reached waypoint #1"), event("mode HOLD", kind="vehicle"), event("Reached waypoint #2")]
+    assert rows(said) == [("mode HOLD", 1), ("Reached waypoint #1–2", 2)]
 
 
 def test_alarms_names_and_other_kinds_are_never_folded():

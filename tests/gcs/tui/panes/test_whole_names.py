@@ -37,7 +37,7 @@ async def test_the_log_and_the_fleet_show_whole_names_or_none():
     rows = tuple(replace(row, name=long) if row.system_id == 11 else row for row in base.vehicles)
     station = FakeStation(live=True, snapshot=replace(base, vehicles=rows))
     station.said = [Event(t_us=START_US, level="info", kind="identity", text=f"track 3 is {long}", system_id=11)]
-    async with running(station, size=(60, 20)) as (app, _, _):
+    async with running(station, size=(60, 30)) as (app, _, _):
         assert "track 3 is " in text_of(app._events)
         fleet = text_of(app.query_one("#fleet"))
         assert " 11 " in fleet and "Hauler" not in fleet
