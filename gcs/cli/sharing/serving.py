@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import re
 import secrets
 import signal
 import socket
@@ -25,6 +26,15 @@ MOST_BROWSERS = 4
 TOKEN_BYTES = 24
 DOWNLOADS = "download"
 """Where textual-serve's pages ask for pictures, behind no token: each has a random name of its own, once."""
+FOREIGN = re.compile(r"<link[^>]*https?://[^>]*>", re.DOTALL)
+"""What textual-serve's page would have a browser fetch from elsewhere."""
+TAKES_KEYS = """<script>
+new MutationObserver((_, observer) => {
+  const keys = document.querySelector(".xterm-helper-textarea");
+  if (keys) { keys.focus(); observer.disconnect(); }
+}).observe(document.body, { childList: true, subtree: true });
+</script>"""
+"""Puts the focus on the terminal once it is there."""
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
@@ -50,6 +60,13 @@ class _GuardedServer(Server):
 
     async def on_startup(self, app: web.Application) -> None:
         """Prints nothing."""
+
+    async def handle_index(self, request: web.Request) -> web.Response:
+        """The page: it asks nobody else for a font, and takes keys without a click."""
+        page = await super().handle_index(request)
+        assert isinstance(page, web.Response)
+        page.text = FOREIGN.sub("", page.text or "").replace("</body>", f"{TAKES_KEYS}</body>")
+        return page
 
     async def handle_websocket(self, request: web.Request) -> web.WebSocketResponse:
         """Runs a replay for one browser.

@@ -52,6 +52,8 @@ async def test_its_own_page_shows_the_screens(served):
             assert page.status == 200
             assert "default-src 'self'" in page.headers["Content-Security-Policy"]
             assert page.headers["Referrer-Policy"] == "no-referrer"
+        assert "googleapis" not in text and "https:" not in text, "it asks nobody else for anything"
+        assert "keys.focus()" in text, "keys work without a click"
         socket = re.search(r'data-session-websocket-url="(.*?)"', text)[1]
         assert socket == f"ws{address[4:]}ws"
         script = re.search(r'<script src="(.*?)"', text)[1]
