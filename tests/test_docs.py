@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from assoc.hypotheses.bias_noise import BIAS_STD_M, BIAS_TAU_S
+from assoc.params import IdentifierParams
 from tests.support.bundled import CURVED_ROAD
 
 PRODUCT = ("gcs", "mavlink", "vision", "assoc", "sim", "infra")
@@ -18,6 +20,22 @@ def test_worked_example_of_the_identity_document():
     result = doctest.testfile(str(Path("docs/identity.md").resolve()), module_relative=False)
     assert result.attempted >= 9
     assert result.failed == 0
+
+
+def test_what_the_identity_document_says_is_known_before_is_what_is_assumed():
+    page = Path("docs/identity.md").read_text(encoding="utf-8")
+    table = page.partition("## What is estimated")[2].partition("\n## ")[0]
+    p = IdentifierParams()
+    for told in (
+        f"| {p.yaw_std_deg:g}°, {p.yaw_rate_std_deg_s:g}°/s;",
+        f"| {p.tilt_std_deg:g}° |",
+        f"| {p.position_std_m:g} m, {p.height_std_m:.1f} m |",
+        f"| {p.time_offset_std_s:g} s; {p.unknown_offset_std_s:g} s where",
+        f"| {p.bias_m:g} m, going round in {p.bias_tau_s:g} s; learnt, "
+        f"{BIAS_STD_M[0]:g} to {BIAS_STD_M[-1]:g} m and {BIAS_TAU_S[0]:g} to {BIAS_TAU_S[-1]:g} s |",
+        f"`threshold`, {p.threshold:g} |",
+    ):
+        assert told in table, told
 
 
 @pytest.mark.parametrize("path", WITH_EXAMPLES, ids=str)
