@@ -50,6 +50,7 @@ layers: $(READY)
 docs: $(READY)
 	$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements-docs.lock
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+	@! grep -rlE '<(script|link|img)[^>]* (src|href)="?https?:' site --include='*.html' || (echo "these pages fetch from elsewhere"; false)
 
 bench-all: $(addprefix bench-,$(BENCHES))
 
