@@ -34,10 +34,10 @@ def rollcall_table(record: FlightSummary) -> str:
     rows = []
     for row in record.rollcall.rows():
         vehicle = record.vehicles[row.system_id]
-        first = _moment(record, vehicle.first_us) if row.boxes else "–"
+        first, held = (_moment(record, vehicle.first_us), clock(vehicle.named_us * 1e-6)) if row.boxes else ("–", "–")
         rows.append(
             (
-                *(row.name, standing_of(record, row), certainty(row.confidence) or "–", clock(vehicle.named_us * 1e-6)),
+                *(row.name, standing_of(record, row), certainty(row.confidence) or "–", held),
                 *(fixed(100 * row.share, 1, "%"), first, str(row.boxes), str(row.system_id), row.remark),
             )
         )
