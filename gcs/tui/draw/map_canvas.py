@@ -19,7 +19,7 @@ from gcs.trails import Trail
 from gcs.tui.draw.braille import BrailleCanvas
 from gcs.tui.draw.cell_grid import CellGrid
 from gcs.tui.draw.cell_labels import draw_leaders, measure_cells, shows_in_cells, write_labels
-from gcs.tui.draw.format import position
+from gcs.tui.draw.format import plain, position
 from gcs.tui.draw.freshness import USABLE_M, freshness
 from gcs.tui.draw.ground_view import HOME_ENU, MapView, scale_bar
 from gcs.tui.draw.map_lines import (
@@ -57,6 +57,7 @@ NOSE_DOTS: Final = 7.0
 UAV_NOSE_DOTS: Final = 11.0
 REACH: Final = 4.0
 """Cells from a mark that a click may be."""
+LONGEST_UAV_NAME: Final = 16
 GAP: Final = 2
 """Cells between texts of the last row."""
 
@@ -172,6 +173,7 @@ def map_labels(
         if row.position_state != "ok" and (row.role == "ugv" or _is_old(row))
     }
     names = shown_names(snapshot, shows_in_cells)
+    uav_name = _uav_name(snapshot)
     labels, others = [], []
     for mark in _marks(snapshot, rows, view, extras):
         anchor = (mark.x, mark.y, 1, 1)
@@ -179,7 +181,8 @@ def map_labels(
             others.append(anchor)
             continue
         shown, word = names[mark.system_id], state.get(mark.system_id, "")
-        texts = tuple(dict.fromkeys((shown.name + word, shown.short + word)))
+        own = uav_name if mark.glyph == UAV_MARK else shown.name
+        texts = tuple(dict.fromkeys((own + word, shown.short + word)))
         stressed = bool(selected) and mark.system_id == selected
         labels.append(
             Label(
@@ -193,6 +196,16 @@ def map_labels(
         )
     grid = Grid(columns=view.columns, rows=view.rows, measure=measure_cells)
     return place_labels(labels, grid, former, others)
+
+
+def _uav_name(snapshot: Snapshot) -> str:
+    """As the mission calls it, where that can be shown and is nobody else's name or number; else ``UAV``."""
+    name = next((plain(row.name).strip() for row in snapshot.vehicles if row.role == "uav"), "")
+    others = {each for row in snapshot.vehicles if row.role != "uav" for each in (row.name, str(row.system_id))}
+    usable = (
+        0 < len(name) <= LONGEST_UAV_NAME and shows_in_cells(name) and name not in others and name.strip("~?") == name
+    )
+    return name if usable and "\N{REPLACEMENT CHARACTER}" not in name else "UAV"
 
 
 def _placed_rows(snapshot: Snapshot, selected: int) -> list[VehicleRow]:

@@ -26,7 +26,7 @@ FINER: Final = 2
 """It is sharpened at so many times the size that is shown."""
 SHARPER: Final = 0.7
 """How much of what a blur takes away is added once more; raised, edges get halos."""
-LUMA_STEP: Final = 6
+LUMA_STEP: Final = 8
 CHROMA_STEP: Final = 12
 PLAIN_LEVELS: Final = 9
 """A cell whose brightness differs by less, of 255, is of one colour: its pattern would be noise."""

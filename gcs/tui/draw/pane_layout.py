@@ -152,7 +152,7 @@ def _heights(panes: list[str], width: int, height: int, state: LayoutState) -> d
     for spare in ("identity", "events", "map", "video"):
         if len(panes) > 1 and spare in panes and sum(least[pane] for pane in panes) > height:
             panes.remove(spare)
-    natural = {**least, "video": _video_rows(width, state), "fleet": state.fleet_rows + 1}
+    natural = {**least, "video": round(TALLER * _video_rows(width, state)), "fleet": state.fleet_rows + 1}
     natural["identity"] = MORE_IDENTITY_ROWS if height >= TALL else IDENTITY_ROWS
     natural["alarms"] = ALARM_ROWS
     rows = {pane: least[pane] for pane in panes}
@@ -169,4 +169,4 @@ def _heights(panes: list[str], width: int, height: int, state: LayoutState) -> d
 
 
 def _video_rows(width: int, state: LayoutState) -> int:
-    return max(1, round(TALLER * width / state.aspect / 2)) + 1
+    return max(1, round(width / state.aspect / 2)) + 1

@@ -43,6 +43,8 @@ FRONT_DOTS = 3.5
 """Length of the line ahead of its front."""
 BRACKET = 0.34
 """Share of each side that a frame's corners take."""
+MOST_DOTS = 400
+"""Of a line: longer ones are beyond the field."""
 DOTS = np.array([2, 4])
 """Across and down a cell."""
 
@@ -235,9 +237,11 @@ def _widened(box: Box, scale: float) -> NDArray[np.float64]:
 
 def _brackets(dots: BrailleCanvas, corners: NDArray[np.float64], ink: int) -> None:
     """The corners of a frame alone."""
-    for corner, one, other in zip(corners, np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0), strict=True):
-        for end in (one, other):
-            dots.line(corner, corner + (end - corner) * BRACKET, ink)
+    # (2, 4, 2): from each corner towards the one before and the one after
+    way = BRACKET * (np.stack([np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)]) - corners)
+    count = min(MOST_DOTS, math.ceil(np.abs(way).max(initial=0.0))) + 1
+    along = np.linspace(0.0, 1.0, count)[:, None, None, None]
+    dots.points((corners + way * along).reshape(-1, 2), ink)
 
 
 def _inner_cells(

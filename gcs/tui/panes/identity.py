@@ -74,7 +74,7 @@ EVIDENCE: Final = (
     "Masses of the published methods, at most 0.5 s old, for analysts: the name is decided by the confidence alone."
 )
 FACT_CELLS: Final = 40
-"""What a fact's age may take with it; a narrow pane cuts it."""
+"""What a fact's age may take with it; a narrow pane has it on a second row."""
 Fact = tuple[str, str, Colour]
 SURE: Final[frozenset[Standing]] = frozenset({"confirmed", "tentative", "coasting"})
 """Standings of vehicles that have a box."""
@@ -154,8 +154,9 @@ class IdentityPane(Pane):
 
 def _columns(facts: Sequence[Fact], width: int, height: int) -> list[Strip]:
     """One column, or two where they do not fit in one and the pane is wide."""
-    if height >= len(facts) or width < 60:
-        return [line(_fact_parts(fact), width) for fact in facts[: max(height, 0)]]
+    rows = [parts for fact in facts for parts in _text(fact, width - MARGIN)]
+    if height >= len(rows) or width < 60:
+        return [line(parts, width) for parts in rows[: max(height, 0)]]
     half = math.ceil(len(facts) / 2)
     strips = []
     for index in range(min(half, height)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import ClassVar, Final
@@ -84,9 +85,7 @@ def status_line(snapshot: Snapshot | None, width: int, *, live: bool, title: str
     """
     room = next((room for room, least in WIDTHS.items() if width >= least), Room.TIGHT)
     slots = [] if snapshot is None else _slots(snapshot, room, live=live)
-    right = [part for slot in slots for part in slot.at(room)]
-    if right and room is Room.TIGHT:  # every cell counts
-        right[-1] = (" " * (len(right[-1][0]) - 1), right[-1][1])
+    right = _fitting(slots, room, width)
     left: list[Part] = [(" ", ink(FAINT, HEAD))]
     program = "ROLLCALL" if live else "REPLAY"
     extras = [(program, ink(BRIGHT, HEAD, bold=True)), (plain(title), ink(FAINT, HEAD))]
@@ -96,6 +95,14 @@ def status_line(snapshot: Snapshot | None, width: int, *, live: bool, title: str
         if text and width_of(left) + width_of([(text, style)]) + 2 + width_of(right) < width:
             left += [(text, style), ("  ", style)]
     return split_line(left, right, width)
+
+
+def _fitting(slots: Sequence[Slot], room: Room, width: int) -> list[Part]:
+    """All slots, and on a screen for which none of them are made the first ones."""
+    parts = [part for slot in slots for part in slot.at(room)]
+    if parts and room is Room.TIGHT:  # every cell counts
+        parts[-1] = (" " * (len(parts[-1][0]) - 1), parts[-1][1])
+    return parts if not slots or width_of(parts) + 1 < width else _fitting(slots[:-1], room, width)
 
 
 def _slots(snapshot: Snapshot, room: Room, *, live: bool) -> list[Slot]:

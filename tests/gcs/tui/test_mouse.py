@@ -31,12 +31,12 @@ async def test_every_key_that_is_hinted_at_does_something(hints):
         assert all(isinstance(binding, Binding) for binding in own)
 
 
-def test_what_acts_where_the_focus_is_comes_after_how_to_leave_and_get_help():
+def test_six_hints_begin_with_what_acts_where_the_focus_is_and_end_with_how_to_leave():
     row = hints_for(REPLAY_HINTS, "events")
-    assert row[:2] == list(REPLAY_HINTS[:2]) and tuple(row[2:6]) == PANE_HINTS["events"]
+    assert tuple(row[:4]) == PANE_HINTS["events"] and row[4:] == [("?", "help"), ("q", "quit")]
     signs = [sign for keys, _ in row for sign in signs_in(keys)]
     assert len(set(signs)) == len(signs), "no key twice"
-    assert hints_for(REPLAY_HINTS, "") == list(REPLAY_HINTS)
+    assert len(hints_for(REPLAY_HINTS, "")) == 6
 
 
 async def test_keys_are_told_where_they_act():
@@ -47,7 +47,7 @@ async def test_keys_are_told_where_they_act():
         await pilot.pause()
         heading = text_of(log).splitlines()[0]
         assert "↑↓ scroll" in heading and "l level" in heading and "all" in heading
-        assert text_of(hints).startswith(" q quit  ? help  ↑↓ scroll  l level")
+        assert text_of(hints).startswith(" ↑↓ scroll  l level")
         await pilot.press("f")
         await pilot.pause()
         assert "scroll" not in text_of(log) and "↑↓ vehicle" in text_of(hints)
@@ -64,10 +64,6 @@ async def test_a_click_on_a_hinted_key_presses_it():
             await pilot.click(hints, offset=(offset, 0))
             await pilot.pause()
             assert station.timeline.now_us == START_US + 251_400_000 + at_s * 1_000_000
-        x, _ = cell_of(hints, "123")
-        await pilot.click(hints, offset=(x + 1, 0))
-        await pilot.pause()
-        assert app._panes.state.layout == 2
 
 
 async def test_a_click_on_an_event_shows_its_time_and_its_vehicle():

@@ -13,7 +13,7 @@ from gcs.snapshot import Standing
 from gcs.trails import Trails
 from gcs.tui.actions import actions
 from gcs.tui.draw.ground_view import MapView
-from gcs.tui.draw.map_canvas import BOX_MARK, STANDING_MARKS, UAV_MARK, MapExtras, chart_cells, marked_at
+from gcs.tui.draw.map_canvas import BOX_MARK, STANDING_MARKS, UAV_MARK, MapExtras, chart_cells, map_labels, marked_at
 from gcs.tui.draw.map_lines import CURSOR_MARK, HOME_MARK, PICK_MARKS, Ruler, ruler_texts
 from gcs.tui.panes.map import MapPane
 from gcs.tui.screens.legend import LEGEND
@@ -222,3 +222,10 @@ def test_help_lists_the_keys_of_the_map():
     signs = " ".join(sign for _, entries in LEGEND for sign, *_ in entries)
     for mark in (*STANDING_MARKS.values(), HOME_MARK, CURSOR_MARK, *PICK_MARKS):
         assert mark in signs
+
+
+@pytest.mark.parametrize(("name", "shown"), [("Kestrel", "Kestrel"), ("UGV-11", "UAV"), ("K" * 40, "UAV")])
+def test_the_uav_is_called_as_the_mission_calls_it(name, shown):
+    rows = tuple(replace(row, name=name) if row.role == "uav" else row for row in SNAPSHOT.vehicles)
+    texts = {place.text for place in map_labels(replace(SNAPSHOT, vehicles=rows), 0, VIEW).texts}
+    assert shown in texts
