@@ -112,7 +112,7 @@ def _slots(snapshot: Snapshot, room: Room, *, live: bool) -> list[Slot]:
     return [
         _alarms(snapshot),
         _recording(snapshot, room),
-        _names(snapshot, room, (7, 7, 20)),
+        _names(snapshot, room, (7, 8, 22)),
         _links(snapshot.health),
         _video(snapshot),
         _authentication(snapshot.health, room),
@@ -156,17 +156,21 @@ def _disk_trouble(health: Health) -> str:
 
 
 def _names(snapshot: Snapshot, room: Room, cells: tuple[int, int, int]) -> Slot:
-    """How many are confirmed, and how old that is where it is held for want of a frame."""
+    """How many are confirmed, how old that is where it is held for want of a frame, and no count once it is too old."""
     if not snapshot.analysed:
         return Slot(cells=cells, parts=_words(WARN, NOT_ANALYSED), pane="identity")
     named, total = named_count(snapshot)
     count, word = f"{named}/{total}", " confirmed" if room is Room.WIDE else ""
-    stopped = any(row.standing == "no new frame" for row in snapshot.vehicles)
-    old_s = snapshot.frame_age_s if stopped else snapshot.held_s
-    if old_s:
-        return Slot(
-            cells=cells, parts=_words(WARN if stopped else FAINT, f"{count}{word} {age(old_s)}"), pane="identity"
-        )
+    if any(row.standing == "no new frame" for row in snapshot.vehicles):
+        words = {
+            Room.TIGHT: f"–/{total}",
+            Room.USUAL: "no frame",
+            Room.WIDE: f"no new frame {age(snapshot.frame_age_s)}",
+        }
+        return Slot(cells=cells, parts=_words(WARN, words[room]), pane="identity")
+    if snapshot.held_s:
+        ago = f" {age(snapshot.held_s)}" + " ago" * (room is Room.WIDE)
+        return Slot(cells=cells, parts=_words(FAINT, f"{count}{word}{ago}"), pane="identity")
     if snapshot.provisional:
         return Slot(cells=cells, parts=_words(FAINT, f"{count}{word}, provisional"), pane="identity")
     return Slot(cells=cells, parts=_words(count_colour(named, total), f"{count}{word}"), pane="identity")

@@ -7,6 +7,8 @@ from dataclasses import replace
 import pytest
 
 from gcs.snapshot import Candidate
+from gcs.tui.draw.mosaic import fit
+from gcs.tui.framing import frame_for
 from gcs.tui.panes.identity import IdentityPane, expected_place
 from gcs.tui.panes.video import VideoPane
 from tests.support.fake_station import WIDE, FakeStation, make_snapshot, polled, running, text_of
@@ -46,10 +48,12 @@ async def test_keys_go_through_vehicles_and_then_unnamed_boxes():
 async def test_a_click_picks_a_box_without_a_name():
     async with running(size=WIDE) as (app, pilot, _):
         pane = app.query_one(VideoPane)
-        # wide pictures fill the width of the pane below its heading
-        scale = pane.size.width / SNAPSHOT.width
-        top = (pane.size.height - 1 - SNAPSHOT.height * scale / 2) / 2
-        await pilot.click(pane, offset=(round(UNNAMED.cx * scale), 1 + round(top + UNNAMED.cy * scale / 2)))
+        width, height = pane.size.width, pane.size.height - 1
+        part = frame_for(SNAPSHOT, (0, 0), width / (2 * height))
+        left, top, columns, rows = fit(*part.rect[2:], width, height)
+        x, y = UNNAMED.cx - part.rect[0], UNNAMED.cy - part.rect[1]
+        column, row = left + x * columns / part.rect[2], top + y * rows / part.rect[3]
+        await pilot.click(pane, offset=(round(column), 1 + round(row)))
         assert (app.selected, app.picked_track) == (0, 21)
 
 
