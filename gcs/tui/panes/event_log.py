@@ -179,9 +179,10 @@ class EventPane(Pane):
         stop = len(shown) - min(self._back, self._room(shown, width, height))
         rows: list[Strip] = []
         for row in reversed(shown[:stop]):
-            if len(rows) >= height:
+            whole = self._rows_of(row, width)
+            if rows and len(rows) + len(whole) > height:  # a part of a text is none
                 return rows[-height:]
-            rows = [*self._rows_of(row, width), *rows]
+            rows = [*whole, *rows]
         for row in shown[stop : stop + height - len(rows)]:
             rows += self._rows_of(row, width)
         return rows[:height]

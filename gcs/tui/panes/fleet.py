@@ -259,7 +259,7 @@ def columns_for(
 def _kept(columns: Sequence[Column], width: int) -> tuple[Column, ...]:
     """Those that fit, in order; what is wrong with a position is told by its own column, else by the link's."""
     kept: list[Column] = []
-    room = width - GUTTER_CELLS + 1
+    room = width - GUTTER_CELLS  # the first column has no gap before it, and the last one a margin behind it
     for column in sorted(columns, key=lambda column: column.rank):
         if column.rank > ALWAYS and room < column.width + 1:
             break

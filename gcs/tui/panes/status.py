@@ -201,7 +201,7 @@ def _video(snapshot: Snapshot) -> Slot:
     """Whether what is shown is new; the pane has the figures."""
     health = snapshot.health
     if health.video in ("none", "waiting", "ended"):
-        colour, word = FAINT, {"none": "no camera", "waiting": "video wait", "ended": "video end"}[health.video]
+        colour, word = FAINT, {"none": "video none", "waiting": "video wait", "ended": "video end"}[health.video]
     elif health.video != "ok":
         colour, word = ALARM, "no video"
     elif snapshot.frame_age_s > HELD_SHOWN_S:
