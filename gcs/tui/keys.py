@@ -194,6 +194,7 @@ _KEYS_BY_SIGN: Final = {format_key(key): key for binding in BINDINGS for key in 
 
 
 MOST_HINTS: Final = 6
+HELP_HINT: Final = ("?", "help")
 
 
 def hints_for(base: Sequence[Hint], pane: str) -> list[Hint]:
@@ -203,6 +204,8 @@ def hints_for(base: Sequence[Hint], pane: str) -> list[Hint]:
         base: The row without a focus.
         pane: The focused pane's id, empty for none.
     """
+    if base[1:2] != (HELP_HINT,):  # an app without panes has few
+        return list(base)
     own = PANE_HINTS.get(pane, ())
     taken = {sign for keys, _ in own for sign in signs_in(keys)}
     rest = [hint for hint in base[2:] if not taken & set(signs_in(hint[0]))]
