@@ -22,7 +22,7 @@ from gcs.tui.draw.mosaic import OCTANTS, SEXTANTS, PictureMode, mosaic_of
 from gcs.tui.draw.pixels import Pixels, _inline_widget, _shows_inline, inline_image, picture_mode
 from gcs.tui.draw.terminal_kind import ask_version, finest_grain
 from gcs.tui.draw.video_canvas import video_cells
-from gcs.tui.draw.xterm_palette import FIRST, PALETTE, dithered, nearest
+from gcs.tui.draw.xterm_palette import FIRST, GREYS_OF_SIXTEEN, PALETTE, dithered, in_four_greys, nearest
 from tests.support.fake_station import FakeStation, comes_true, make_snapshot
 
 MODES = [
@@ -237,3 +237,10 @@ def test_inline_images_are_for_those_who_show_them():
     assert _shows_inline({"TERM_PROGRAM": "iTerm.app"})
     assert not _shows_inline({"TERM_PROGRAM": "iTerm.app", "TMUX": "x"})
     assert not _shows_inline({"TERM_PROGRAM": "Apple_Terminal"}) and not _shows_inline({})
+
+
+def test_sixteen_colours_show_a_flat_picture_in_more_than_one_grey():
+    ramp = np.repeat(np.linspace(60, 110, 40).astype(np.uint8)[None, :, None], 20, axis=0).repeat(3, axis=2)
+    greys = in_four_greys(ramp)
+    assert len(set(greys.ravel().tolist())) >= 2 and set(greys.ravel().tolist()) <= set(GREYS_OF_SIXTEEN.tolist())
+    assert (greys[:, -1] & 255).mean() > (greys[:, 0] & 255).mean()

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from gcs.fold.candidates import _of_its_rivals
 from gcs.health.alarms import urgency
 from gcs.snapshot import Alarm
 from gcs.tui.palette import ALARM, GOOD, WARN, ink
@@ -60,3 +61,20 @@ def test_the_banner_shows_the_worst_and_not_the_newest():
     for alarms in ((CONFLICT, SILENT), (SILENT, CONFLICT)):
         snapshot = replace(make_snapshot(live=True), alarms=tuple(sorted(alarms, key=urgency)))
         assert "conflict 11" in alert_of(snapshot, (), frozenset()).text
+
+
+async def test_a_key_sorts_by_trouble_and_the_keys_that_pick_follow():
+    snapshot = replace(make_snapshot(live=True), alarms=(SILENT, LOW))
+    async with running(FakeStation(live=True, snapshot=snapshot), size=WIDE) as (app, pilot, _):
+        await pilot.press("o", "down", "down")
+        assert [row.system_id for row in app.query_one(FleetPane).in_order(snapshot)][:3] == [12, 13, 17]
+        assert app.selected == 13
+        await pilot.press("o")
+        assert [row.system_id for row in app.query_one(FleetPane).in_order(snapshot)] == [
+            row.system_id for row in snapshot.vehicles
+        ]
+
+
+def test_nothing_is_called_likelier_that_is_shown_as_none():
+    assert list(_of_its_rivals(0.001, 0.004, 0.7, 0, 0.0)) == ["not sure enough: 70% needed"]
+    assert list(_of_its_rivals(0.1, 0.4, 0.7, 0, 0.0)) == ["none of ours is likelier"]
