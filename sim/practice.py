@@ -24,7 +24,13 @@ TROUBLES: Mapping[str, str] = MappingProxyType(
         "impostor": "another sender uses its system id, 80 m away",
         "lie": "it reports to be 30 m from where it is",
         "frozen": "its position stands still",
+        "position": "its position does not come",
         "fix": "it has no GPS fix",
+        "satellites": "it receives few satellites",
+        "filter": "its filter rejects its receiver",
+        "compass": "its compass contradicts its motion",
+        "attitude": "its attitude does not come",
+        "clock": "its date is a minute off",
         "reboot": "it boots again",
         "sensor": "a sensor of it fails",
         "text": "it says that something is wrong",
@@ -39,6 +45,16 @@ _SAYS_EVERY = 10
 """Heartbeats."""
 _MOST_BYTES = 64
 _SENSORS = dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO | dialect.MAV_SYS_STATUS_SENSOR_GPS
+_FILTER_WELL = (
+    dialect.EKF_ATTITUDE
+    | dialect.EKF_VELOCITY_HORIZ
+    | dialect.EKF_VELOCITY_VERT
+    | dialect.EKF_POS_HORIZ_REL
+    | dialect.EKF_POS_HORIZ_ABS
+    | dialect.EKF_POS_VERT_ABS
+)
+_SILENCED = {"GLOBAL_POSITION_INT": frozenset({"position"}), "ATTITUDE": frozenset({"attitude"})}
+"""Troubles by the messages that do not come with them."""
 Message = Any
 """The dialect's messages carry no types."""
 
@@ -62,7 +78,7 @@ def parse_trouble(text: str, ids: Sequence[int]) -> tuple[str, int]:
 class Troubles:
     """Sends the messages of a fleet on as they are, or with the troubles that are on. One thread sends.
 
-    Every vehicle sends SYS_STATUS beside what it sends anyway.
+    Every vehicle sends SYS_STATUS and EKF_STATUS_REPORT beside what it sends anyway.
 
     Args:
         ids: system ids of the vehicles.
@@ -133,7 +149,7 @@ class Troubles:
             if kind == "GLOBAL_POSITION_INT":
                 forged.lat += round(IMPOSTOR_M * _DEGREES7_PER_M)
             yield True, self._packed(forged, system_id, message.get_srcComponent(), "impostor")
-        messages = [self._changed(message, system_id, on)]
+        messages = [] if on & _SILENCED.get(kind, frozenset()) else [self._changed(message, system_id, on)]
         if kind == "HEARTBEAT":
             messages += self._beside(system_id, on)
         for each in messages:
@@ -149,8 +165,11 @@ class Troubles:
             place = self._frozen.setdefault(system_id, (message.lat, message.lon)) if "frozen" in on else None
             message.lat, message.lon = place or (message.lat, message.lon)
             message.lat += round(LIE_M * _DEGREES7_PER_M) if "lie" in on else 0
-        if kind == "GPS_RAW_INT" and "fix" in on:
-            message.fix_type, message.satellites_visible = dialect.GPS_FIX_TYPE_NO_FIX, 2
+        if kind == "GPS_RAW_INT" and on & {"fix", "satellites"}:
+            message.fix_type = dialect.GPS_FIX_TYPE_NO_FIX if "fix" in on else message.fix_type
+            message.satellites_visible = 4
+        if kind == "SYSTEM_TIME" and "clock" in on:
+            message.time_unix_usec += 60_000_000
         if kind == "GLOBAL_POSITION_INT" and "fix" in on:
             message.lat = message.lon = 0
         if hasattr(message, "time_boot_ms"):
@@ -168,6 +187,8 @@ class Troubles:
         yield dialect.MAVLink_sys_status_message(
             *(_SENSORS, _SENSORS, health, 200, millivolts, 500, percent), *([0] * 6)
         )
+        refused, turned = (2.0 if name in on else 0.1 for name in ("filter", "compass"))
+        yield dialect.MAVLink_ekf_status_report_message(_FILTER_WELL, refused, refused, 0.1, turned, 0.0)
         if "text" in on and self._beats[system_id] % _SAYS_EVERY == 1:
             yield dialect.MAVLink_statustext_message(dialect.MAV_SEVERITY_ERROR, b"Steering: motor does not turn")
 

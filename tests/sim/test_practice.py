@@ -21,6 +21,8 @@ def sent(troubles, seconds=20, system_id=11):
             dialect.MAVLink_heartbeat_message(10, 3, 128, 10, 4, 3),
             dialect.MAVLink_global_position_int_message(1000 * (60 + second), 10**8 + second * 100, *([0] * 7)),
             dialect.MAVLink_gps_raw_int_message(0, 3, 0, 0, 0, 80, 120, 0, 0, 14),
+            dialect.MAVLink_attitude_message(1000 * (60 + second), *([0.0] * 6)),
+            dialect.MAVLink_system_time_message(10**15, 1000 * (60 + second)),
         ):
             raw = bytes(message.pack(source))
             source.seq = (source.seq + 1) % 256
@@ -33,21 +35,29 @@ def of(kind, messages):
     return [message for message in messages if message.get_type() == kind]
 
 
-POSITION, STATUS, GPS = "GLOBAL_POSITION_INT", "SYS_STATUS", "GPS_RAW_INT"
+POSITION, STATUS, GPS, FILTER = "GLOBAL_POSITION_INT", "SYS_STATUS", "GPS_RAW_INT", "EKF_STATUS_REPORT"
+ALL = 140
+"""Messages of twenty seconds."""
 SHOWS = {
     "battery": lambda own, forged: {m.battery_remaining for m in of(STATUS, own)} == {7},
     "link": lambda own, forged: own == [],
-    "loss": lambda own, forged: 20 < len(own) < 65 and len({m.get_seq() for m in own}) == len(own),
+    "loss": lambda own, forged: 50 < len(own) < 110 and len({m.get_seq() for m in own}) == len(own),
     "impostor": lambda own, forged: of(POSITION, forged)[0].lat - of(POSITION, own)[0].lat == 7195,
     "lie": lambda own, forged: of(POSITION, own)[0].lat == 10**8 + 2698,
     "frozen": lambda own, forged: {m.lat for m in of(POSITION, own)} == {10**8},
-    "fix": lambda own, forged: {(m.fix_type, m.satellites_visible) for m in of(GPS, own)} == {(1, 2)},
+    "position": lambda own, forged: not of(POSITION, own) and len(own) == ALL - 20,
+    "fix": lambda own, forged: {(m.fix_type, m.satellites_visible) for m in of(GPS, own)} == {(1, 4)},
+    "satellites": lambda own, forged: {(m.fix_type, m.satellites_visible) for m in of(GPS, own)} == {(3, 4)},
+    "filter": lambda own, forged: min(m.pos_horiz_variance for m in of(FILTER, own)) == 2.0,
+    "compass": lambda own, forged: min(m.compass_variance for m in of(FILTER, own)) == 2.0,
+    "attitude": lambda own, forged: not of("ATTITUDE", own) and len(own) == ALL - 20,
+    "clock": lambda own, forged: {m.time_unix_usec for m in of("SYSTEM_TIME", own)} == {10**15 + 60_000_000},
     "reboot": lambda own, forged: of(POSITION, own)[0].time_boot_ms == 0 < of(POSITION, own)[1].time_boot_ms < 2000,
     "sensor": lambda own, forged: all(
         m.onboard_control_sensors_health < m.onboard_control_sensors_enabled for m in of(STATUS, own)
     ),
     "text": lambda own, forged: len(of("STATUSTEXT", own)) == 2,
-    "video": lambda own, forged: len(own) == 80,
+    "video": lambda own, forged: len(own) == ALL,
 }
 
 
@@ -58,10 +68,10 @@ def test_a_trouble_shows_in_the_frames_of_its_vehicle_alone_and_ends(name):
     assert troubles.video_is_lost == (name == "video")
     assert SHOWS[name](*sent(troubles))
     own, forged = sent(troubles, system_id=12)
-    assert len(own) == 80 and not forged and of(POSITION, own)[0].lat == 10**8
+    assert len(own) == ALL and not forged and of(POSITION, own)[0].lat == 10**8
     if name != "reboot":
         troubles.toggle(name if name == "video" else f"{name} 11")
-    assert not troubles.video_is_lost and len(sent(troubles)[0]) == 80
+    assert not troubles.video_is_lost and len(sent(troubles)[0]) == ALL
 
 
 @pytest.mark.parametrize("text", ["", "fire 11", "battery", "battery 99", "battery ²", "lie 11 12"])

@@ -21,6 +21,11 @@ ALARMS = {
     "sensor": "part 16",
     "text": "text 17",
 }
+MORE = {"satellites": ("reception", 11), "filter": ("doubted", 13), "compass": ("compass", 16), "clock": ("clock", 17)}
+
+
+def is_placed(row):
+    return row.position_state == "ok"
 
 
 @pytest.mark.slow
@@ -39,13 +44,18 @@ def test_each_trouble_raises_its_alarm(tmp_path):
     flight = Flight(FlightPlan(mission=mission, links=links, video="", sessions=tmp_path, practise_port=practise))
     fleet.start()
     try:
-        assert until(lambda: flight.latest() and all(row.position_state == "ok" for row in flight.latest().vehicles))
+        assert until(lambda: flight.latest() and all(row.kind and is_placed(row) for row in flight.latest().vehicles))
         for system_id, name in zip(ids, ALARMS, strict=True):
             flight.practice.toggle(name, system_id)
         for key in ALARMS.values():
+            assert until(lambda: any(alarm.key.startswith(key) for alarm in flight.latest().alarms)), key  # noqa: B023
+        for name, (_, system_id) in MORE.items():
+            flight.practice.toggle(name, system_id)
+        for name, system_id in MORE.values():
+            key = f"{name} {system_id}"
             assert until(lambda: any(alarm.key.startswith(key) for alarm in flight.latest().alarms)), key  # noqa: B023
     finally:
         stop.set()
         fleet.join()
         flight.stop()
-    assert sum("practised: " in event.text for event in flight.events()) == len(ALARMS)
+    assert sum("practised: " in event.text for event in flight.events()) == len(ALARMS) + len(MORE)
