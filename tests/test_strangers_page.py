@@ -14,7 +14,7 @@ OPENS = re.compile(
 OURS = {
     *("gcs.export.maps.geopackage", "gcs.export.motion_imagery.klv", "gcs.export.mp4", "gcs.export.subtitles.mkv"),
     *("infra.files.safe_open", "vision.video.recording"),
-    "gcs.cli.demo",
+    *("gcs.cli.demo", "gcs.flight.practice"),
 }
 """What writes, and what the readers call."""
 

@@ -23,7 +23,7 @@ from gcs.flight.frame_loop import FrameLoop
 from gcs.flight.listening import Listening, open_ingest
 from gcs.flight.monitor import FlightMonitor
 from gcs.flight.newcomers import Newcomers
-from gcs.flight.practice import Practice
+from gcs.flight.practice import PractisedFleet
 from gcs.flight.video import FlightVideo, check_source
 from gcs.fold.detector_factory import fingerprints, open_mission_detector
 from gcs.fold.pipeline import Pipeline
@@ -139,7 +139,7 @@ class Flight:
         )
         for system_id in plan.accept_late:
             self._add_operator_event(system_id, "signed packets are accepted without a proof in this flight")
-        self._practice = Practice(plan.practise_port, self._add_practised) if plan.practise_port else None
+        self._practice = PractisedFleet(plan.practise_port, self._add_practised) if plan.practise_port else None
         self._stop = threading.Event()
         self._stopped = threading.Lock()
         self._closed = False
@@ -215,7 +215,7 @@ class Flight:
         return (f"{self._faults.count} faults of this program, in faults.txt; last: {self._faults.last}",)
 
     @property
-    def practice(self) -> Practice | None:
+    def practice(self) -> PractisedFleet | None:
         """Troubles of a simulated fleet, None of a real one."""
         return self._practice
 

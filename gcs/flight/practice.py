@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 
 from sim.practice import TROUBLES, VIDEO
 
-__all__ = ["Practice"]
+__all__ = ["PractisedFleet"]
 
 
-class Practice:
+class PractisedFleet:
     """Asks the fleet's simulator, by datagrams to a port of this computer.
 
     Args:

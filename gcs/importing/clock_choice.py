@@ -100,7 +100,7 @@ def searched_times(
     logs = FilmedFleetLogs(mission=mission, uav=lambda: kept, uav_with_fleet=uav is None or dated, fleet=fleet.places)
     either = bool(dated and film.created_us)
     bounds_s, where = (-within_s, within_s), str(film.path)
-    spans = _Kept(boxes_of_spans(film.path, start_us, mission.detector))
+    spans = _LookedParts(boxes_of_spans(film.path, start_us, mission.detector))
     *guesses, last = _missions(mission, (film.width, film.height))
     for guess in guesses:
         with contextlib.suppress(ImportFileError):
@@ -137,7 +137,7 @@ def _missions(mission: Mission, size: tuple[int, int]) -> list[Mission]:
     return [mission, *(replace(mission, camera=each) for each in described)]
 
 
-class _Kept:
+class _LookedParts:
     """Parts of a film, each looked at once, however often they are gone through."""
 
     def __init__(self, parts: Iterator[FilmBoxes]) -> None:

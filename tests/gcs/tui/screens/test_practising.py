@@ -1,13 +1,13 @@
 """X begins and ends troubles of a simulated fleet; a real one has none."""
 
-from gcs.flight.practice import Practice
+from gcs.flight.practice import PractisedFleet
 from tests.support.fake_station import FakeStation, running, screen_text
 
 
 async def test_a_trouble_begins_and_ends_with_two_keys_each():
     told = []
     station = FakeStation(live=True)
-    station.practice = Practice(9, lambda system_id, text: told.append((system_id, text)))
+    station.practice = PractisedFleet(9, lambda system_id, text: told.append((system_id, text)))
     async with running(station) as (app, pilot, _):
         await pilot.press("X")
         assert "Which trouble is UGV-11 to have?" in screen_text(app)
