@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from assoc.hypotheses.bias_noise import BIAS_STD_M, BIAS_TAU_S
+from assoc.hypotheses.bias_memory import BIAS_STD_M, BIAS_TAU_S
 from assoc.params import IdentifierParams
 from tests.support.bundled import CURVED_ROAD
 

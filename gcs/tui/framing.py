@@ -17,7 +17,7 @@ from gcs.report.box_shapes import Rect, box_bounds, drawable
 from gcs.snapshot import Box, Snapshot
 from gcs.tui.picking import picked_box
 
-__all__ = ["Frame", "frame_for", "framed"]
+__all__ = ["PictureRegion", "frame_for", "framed"]
 
 LEAST_SHARE: Final = 0.3
 """Of the image's width and height that is shown at least: a vehicle without its surroundings is nowhere."""
@@ -34,7 +34,7 @@ LOOSE_US: Final = 3_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Frame:
+class PictureRegion:
     """A part of the image."""
 
     rect: tuple[int, int, int, int]
@@ -45,7 +45,9 @@ class Frame:
     """Since when a closer one would do, Unix µs, 0: it would not."""
 
 
-def frame_for(snapshot: Snapshot, pick: tuple[int, int], shape: float, former: Frame | None = None) -> Frame:
+def frame_for(
+    snapshot: Snapshot, pick: tuple[int, int], shape: float, former: PictureRegion | None = None
+) -> PictureRegion:
     """The part with the fleet's boxes, the picked one, and where vehicles report to be; without any of these the whole.
 
     Args:
@@ -55,7 +57,7 @@ def frame_for(snapshot: Snapshot, pick: tuple[int, int], shape: float, former: F
         former: Of the frame before: it stays while it will do.
     """
     rects = list(_to_be_seen(snapshot, pick))
-    whole = Frame(rect=(0, 0, snapshot.width, snapshot.height), shape=shape)
+    whole = PictureRegion(rect=(0, 0, snapshot.width, snapshot.height), shape=shape)
     if not rects:
         return whole
     sides = np.array(rects)
@@ -102,7 +104,7 @@ def _inside(snapshot: Snapshot, x: float, y: float) -> bool:
 
 
 def _holds(
-    frame: Frame, low: NDArray[np.float64], high: NDArray[np.float64], around: float, snapshot: Snapshot
+    frame: PictureRegion, low: NDArray[np.float64], high: NDArray[np.float64], around: float, snapshot: Snapshot
 ) -> bool:
     """Whether a part of this image has all of it with some ground around, as far as the image goes."""
     left, top, width, height = frame.rect
@@ -112,7 +114,7 @@ def _holds(
     return bool((wanted[0] >= (left, top)).all() and (wanted[1] <= (left + width, top + height)).all())
 
 
-def framed(snapshot: Snapshot, frame: Frame) -> Snapshot:
+def framed(snapshot: Snapshot, frame: PictureRegion) -> Snapshot:
     """The snapshot as if its image were that part: without boxes beyond it, all places counted from its corner."""
     left, top, width, height = frame.rect
     if snapshot.image is None or (width, height) == (snapshot.width, snapshot.height):

@@ -39,7 +39,7 @@ WIDTHS: Final = {Room.WIDE: 116, Room.USUAL: 80}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Slot:
+class StatusSlot:
     """One fact of the bar."""
 
     cells: tuple[int, int, int]
@@ -97,7 +97,7 @@ def status_line(snapshot: Snapshot | None, width: int, *, live: bool, title: str
     return split_line(left, right, width)
 
 
-def _fitting(slots: Sequence[Slot], room: Room, width: int) -> list[Part]:
+def _fitting(slots: Sequence[StatusSlot], room: Room, width: int) -> list[Part]:
     """All slots, and on a screen for which none of them are made the first ones."""
     parts = [part for slot in slots for part in slot.at(room)]
     if parts and room is Room.TIGHT:  # every cell counts
@@ -105,7 +105,7 @@ def _fitting(slots: Sequence[Slot], room: Room, width: int) -> list[Part]:
     return parts if not slots or width_of(parts) + 1 < width else _fitting(slots[:-1], room, width)
 
 
-def _slots(snapshot: Snapshot, room: Room, *, live: bool) -> list[Slot]:
+def _slots(snapshot: Snapshot, room: Room, *, live: bool) -> list[StatusSlot]:
     """From the left: what is wrong, whether it is kept, who is named, what comes, and the time."""
     if not live:
         return [_alarms(snapshot), _names(snapshot, Room.WIDE, (14, 14, 14)), _video(snapshot)]
@@ -116,7 +116,7 @@ def _slots(snapshot: Snapshot, room: Room, *, live: bool) -> list[Slot]:
         _links(snapshot.health),
         _video(snapshot),
         _authentication(snapshot.health, room),
-        Slot(cells=(0, 0, 9), parts=_words(INK, clock(snapshot.now_us))),
+        StatusSlot(cells=(0, 0, 9), parts=_words(INK, clock(snapshot.now_us))),
     ]
 
 
@@ -124,29 +124,29 @@ def _words(colour: Colour, text: str) -> tuple[Part, ...]:
     return ((text, ink(colour, HEAD, bold=colour is ALARM)),) if text else ()
 
 
-def _alarms(snapshot: Snapshot) -> Slot:
+def _alarms(snapshot: Snapshot) -> StatusSlot:
     """How many alarms, and how many warnings beside them; empty while nothing is wrong."""
     loud, quiet = alarm_counts(snapshot.alarms)
     parts = _words(ALARM, f"{loud} alarm{'s' * (loud > 1)}" if loud else "")
     if quiet:
         parts += _words(WARN, f" +{quiet}" if loud else f"{quiet} warning{'s' * (quiet > 1)}")
-    return Slot(cells=(13, 13, 13), parts=parts, pane="alarms")
+    return StatusSlot(cells=(13, 13, 13), parts=parts, pane="alarms")
 
 
-def _recording(snapshot: Snapshot, room: Room) -> Slot:
+def _recording(snapshot: Snapshot, room: Room) -> StatusSlot:
     """Whether all is kept and for how long it was, or for how long the disk lasts once that is less than an hour."""
     health, cells = snapshot.health, (10, 14, 16)
     if trouble := _disk_trouble(health):
         ago = f" {age(health.write_failing_s or health.write_stalled_s)}" if room is not Room.TIGHT else ""
-        return Slot(cells=cells, parts=_words(ALARM, trouble + ago), pane="alarms")
+        return StatusSlot(cells=cells, parts=_words(ALARM, trouble + ago), pane="alarms")
     mark: Part = ("● REC" if room is not Room.TIGHT else "●", ink(ALARM, HEAD, bold=True))
     low = health.free_bytes < LOW_BYTES or health.full_in_s < LOW_S
     if low or health.full_in_s < FORECAST_S:
         left = age(health.full_in_s) if health.full_in_s < FORECAST_S else "LOW"
-        return Slot(cells=cells, parts=(mark, *_words(ALARM if low else WARN, f" disk {left}")), pane="alarms")
+        return StatusSlot(cells=cells, parts=(mark, *_words(ALARM if low else WARN, f" disk {left}")), pane="alarms")
     since_us = health.recording_since_us
     since = f" {duration(max(0, snapshot.now_us - since_us) / 1e6)}" if since_us else ""
-    return Slot(cells=cells, parts=(("● REC", mark[1]), *(_words(INK, since) if room is not Room.TIGHT else ())))
+    return StatusSlot(cells=cells, parts=(("● REC", mark[1]), *(_words(INK, since) if room is not Room.TIGHT else ())))
 
 
 def _disk_trouble(health: Health) -> str:
@@ -155,10 +155,10 @@ def _disk_trouble(health: Health) -> str:
     return "DISK HANGS" if health.write_stalled_s > STALLED_S else ""
 
 
-def _names(snapshot: Snapshot, room: Room, cells: tuple[int, int, int]) -> Slot:
+def _names(snapshot: Snapshot, room: Room, cells: tuple[int, int, int]) -> StatusSlot:
     """How many are confirmed, how old that is where it is held for want of a frame, and no count once it is too old."""
     if not snapshot.analysed:
-        return Slot(cells=cells, parts=_words(WARN, NOT_ANALYSED), pane="identity")
+        return StatusSlot(cells=cells, parts=_words(WARN, NOT_ANALYSED), pane="identity")
     named, total = named_count(snapshot)
     count, word = f"{named}/{total}", " confirmed" if room is Room.WIDE else ""
     if any(row.standing == "no new frame" for row in snapshot.vehicles):
@@ -167,21 +167,21 @@ def _names(snapshot: Snapshot, room: Room, cells: tuple[int, int, int]) -> Slot:
             Room.USUAL: "no frame",
             Room.WIDE: f"no new frame {age(snapshot.frame_age_s)}",
         }
-        return Slot(cells=cells, parts=_words(WARN, words[room]), pane="identity")
+        return StatusSlot(cells=cells, parts=_words(WARN, words[room]), pane="identity")
     if snapshot.held_s:
         ago = f" {age(snapshot.held_s)}" + " ago" * (room is Room.WIDE)
-        return Slot(cells=cells, parts=_words(FAINT, f"{count}{word}{ago}"), pane="identity")
+        return StatusSlot(cells=cells, parts=_words(FAINT, f"{count}{word}{ago}"), pane="identity")
     if snapshot.provisional:
-        return Slot(cells=cells, parts=_words(FAINT, f"{count}{word}, provisional"), pane="identity")
-    return Slot(cells=cells, parts=_words(count_colour(named, total), f"{count}{word}"), pane="identity")
+        return StatusSlot(cells=cells, parts=_words(FAINT, f"{count}{word}, provisional"), pane="identity")
+    return StatusSlot(cells=cells, parts=_words(count_colour(named, total), f"{count}{word}"), pane="identity")
 
 
-def _links(health: Health) -> Slot:
+def _links(health: Health) -> StatusSlot:
     """How many of the links bring something."""
     count = len(health.links)
     silent = sum(map(is_silent, health.links))
     colour = ALARM if silent or not count else INK
-    return Slot(
+    return StatusSlot(
         cells=(9, 9, 11), parts=_words(colour, f"links {count - silent}/{count}" if count else "no link"), pane="alarms"
     )
 
@@ -197,7 +197,7 @@ def _rates(health: Health) -> list[Part]:
     return parts
 
 
-def _video(snapshot: Snapshot) -> Slot:
+def _video(snapshot: Snapshot) -> StatusSlot:
     """Whether what is shown is new; the pane has the figures."""
     health = snapshot.health
     if health.video in ("none", "waiting", "ended"):
@@ -212,13 +212,13 @@ def _video(snapshot: Snapshot) -> Slot:
         colour, word = WARN, "video bad"
     else:
         colour, word = FAINT, "video ok"
-    return Slot(cells=(10, 10, 10), parts=_words(colour, word), pane="video")
+    return StatusSlot(cells=(10, 10, 10), parts=_words(colour, word), pane="video")
 
 
-def _authentication(health: Health, room: Room) -> Slot:
+def _authentication(health: Health, room: Room) -> StatusSlot:
     """Shown for as long as any sender can pose as a vehicle; else how many keys are in use."""
     if health.keys:
         words = _words(FAINT, f"{health.keys} key{'s' * (health.keys > 1)}") if room is not Room.TIGHT else ()
     else:
         words = _words(WARN, "OPEN" if room is not Room.WIDE else "NOT AUTHENTICATED") if health.keys == 0 else ()
-    return Slot(cells=(4, 7, 17), parts=words, pane="alarms")
+    return StatusSlot(cells=(4, 7, 17), parts=words, pane="alarms")

@@ -20,7 +20,7 @@ from gcs.tui.draw.mosaic import HALF_BLOCKS, PictureMode
 from gcs.tui.draw.pixels import Pixels
 from gcs.tui.draw.strips import Part, line
 from gcs.tui.draw.video_canvas import box_at, video_cells, video_inset, video_labels
-from gcs.tui.framing import Frame, frame_for, framed
+from gcs.tui.framing import PictureRegion, frame_for, framed
 from gcs.tui.messages import VehiclePicked
 from gcs.tui.palette import ALARM, FAINT, HEAD, INK, WARN, ink
 from gcs.tui.panes.pane import Pane
@@ -48,7 +48,7 @@ class VideoPane(Pane):
         self._rest_until = 0.0
         self._look: tuple[int, ...] = ()
         self._late = False
-        self._frame: Frame | None = None
+        self._frame: PictureRegion | None = None
         self._shown: Snapshot | None = None
         """What is on screen in cells: as if the image were the part that is shown."""
         self._labelling = Labelling()

@@ -20,6 +20,7 @@ OPTIONS = [
     ("fly", FLIGHT, "--fps"),
     ("fly", HEARD, "--uav"),
     ("fly", HEARD, "--listen"),
+    *(("doctor", ("--mission", SWARM / "session.toml"), option) for option in ("--height", "--listen")),
     ("replay", (SWARM,), "--video-start"),
     ("replay", (SWARM,), "--fps"),
     ("replay", (SWARM, "--serve"), "--port"),

@@ -51,7 +51,8 @@ class Broken:
 def fold(tmp_path):
     recorder = Recorder(tmp_path, MISSION, video=True)
     seen, faults = [], Faults(recorder.folder / "faults.txt")
-    fold = FrameLoop(Pipeline(MISSION), Broken(), recorder, faults, seen.append, now_us=lambda: NOW_US)
+    fold = FrameLoop(Pipeline(MISSION), Broken(), recorder, faults, seen.append, now_us=lambda: NOW_US + fold.late_us)
+    fold.late_us = 0
     fold.seen, fold.folder = seen, recorder.folder
     yield fold
     recorder.close()
@@ -96,11 +97,16 @@ def test_telemetry_that_is_taken_in_late_makes_no_vehicle_silent(fold):
     snapshot = fold.latest
     assert snapshot.vehicles[1].heartbeat_age_s == pytest.approx(0.2, abs=1e-3)
     assert snapshot.health.behind_s == pytest.approx(5.8, abs=1e-3)
+    # told once it lasts
+    fold.late_us = 1_100_000
+    fold.add_packets([], NOW_US - 5_700_000)
+    fold.run_once(None)
+    snapshot = fold.latest
     assert {alarm.key for alarm in snapshot.alarms} >= {"overload"}
     assert not any(alarm.key.startswith(("silent", "position")) for alarm in snapshot.alarms)
-    fold.add_packets([], NOW_US)
+    fold.add_packets([], NOW_US + fold.late_us)
     fold.run_once(None)
-    assert fold.latest.vehicles[1].heartbeat_age_s == pytest.approx(6.0, abs=1e-3)
+    assert fold.latest.vehicles[1].heartbeat_age_s == pytest.approx(7.1, abs=1e-3)
     assert any(alarm.key == "silent 11" for alarm in fold.latest.alarms), "heard for so long, and it said nothing"
     assert fold.latest.health.behind_s == 0.0
 

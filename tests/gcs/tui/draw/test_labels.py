@@ -30,7 +30,7 @@ def names_of(snapshot):
     names = [row.name for row in snapshot.vehicles]
     ids = {"UAV", "?", "", *(str(row.system_id) for row in snapshot.vehicles)}
     return {
-        row.system_id: {"UAV"}
+        row.system_id: {"UAV", row.name}
         if row.role == "uav"
         else {
             str(row.system_id),
