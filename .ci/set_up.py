@@ -11,10 +11,8 @@ from pathlib import Path
 from typing import IO
 
 LEAST_PYTHON = (3, 11)
-TOLD_S = 1.0
-"""Between two signs of life on a terminal."""
-LOGGED_S = 10.0
-"""The same in a log."""
+TOLD_S, LOGGED_S = 1.0, 10.0
+"""Seconds between two lines of progress, on a terminal and in a log: who waits wants to see that it goes on."""
 
 
 def run_step(what: str, command: list[str], packages: int = 0) -> int:
@@ -59,13 +57,13 @@ def _read(out: IO[str], lines: queue.SimpleQueue[str]) -> None:
 
 
 def _say(text: str, *, screen: bool) -> None:
-    """Over the line before on a terminal, else as a line of its own."""
+    """Show a text: on a terminal in place of the line before, else as a line of its own."""
     sys.stdout.write(f"\r\x1b[K{text}" if screen else f"{text}\n")
     sys.stdout.flush()
 
 
 def how_far(written: list[str], packages: int) -> str:
-    """What pip's lines tell.
+    """How far an installation is, by the lines that pip has written.
 
     Example:
         >>> how_far(["Collecting numpy==2.4.1\\n", "Collecting rich==15.0\\n"], 120)

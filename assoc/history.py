@@ -26,9 +26,10 @@ _HOVERS_MPS = 1.0
 _FLIGHT_S = 2.0
 """Time over which the speed of a flight is measured, seconds."""
 INTERVALS = 5
-"""Between the last frames, whose median tells how far apart frames are: single ones are dropped."""
+"""Number of frame intervals whose median is the usual one: single frames are dropped."""
 _MISSED_FRAMES, _LONGEST_GAP_S = 1.5, 2.0
-"""Where frames are far apart: a gap longer than so many intervals, or than this, seconds, ends a track."""
+"""Longest gap in a track, in usual frame intervals, and its bound in seconds: over a missed look at few frames a second
+the tracker may have gone on with a neighbour."""
 
 
 def longest_gap_s(gap_max_s: float, t: Sequence[float] | FloatArray) -> float:

@@ -30,7 +30,7 @@ BoolArray = NDArray[np.bool_]
 
 
 def least_losses(score: FloatArray, best: IntArray) -> FloatArray:
-    """How much worse than the best assignment every assignment is that contains a pair, at least.
+    """Least loss, nats, of the assignments that contain a pair, against the best assignment of all.
 
     A row that takes another's column drives that row out, to a free column, to none or on to the next row's. With
     w_ik = a_i,σ(k) − a_i,σ(i) and D its longest paths,  loss_i,σ(k) = −(w_ik + max(D_ki, R_k + C_i)), where

@@ -15,7 +15,7 @@ import platform
 import resource
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
@@ -42,6 +42,7 @@ from gcs.batch.jobs import (
 from gcs.batch.records import read_record, write_record
 from gcs.batch.stores import ResultStore, open_results
 from gcs.errors import BatchError, GcsError, StoreError
+from gcs.export.tables.identity_table import IdentityTable
 from gcs.playback.identification import identify_session
 from gcs.report.rollcall import RollCall
 from gcs.report.score import score_files
@@ -52,11 +53,6 @@ from infra.session_format import IDENTITY, IDENTITY_EVIDENCE
 if TYPE_CHECKING:
     from gcs.mission.mission import DetectorChoice
     from vision.detect.detector import Detector
-from collections.abc import Mapping
-from contextlib import closing
-
-from gcs.export.tables.identity_table import IdentityTable
-
 __all__ = ["fetched_path", "identify_flight", "write_identity_table"]
 
 _PACKAGES = ("numpy", "scipy", "onnxruntime", "opencv-python-headless", "av", "pyarrow")
@@ -240,7 +236,7 @@ def write_identity_table(evidence: Path, path: Path, about: Mapping[str, str]) -
         GcsError: pyarrow is not installed.
         BatchError: the evidence is none.
     """
-    with closing(IdentityTable(str(path), about)) as table, evidence.open("rb") as lines:
+    with contextlib.closing(IdentityTable(str(path), about)) as table, evidence.open("rb") as lines:
         for line in lines:
             try:
                 table.add(line)

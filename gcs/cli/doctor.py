@@ -20,9 +20,8 @@ from gcs.cli.output.tables import print_table
 from gcs.errors import GcsError
 from gcs.flight.flight import Flight, FlightPlan
 from gcs.fold.detector_factory import open_mission_detector
-from gcs.health.check import Check
 from gcs.health.machine import GSD_M, PORTS, checks
-from gcs.health.preflight import preflight
+from gcs.health.preflight import Check, preflight
 from gcs.mission.mission import Mission, load_mission
 
 __all__ = ["doctor"]

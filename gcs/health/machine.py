@@ -17,7 +17,7 @@ import av
 import numpy as np
 import onnxruntime as ort
 
-from gcs.health.check import Check, Verdict
+from gcs.health.preflight import Check, Verdict
 from gcs.health.station_alarms import FULL_BYTES, LOW_BYTES
 from mavlink.errors import LinkError
 from mavlink.links.kinds import open_link

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
 
-from gcs.health.check import Check, Verdict
 from gcs.health.heard import is_heard, refused_because
 from gcs.snapshot import Alarm, Health, Snapshot, VehicleRow
 from mavlink.transmit.message_rates import Rate
 
-__all__ = ["preflight"]
+__all__ = ["Check", "Verdict", "preflight"]
 
 CAMERA_ADVICE = (
     "have the UAV report it (CAMERA_FOV_STATUS or CAMERA_INFORMATION), or describe it as [camera] of the mission; "
@@ -27,6 +28,20 @@ POSITION_ADVICE = (
 )
 DELAY_KNOWN_S = 0.1
 """1σ up to which the video's delay is known: a vehicle at 5 m/s is half a metre elsewhere after it."""
+
+
+Verdict = Literal["ok", "short", "bad"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Check:
+    """One thing that was looked at before a flight, what was found, and what to do about it."""
+
+    name: str
+    verdict: Verdict
+    """``short``: a flight is possible and suffers; ``bad``: something will not work."""
+    found: str
+    advice: str = ""
 
 
 def preflight(now: Snapshot, rates: Sequence[Rate]) -> tuple[Check, ...]:

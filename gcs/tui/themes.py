@@ -14,8 +14,9 @@ from typing import Final, Literal
 
 from textual.theme import Theme as TextualTheme
 
-from gcs.report.overlay import DARK as PICTURE_PAPER
 from gcs.report.overlay import STANDING_RGB
+from gcs.report.page.style import DARK as PAGES_DARK
+from gcs.report.page.style import LIGHT as PAGES_LIGHT
 from gcs.tui.draw.xterm_palette import nearest
 
 __all__ = [
@@ -132,42 +133,28 @@ DARK: Final = _theme(
     "dark",
     {
         Colour.GAP: (6, 8, 12),
-        Colour.PANEL: PICTURE_PAPER,
-        Colour.HEAD: (28, 34, 46),
         Colour.PICKED: (34, 46, 70),
         Colour.ALARM_TINT: (62, 22, 26),
         Colour.WARN_TINT: (48, 38, 12),
-        Colour.LINE: (98, 110, 134),
-        Colour.FAINT: (152, 160, 176),
-        Colour.INK: (206, 213, 225),
         Colour.BRIGHT: (244, 247, 252),
-        Colour.ACCENT: (110, 190, 255),
+        **{Colour(name): rgb for name, rgb in PAGES_DARK.items()},
         **{Colour(standing): rgb for standing, rgb in STANDING_RGB.items()},
     },
     palette={Colour.LINE: 244, Colour.PICKED: 17, Colour.ALARM_TINT: 52},
 )
-"""In the colours of the exported video."""
+"""In the colours of pages and of the exported video."""
 
 LIGHT: Final = _theme(
     "light",
     {
+        **{Colour(name): rgb for name, rgb in PAGES_LIGHT.items()},
         Colour.GAP: (198, 204, 214),
-        Colour.PANEL: (252, 252, 250),
-        Colour.HEAD: (234, 237, 242),
         Colour.PICKED: (214, 226, 246),
         Colour.ALARM_TINT: (255, 226, 222),
         Colour.WARN_TINT: (255, 242, 204),
-        Colour.LINE: (118, 126, 138),
-        Colour.FAINT: (86, 93, 104),
-        Colour.INK: (42, 48, 58),
         Colour.BRIGHT: (0, 0, 0),
-        Colour.ACCENT: (0, 84, 166),
-        Colour.CONFIRMED: (0, 110, 104),
-        Colour.TENTATIVE: (126, 90, 0),
         Colour.COASTING: (8, 0, 205),
-        Colour.UNIDENTIFIED: (96, 0, 125),
         Colour.OUT_OF_VIEW: (53, 60, 70),
-        Colour.NO_POSITION: (127, 6, 2),
         Colour.MISPLACED: (127, 6, 2),
         Colour.NO_NEW_FRAME: (0, 7, 21),
     },

@@ -36,7 +36,8 @@ Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
 INTERVALS, MISSED_FRAMES = 5, 2.2
-"""Between the last frames, whose median tells how far apart frames are, and how many of these a missed box lasts."""
+"""Number of frame intervals whose median is the usual one, and how many usual ones a track may go without a box: one
+frame in which its vehicle is missed must not end it."""
 LEAST_SHIFT = 0.1
 """A smaller displacement of most tracks, in box sizes, is left to the filter."""
 REACH = 4.0

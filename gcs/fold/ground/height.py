@@ -122,12 +122,7 @@ class GroundHeight:
 
     def below(self, uav: UavState) -> GroundSurface:
         """The ground; the plane of the UAV's home while nothing else is known, else a guess."""
-        if self.ground is not None:
-            return self.ground
-        home_z = self._home_z(uav)
-        if math.isnan(home_z):
-            return _guess(uav.p_enu)
-        return GroundSurface(at=uav.p_enu[:2], z=home_z, slope=np.zeros(2), std_m=HOME_ALONE_STD_M)
+        return self.ground or find_ground(np.zeros((0, 4, 4)), np.zeros(0), self._home_z(uav), uav.p_enu)
 
     def update(self, state: FleetState, relief: Relief | None = None) -> Sequence[Event]:
         """Take in the altitudes of one moment; returns what an operator should know.
@@ -385,13 +380,6 @@ def find_ground(
         relief=relief,
         divided=divided,
     )
-
-
-def _guess(uav_enu: FloatArray) -> GroundSurface:
-    """The ground while nothing tells how high a UAV (3,) is above it."""
-    z = float(uav_enu[2]) - GUESS_M
-    guess = HeightSource(name=GUESS, z=z, std_m=GUESS_STD_M)
-    return GroundSurface(at=uav_enu[:2], z=z, slope=np.zeros(2), std_m=GUESS_STD_M, sources=(guess,), datums_m=DATUMS_M)
 
 
 def _near_median(z: FloatArray, home_z: float) -> NDArray[np.bool_]:

@@ -93,7 +93,7 @@ class GroundSurface:
         return tuple(others)
 
     def is_doubtful_below(self, camera_z: float) -> bool:
-        """Whether sources put a camera at some height so differently far above the ground that its film has to tell."""
+        """Whether the sources leave open how far a camera is above the ground, by more than ``SURE_SHARE``."""
         above = camera_z - self.z
         heights = np.maximum([above, *(above + lower for lower in self.other_heights_m)], LEAST_HEIGHT_M)
         return bool((np.maximum(heights, heights[0]) > SURE_SHARE * np.minimum(heights, heights[0])).any())

@@ -11,8 +11,7 @@ from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
 from textual.widgets import Static
 
-from gcs.health.check import Check, Verdict
-from gcs.health.preflight import preflight
+from gcs.health.preflight import Check, Verdict, preflight
 from gcs.station import Station
 from gcs.tui.draw.format import plain
 from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, INK, WARN, Colour, ink

@@ -11,7 +11,6 @@ import pytest
 
 from gcs.mission.mission import Mission, MissionVehicle
 from gcs.playback.as_flown import FlownReports
-from gcs.report.page import style
 from gcs.report.page.flight_report import Provenance, flight_report
 from gcs.report.page.flight_summary import FlightSummary
 from gcs.report.page.map_drawing import draw_map
@@ -19,7 +18,6 @@ from gcs.report.page.stills import MOST, Stills
 from gcs.report.page.timeline import draw_sources
 from gcs.report.score import Matched
 from gcs.snapshot import Alarm, Event
-from gcs.tui import themes
 from tests.support.bundled import CURVED_ROAD, shortened, swarm_session
 from tests.support.command_line import run_gcs
 from tests.support.snapshots import STEP, TWO_UGVS, box, snapshot
@@ -229,11 +227,6 @@ def test_a_name_holds_until_the_next_look_and_a_second_at_most():
     for each in flown:
         record.add(each.t_us, each)
     assert record.vehicles[2].named_us == 2 * STEP + 1_000_000
-
-
-@pytest.mark.parametrize(("page", "theme"), [(style.LIGHT, themes.LIGHT), (style.DARK, themes.DARK)])
-def test_pages_have_the_colours_of_the_screens(page, theme):
-    assert dict(page) == {name: theme.colours[themes.Colour(name)] for name in page}
 
 
 def test_confidences_that_come_true_lie_on_the_diagonal():
