@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from assoc.evidence.blocks import Blocks
 from assoc.evidence.likelihood import Noise, PairState
-from assoc.geometry.ground import THETA
+from assoc.geometry.ground import HEIGHT, THETA
 
-__all__ = ["BiasModels", "Fitted", "PosePrior", "Whitened", "fit", "log_evidence", "misfit", "whiten"]
+__all__ = ["BiasModels", "Fitted", "PosePrior", "Whitened", "fit", "is_gross", "log_evidence", "misfit", "whiten"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -26,6 +26,11 @@ _ROUNDS = 3
 """Rounds of reweighting: weights settle in two or three."""
 _OUTLIER = 40.0
 """Squared innovation, in variances, from which it is no innovation of this pair."""
+
+
+def is_gross(mean: FloatArray) -> bool:
+    """Whether a part of the prior with this mean (9,) is off in anything but the height."""
+    return bool(np.any(np.delete(mean, HEIGHT)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +47,11 @@ class PosePrior:
     """True: every update starts at its mean too, until film and telemetry fit clearly."""
     others: tuple[PosePrior, ...] = ()
     """The other parts: errors that are rare and large."""
+
+    @property
+    def is_gross(self) -> bool:
+        """Whether it is an error that does not come in flight, as heights do over hills: it is there from the start."""
+        return is_gross(self.mean)
 
     def cost(self, theta: FloatArray) -> float:
         """½ (θ − μ)ᵀΛ(θ − μ) − ln w of this part."""

@@ -65,10 +65,13 @@ def noise_of(
         in_view_bonus: (n,) see :class:`Noise`.
         by_place: The size of residuals alone counts, not their course.
     """
+    decay = float(np.exp(-q.block_s / tau_s))
+    # a bias wanders within a block, too: by λ from end to end, about its mean by a sixth of the variance of that
+    wander_var = 0.0 if by_place else (1.0 - decay**2) * bias_std**2 / 6.0
     return Noise(
-        white_var=white_std_m**2 + _EXTRA_WHITE_VAR,
+        white_var=white_std_m**2 + _EXTRA_WHITE_VAR + wander_var,
         bias_std=bias_std,
-        decay=float(np.exp(-q.block_s / tau_s)),
+        decay=decay,
         floor_var=q.mean_floor_m**2,
         pixel_var=q.pixel_std**2,
         height=float(camera.p_enu[2]) - camera.ground_z,

@@ -446,13 +446,26 @@ class Estimator:
         else:
             starts = self._starts(context, not camera.attitude_known)
             starts += self.gross.starts(context.prior, self.fit, at_once=not self._is_large(context))
-            found = keep_best([refine(context, theta) for theta in starts], q.hypotheses)
+            found = self._expected([refine(context, theta) for theta in starts], context)
             if self._updates % q.shift_every == 1:
                 most = q.shifts_many if self._is_large(context) else q.shifts
                 found += [refine(context, theta, blocks=found[0].blocks) for theta in shifts(context, found[0], most)]
-                found = keep_best(found, q.hypotheses)
+                found = self._expected(found, context)
         found += swaps(context, found[0], q.swaps_locked if self.locked else q.swaps)
         return keep_best(found, q.hypotheses)
+
+    def _expected(self, found: list[Hypothesis], context: UpdateContext) -> list[Hypothesis]:
+        """The best hypotheses; none with a gross error while the fleet is explained without one.
+
+        Others that drive in our formation would make up for any error that moves it by one place.
+        """
+        most = self._params.search.hypotheses
+        best = keep_best(found, most)
+        if not (self.fit.usual and context.prior.part_at(best[0].theta).is_gross):
+            return best
+        usual = [h for h in found if not context.prior.part_at(h.theta).is_gross]
+        usual = keep_best(usual or [refine(context, np.zeros(THETA))], most)
+        return usual if self.fit.explains(context, usual[0]) else best
 
     def _starts(self, context: UpdateContext, free: bool) -> list[FloatArray]:
         """Starting poses: those of the last update and of the prior; with many pairs mostly the last best alone."""

@@ -30,6 +30,7 @@ from scipy.special import expit, gammaln
 from assoc.evidence.blocks import Blocks
 from assoc.evidence.likelihood import PLACE_TAU_S, Noise, bound_variance, initial_state, place_ratio, run_filter
 from assoc.geometry.ground import OFFSET, THETA
+from assoc.hypotheses.pose import is_gross
 from assoc.hypotheses.search import Hypothesis, UpdateContext, refine
 from assoc.hypotheses.sway_fit import fit_sway
 
@@ -248,6 +249,21 @@ class FleetFit:
     def fits(self) -> bool:
         """Whether they rather do than not."""
         return self.probability >= _FITS
+
+    @property
+    def usual(self) -> bool:
+        """Whether they have been proved to fit without a gross error."""
+        return self._grown and not is_gross(self._mean)
+
+    def explains(self, context: UpdateContext, best: Hypothesis) -> bool:
+        """Whether a hypothesis explains the boxes better than chance.
+
+        Args:
+            context: What the update works on.
+            best: The hypothesis.
+        """
+        lucky = max([decoy.course for decoy in self._decoys] + [0.0])
+        return evidence_of(context, best).course > lucky + _toll(best)
 
     def update(self, t: float, context: UpdateContext, best: Hypothesis, *, steady: bool) -> None:
         """Take in the results of one update.

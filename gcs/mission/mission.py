@@ -107,8 +107,8 @@ class Camera:
     flight, as the gimbal reports, and as ``stabilized`` until it does."""
     roll_deg: Annotated[float, Meta(ge=-180.0, le=180.0)] = 0.0
     """With a gimbal: by which the image is turned against it."""
-    pitch_deg: Annotated[float, Meta(ge=-90.0, le=90.0)] = -90.0
-    """-90 looks straight down."""
+    pitch_deg: Annotated[float, Meta(ge=-180.0, le=90.0)] = -90.0
+    """-90 looks straight down; below that the picture's top looks backwards."""
     yaw_deg: Annotated[float, Meta(ge=-360.0, le=360.0)] = 0.0
     """Relative to the body's nose."""
 

@@ -261,7 +261,7 @@ def _hung(fit: CameraFit) -> Camera:
     return Camera(
         mount="fixed" if fit.kind == "fixed" else "gimbal",
         roll_deg=roll_deg,
-        pitch_deg=max(-90.0, round(math.degrees(fit.pitch), 2)),
+        pitch_deg=round(math.degrees(fit.pitch), 2),
         yaw_deg=round(math.degrees(fit.yaw), 2),
     )
 

@@ -12,6 +12,7 @@ from gcs.session.session import open_session
 from mavlink.protocol.dialect import DEFINITIONS
 from sim.session import write_session
 from sim.world.presets import nominal
+from sim.world.scenario import Scenario, ScenarioGround, Targets
 from tests.support.bundled import SWARM, shortened, with_packets, with_sender
 
 
@@ -64,3 +65,13 @@ def test_other_errors_than_the_simulators_own(tmp_path, gnss, ground, right):
     write_session(scenario, tmp_path / "session")
     scored = score_files(tmp_path / "session" / "truth.csv", identify(tmp_path / "session", tmp_path / "out"))
     assert scored.precision >= 0.97 and scored.right >= right
+
+
+@pytest.mark.slow
+def test_strangers_in_our_formation_do_not_turn_the_camera(tmp_path):
+    """Two that report nothing drive in the formation: a camera 15° off would explain them, too, by the next places."""
+    ground, targets = ScenarioGround(kind="formation"), Targets(lookalikes=2, moving=2)
+    write_session(Scenario(name="joined", seed=4032, duration_s=20.0, ground=ground, targets=targets), tmp_path / "s")
+    scored = score_files(tmp_path / "s" / "truth.csv", identify(tmp_path / "s", tmp_path / "out"))
+    assert (scored.precision, scored.wrong_sure_s) == (1.0, 0.0)
+    assert scored.right > 0.9
