@@ -137,7 +137,7 @@ def _ordered(options: Options, k: int, case: str, query: str, words: Sequence[st
             options.folder / f"out-{k}",
             mission_text(ROVERS),
             [f"udpin:127.0.0.1:{port}"],
-            ["--out", f"udpout:127.0.0.1:{operator.port}{query}", *words],
+            ["--forward", f"udpout:127.0.0.1:{operator.port}{query}", *words],
         )
     except StationError as error:
         operator.close()

@@ -132,7 +132,7 @@ def _ask(pid: int) -> bool:
 
 def _mute_clients(options: Options) -> tuple[bool, str]:
     place = "127.0.0.1", free_port(socket.SOCK_STREAM)
-    with _flight(options, "mute", ["--tell", "json+tcp://{}:{}".format(*place)]), ExitStack() as stack:
+    with _flight(options, "mute", ["--publish", "json+tcp://{}:{}".format(*place)]), ExitStack() as stack:
         for _ in range(MUTE):
             mute = stack.enter_context(socket.socket())
             mute.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)  # what the system holds for it counts as taken

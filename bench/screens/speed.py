@@ -108,7 +108,7 @@ def measure_flight(gcs: Path, keys: int, figures: Figures) -> None:
         mission = shutil.copy(RECORDING / "session.toml", folder)
         stream = f"udp://127.0.0.1:{video}"
         flight = [gcs, "fly", mission, "-l", str(links), "-v", stream, "--sessions", f"{folder}/sessions"]
-        simulator = [gcs, "sim", "curved-road", "--live", "--telemetry", f"udpout:127.0.0.1:{links}"]
+        simulator = [gcs, "sim", "run", "curved-road", "--live", "--telemetry", f"udpout:127.0.0.1:{links}"]
         with TerminalSession([*map(str, flight), "--graphics", "blocks"], WIDE) as session:
             session.wait_for(lambda text: "ROLLCALL" in text)
             with _running([*map(str, simulator), "--stream", stream, "--truth", f"{folder}/truth.csv"]):
@@ -152,7 +152,7 @@ def simulate(gcs: Path, folder: Path) -> Path:
     """A recording with more frames a second, as every checkout can replay it."""
     scenario = folder / "faster.toml"
     scenario.write_text(f'name = "faster"\nfps = {FASTER_FPS}.0\nduration_s = {FASTER_S}\n')
-    subprocess.run([gcs, "sim", scenario, "--video", "-o", folder / "faster"], check=True, capture_output=True)
+    subprocess.run([gcs, "sim", "run", scenario, "--video", "-o", folder / "faster"], check=True, capture_output=True)
     return folder / "faster"
 
 

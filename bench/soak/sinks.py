@@ -37,7 +37,10 @@ class TroubledSinks:
             f"cot+tcp://127.0.0.1:{free_port(socket.SOCK_STREAM)}",  # nobody is there
             f"foxglove://127.0.0.1:{free_port(socket.SOCK_STREAM)}",
         )
-        self.words = [word for url in tell for word in ("--tell", url)] + ["--show", f"udp://127.0.0.1:{free_port()}"]
+        self.words = [word for url in tell for word in ("--publish", url)] + [
+            "--stream",
+            f"udp://127.0.0.1:{free_port()}",
+        ]
         self.stopped = self.killed = 0
         self._over = threading.Event()
         self._threads: list[threading.Thread] = []

@@ -152,7 +152,7 @@ def _report(flown: TrueFlight, folder: Path) -> Found:
 
 def _batch(flown: TrueFlight, folder: Path) -> Found:
     subprocess.run(
-        [*GCS_WORDS, "batch", str(flown.folder), "-o", str(folder / "batch")], check=True, capture_output=True
+        [*GCS_WORDS, "batch", "run", str(flown.folder), "-o", str(folder / "batch")], check=True, capture_output=True
     )
     page = batch_page(read_results(open_results(str(folder / "batch"))), "batch")
     yield page.count("<td"), list(check_batch(flown, page, _own(flown)))

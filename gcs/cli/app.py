@@ -7,86 +7,192 @@ from __future__ import annotations
 
 import gc
 import sys
+from collections.abc import Callable
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, TextIO, cast
+from typing import Annotated, Any, TextIO, cast, get_args, get_type_hints
 
 import typer
 from typer.core import TyperGroup
 from typer.main import get_command
+from typer.models import OptionInfo
 
-from gcs.cli.output.console import LogLevel, PlainStream, errors_as_exit_codes, hide_secrets, print_lines, start_log
+from gcs.cli.output.console import (
+    LogLevel,
+    PlainStream,
+    errors_as_exit_codes,
+    hide_secrets,
+    print_lines,
+    print_note,
+    start_log,
+)
 from gcs.errors import GcsError
 
 __all__ = ["app", "main"]
 
-_COMMANDS: dict[str, str] = {
-    "fly": "Name the vehicles in a live video; record everything.",
-    "replay": "Play, seek and step through a recording.",
-    "identify": "Name the boxes of a recording, faster than real time.",
-    "batch": "Name the boxes of many recordings, on this machine or a cluster.",
-    "batch report": "Make one page over all flights of a batch, the worst first.",
-    "import": "Make a session of a flight that others recorded: film, logs, tables.",
-    "export": "Write identities for other programs, or a film with names.",
-    "report": "Write a page about a flight: who was named when and how surely.",
-    "score": "Compare an identity log with the truth.",
-    "tlog": "Look into telemetry logs; check, repair and cut them.",
-    "keys": "Make, list and check the keys that vehicles sign with.",
-    "calibrate": "Measure a camera: focal length, centre, lens distortion.",
-    "eval-detector": "Measure a detector on labelled images.",
-    "train-detector": "Fine-tune the bundled detector on labelled images.",
-    "sim": "Simulate a flight with truth, as a session or live.",
-    "sim from-tracks": "Put telemetry under an annotated film, as a session with truth.",
-    "doctor": "Show what this machine has for a flight, and what to mend.",
-    "demo": "Replay the bundled recording.",
+_GROUPS: dict[str, dict[str, str]] = {
+    "Fly and replay": {
+        "fly": "Name the vehicles in a live video; record everything.",
+        "replay": "Play, seek and step through a recording.",
+        "demo": "Replay the bundled recording.",
+        "doctor": "Show what this machine has for a flight, and what to mend.",
+    },
+    "Recordings": {
+        "import": "Make a session of a flight that others recorded: film, logs, tables.",
+        "identify": "Name the boxes of a recording, faster than real time.",
+        "batch": "Name the boxes of many recordings; one page over all of them.",
+        "export": "Write identities for other programs, or a film with names.",
+        "report": "Write a page about a flight: who was named when and how surely.",
+        "score": "Compare an identity log with the truth.",
+        "tlog": "Look into telemetry logs; check, repair and cut them.",
+    },
+    "Workshop": {
+        "sim": "Simulate a flight with truth, as a session or live; or put telemetry under a film.",
+        "keys": "Make, list and check the keys that vehicles sign with.",
+        "calibrate": "Measure a camera: focal length, centre, lens distortion.",
+        "eval-detector": "Measure a detector on labelled images.",
+        "train-detector": "Fine-tune the bundled detector on labelled images, in a checkout.",
+    },
 }
-"""The line of ``--help`` for each: to print it no command is imported."""
-_GROUPS = ("tlog", "keys")
+"""The line of ``--help`` for each command: to print it no command is imported."""
+_FAMILIES: dict[str, dict[str, str]] = {
+    "batch": {
+        "run": "Name the boxes of many recordings, on this machine or a cluster.",
+        "report": "Make one page over all flights of a batch, the worst first.",
+    },
+    "sim": {
+        "run": "Simulate a flight with truth, as a session or live.",
+        "from-tracks": "Put telemetry under an annotated film, as a session with truth.",
+    },
+}
+"""Commands of two words, of which the second is imported when it is called."""
 _MODULES = {
-    "batch": "batch.batch",
+    "batch run": "batch.batch",
     "batch report": "batch.report",
     "eval-detector": "detectors.eval_detector",
     "export": "results.export",
     "import": "import_flight",
     "report": "results.report",
     "score": "results.score",
+    "sim from-tracks": "from_tracks",
+    "sim run": "sim",
     "train-detector": "detectors.train_detector",
 }
 """In ``gcs.cli``, of commands whose module has another name; the function has the module's last one."""
 _MOVED = {"bench": "benchmarks are run in a checkout now: python -m bench.{rest}"}
 """What earlier releases had, with what to type now."""
+_RENAMED = {
+    "fly": {"--out": "--forward", "--tell": "--publish", "--show": "--stream"},
+    "replay": {"--tell": "--publish", "--show": "--stream"},
+}
+"""Options of each command by their names in the release before, which are understood and answered with the new one."""
+_METAVARS = {
+    "SECONDS": "--duration --listen --video-start --timeout --from --to",
+    "MINUTES": "--minutes",
+    "GIB": "--memory",
+    "METRES": "--gsd --height --square",
+    "DEGREES": "--fov --pitch",
+    "RATE": "--fps",
+    "SHARE": "--score --rendered --min-confidence",
+    "WIDTHxHEIGHT": "--frame-size",
+    "COLUMNSxROWS": "--board",
+    "URL": "--link --forward --telemetry --scheduler",
+    "NAME": "--format",
+    "NAMES": "--classes --ignore --names",
+    "FILE": "--list --mission --model --front --truth --identity",
+    "FOLDER": "--sessions --keys",
+}
+"""Word that stands for the value of options."""
+
+
+def _with_words(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The same command, with a word for the value of each option."""
+    known = {option: word for word, options in _METAVARS.items() for option in options.split()}
+    hints = get_type_hints(function, include_extras=True)
+    for name, hint in hints.items():
+        kind = repr(get_args(hint)[:1])
+        for info in getattr(hint, "__metadata__", ()):
+            if not isinstance(info, OptionInfo) or info.metavar or "bool" in kind or "Literal" in kind:
+                continue
+            option = next(iter(info.param_decls or ()), f"--{name.replace('_', '-')}")
+            word = "NUMBER" if "int" in kind or "float" in kind else "PATH" if "Path" in kind else ""
+            info.metavar = known.get(option, word or option.strip("-").upper().replace("-", "_"))
+    function.__annotations__ = hints
+    return function
+
+
+def _single(name: str) -> Any:  # noqa: ANN401
+    """Command NAME: a function of the module's last name in ``gcs.cli``; ``_MODULES`` has those called otherwise."""
+    module = _MODULES.get(name, name.replace("-", "_"))
+    single = typer.Typer(add_completion=False, rich_markup_mode=None)
+    function = getattr(import_module(f"gcs.cli.{module}"), module.rpartition(".")[2])
+    single.command(name.split()[-1])(_with_words(function))
+    return get_command(single)
+
+
+class _Family(TyperGroup):
+    """Commands of one first word."""
+
+    def list_commands(self, ctx: object) -> list[str]:
+        return list(_FAMILIES[str(self.name)])
+
+    def get_command(self, ctx: object, cmd_name: str) -> Any:  # noqa: ANN401
+        return _single(f"{self.name} {cmd_name}") if cmd_name in _FAMILIES[str(self.name)] else None
+
+    def format_commands(self, ctx: object, formatter: Any) -> None:  # noqa: ANN401
+        with formatter.section("Commands"):
+            formatter.write_dl(list(_FAMILIES[str(self.name)].items()))
 
 
 class _CommandTable(TyperGroup):
-    """Module ``gcs.cli.NAME`` holds command NAME, with _ for -, as a function of that name, or a group as ``app``.
-
-    Of a command of two words NAME is the second; the first is also a command by itself. ``_MODULES`` has the others.
-    """
+    """All commands: of one word, of a family, or of a group that its module has as ``app``."""
 
     def list_commands(self, ctx: object) -> list[str]:
-        return list(_COMMANDS)
+        return [name for commands in _GROUPS.values() for name in commands]
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:  # noqa: ANN401
         if args and args[0] in _MOVED:
             raise GcsError(_MOVED[args[0]].format(rest=" ".join(args[1:]) or "NAME"))
-        two = " ".join(args[:2])
-        return super().resolve_command(ctx, [two, *args[2:]] if two in _COMMANDS else args)
+        return super().resolve_command(ctx, as_spelt_now(args))
 
-    def get_command(self, ctx: object, cmd_name: str) -> Any:  # noqa: ANN401  (the command class of whatever typer is built on)
-        if cmd_name not in _COMMANDS:
-            return None
-        name = _MODULES.get(cmd_name, cmd_name.split()[-1].replace("-", "_"))
-        module = import_module(f"gcs.cli.{name}")
-        if cmd_name in _GROUPS:
-            return get_command(module.app)
-        single = typer.Typer(add_completion=False, rich_markup_mode=None)
-        single.command(cmd_name)(getattr(module, name.rpartition(".")[2]))
-        return get_command(single)
+    def get_command(self, ctx: object, cmd_name: str) -> Any:  # noqa: ANN401
+        if cmd_name in _FAMILIES:
+            return _Family(name=cmd_name, help=_line(cmd_name), no_args_is_help=True, rich_markup_mode=None)
+        if cmd_name in ("tlog", "keys"):
+            group = import_module(f"gcs.cli.{cmd_name}").app
+            for command in group.registered_commands:
+                _with_words(command.callback)
+            return get_command(group)
+        return _single(cmd_name) if _line(cmd_name) else None
 
     def format_commands(self, ctx: object, formatter: Any) -> None:  # noqa: ANN401
-        with formatter.section("Commands"):
-            formatter.write_dl(list(_COMMANDS.items()))
+        width = max(map(len, self.list_commands(ctx)))
+        for title, commands in _GROUPS.items():
+            with formatter.section(title):
+                formatter.write_dl([(name.ljust(width), line) for name, line in commands.items()])
+
+
+def _line(name: str) -> str:
+    return next((commands[name] for commands in _GROUPS.values() if name in commands), "")
+
+
+def as_spelt_now(args: list[str]) -> list[str]:
+    """Arguments as this release spells them; each that the release before spelt otherwise is answered with a note."""
+    if not args:
+        return args
+    first, second = args[0], args[1] if len(args) > 1 else "--help"
+    if first in _FAMILIES and second != "--help" and second not in _FAMILIES[first]:
+        print_note(f"gcs {first} is now gcs {first} run; without the word it goes on for this release")
+        return [first, "run", *args[1:]]
+    renamed, now = _RENAMED.get(first, {}), []
+    for arg in args:
+        name, equals, value = arg.partition("=")
+        if name in renamed:
+            print_note(f"{name} is now {renamed[name]}; the old word goes on for this release")
+            arg = renamed[name] + equals + value
+        now.append(arg)
+    return now
 
 
 app = typer.Typer(
@@ -114,7 +220,10 @@ def _root(
         LogLevel | None, typer.Option("--log-level", help="Least level of what is logged.", show_default=False)
     ] = None,
     log_file: Annotated[
-        Path | None, typer.Option("--log-file", help="Log what the program does to the end of a file; else to stderr.")
+        Path | None,
+        typer.Option(
+            "--log-file", metavar="FILE", help="Log what the program does to the end of a file; else to stderr."
+        ),
     ] = None,
 ) -> None:
     """Rollcall: tells identical ground vehicles apart from the air."""

@@ -73,7 +73,7 @@ def demo(
 def _simulated_fleet() -> Iterator[tuple[str, str, int]]:
     """A fleet and its film, sent by a process of its own: link, address of the video, and port that takes troubles."""
     telemetry, video, practise = (_free_port() for _ in range(3))
-    words = ["sim", "curved-road", "--live", "--duration", str(FLOWN_S), "--practise", str(practise)]
+    words = ["sim", "run", "curved-road", "--live", "--duration", str(FLOWN_S), "--practise", str(practise)]
     addresses = ["--telemetry", f"udpout:127.0.0.1:{telemetry}", "--stream", f"udp://127.0.0.1:{video}?pkt_size=1316"]
     program = [sys.executable, "-P", "-c", "from gcs.cli.start import main; main()"]
     with subprocess.Popen(

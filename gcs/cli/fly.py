@@ -81,7 +81,7 @@ def fly(
     out: Annotated[
         list[str] | None,
         typer.Option(
-            "--out",
+            "--forward",
             help="Where packets go on to, untouched (udpout:127.0.0.1:14551); may be repeated. Programs there only "
             "listen; ?rw behind it lets them send to the UAV, ?rw=11 to vehicle 11 too (needs --command).",
         ),
@@ -140,7 +140,7 @@ def fly(
     practise: Annotated[
         int,
         typer.Option(
-            callback=check_range(0, 65535), metavar="PORT", help="Of a gcs sim --live --practise: X begins troubles."
+            callback=check_range(0, 65535), metavar="PORT", help="Of a gcs sim run --live --practise: X begins troubles."
         ),
     ] = 0,
     serve: Annotated[bool, typer.Option("--serve", hidden=True)] = False,

@@ -37,27 +37,29 @@ def from_tracks(
     ] = None,
     fps: Annotated[
         float | None,
-        typer.Option(callback=check_range(0.5, 120.0), help="Numbered images a second; else of seqinfo.ini, or 30."),
+        typer.Option(
+            callback=check_range(0.5, 120.0), help="Numbered images per second; default: as in seqinfo.ini, or 30."
+        ),
     ] = None,
     duration: Annotated[
-        float | None, typer.Option(callback=check_range(0.1, 7200.0), help="Seconds of the film; else all of it.")
+        float | None, typer.Option(callback=check_range(0.1, 7200.0), help="Length to use; default: the whole film.")
     ] = None,
     height: Annotated[
         float | None,
-        typer.Option(callback=check_range(3.0, 500.0), help="Metres above the ground; else by the cars' size."),
+        typer.Option(callback=check_range(3.0, 500.0), help="Height above the ground; default: from the cars' size."),
     ] = None,
     fov: Annotated[
         float | None,
-        typer.Option(callback=check_range(5.0, 150.0), help="Horizontal field of view, degrees; else 65."),
+        typer.Option(callback=check_range(5.0, 150.0), help="Horizontal field of view; default: 65."),
     ] = None,
     pitch: Annotated[
         float | None,
         typer.Option(
             callback=check_range(-90.0, -10.0),
-            help="Of the camera, degrees, -90 straight down; else by how the cars' size changes down the picture.",
+            help="Camera pitch (-90 is straight down); default: from how the cars' size changes down the image.",
         ),
     ] = None,
-    static: Annotated[bool, typer.Option("--static", help="The camera stands still, whatever the pixels say.")] = False,
+    static: Annotated[bool, typer.Option("--static", help="Assume that the camera does not move.")] = False,
     team: Annotated[
         int, typer.Option(help="How many are ours: the longest seen, moving ones first.", min=1, max=MOST_TEAM)
     ] = 6,
@@ -67,13 +69,11 @@ def from_tracks(
             help="Number of one of ours in the labels, instead of --team; repeatable.", min=0, max=MOST_NUMBER
         ),
     ] = None,
-    errors: Annotated[
-        Literal["standard", "hard"], typer.Option(help="Of what is reported, as in the field suite.")
-    ] = "standard",
+    errors: Annotated[Literal["standard", "hard"], typer.Option(help="Errors of the reported positions.")] = "standard",
     boxes: Annotated[
         Literal["film", "labels"], typer.Option(help="What is named: what is detected in the film, or the labels.")
     ] = "film",
-    seed: Annotated[int, typer.Option(help="Of the errors.", min=0, max=MOST_NUMBER)] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of the random errors.", min=0, max=MOST_NUMBER)] = 1,
     as_json: AsJson = False,
 ) -> None:
     """Put telemetry under an annotated film, and write it as a session with truth.

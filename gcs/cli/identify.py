@@ -25,7 +25,7 @@ def identify(
     video_start: VideoStart = 0.0,
     mission: Annotated[Path | None, typer.Option(help="Mission file; overrides the session's own.")] = None,
     frame_size: Annotated[str | None, typer.Option(help=FRAME_SIZE)] = None,
-    detect: Annotated[bool, typer.Option("--detect", help="Look at the video even if detections were kept.")] = False,
+    detect: Annotated[bool, typer.Option("--detect", help="Detect vehicles anew, whatever was recorded.")] = False,
     hindsight: Annotated[
         bool | None,
         typer.Option(

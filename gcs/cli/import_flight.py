@@ -37,33 +37,33 @@ def import_flight(
     ] = None,
     clock: Annotated[
         str,
-        typer.Option(
-            help="By how many seconds the fleet's clock is ahead of the film's, as +3.5; auto: searched in the film."
-        ),
+        typer.Option(help="Seconds that the fleet's clock is ahead of the film's, as +3.5; auto: searched for."),
     ] = "auto",
     clock_within: Annotated[
         float | None,
         typer.Option(
-            callback=check_range(1.0, FARTHEST_CLOCK_S), help="Seconds that the clocks differ by at most; else any."
+            callback=check_range(1.0, FARTHEST_CLOCK_S),
+            help="Largest difference of the clocks to search; default: any.",
         ),
     ] = None,
     fov: Annotated[
         float | None,
-        typer.Option(callback=check_range(2.0, 170.0), help="Horizontal field of view, degrees; else as found."),
+        typer.Option(callback=check_range(2.0, 170.0), help="Horizontal field of view; default: from the logs."),
     ] = None,
     lens: Annotated[Path | None, typer.Option(help="Lens file, as gcs calibrate writes.")] = None,
     camera: Annotated[str, typer.Option(help="Name of a known camera, for its field of view: docs/import.md.")] = "",
     pitch: Annotated[
         float | None,
         typer.Option(
-            callback=check_range(-90.0, -5.0), help="Of the camera, degrees, -90 straight down; else as found."
+            callback=check_range(-90.0, -5.0), help="Camera pitch (-90 is straight down); default: from the logs."
         ),
     ] = None,
     mount: Annotated[
-        Literal["stabilized", "fixed", "gimbal"] | None, typer.Option(help="How the camera hangs; else as found.")
+        Literal["stabilized", "fixed", "gimbal"] | None,
+        typer.Option(help="How the camera is mounted; default: from the logs."),
     ] = None,
     explain: Annotated[
-        bool, typer.Option("--explain", help="Of each file: its clock, what was read, assumed and left out.")
+        bool, typer.Option("--explain", help="Explain each file: its clock, what was read, assumed and left out.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:

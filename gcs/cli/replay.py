@@ -43,7 +43,7 @@ def replay(
     video_start: VideoStart = 0.0,
     mission: Annotated[Path | None, typer.Option(help="Mission file; overrides the session's own.")] = None,
     frame_size: Annotated[str | None, typer.Option(help=FRAME_SIZE)] = None,
-    detect: Annotated[bool, typer.Option("--detect", help="Look at the video even if detections were kept.")] = False,
+    detect: Annotated[bool, typer.Option("--detect", help="Detect vehicles anew, whatever was recorded.")] = False,
     graphics: Annotated[Graphics, typer.Option(help=GRAPHICS)] = "auto",
     theme: Theme = "dark",
     fps: Fps = MOST_FPS,
@@ -60,7 +60,7 @@ def replay(
     """Play, seek and step through a recording."""
     sinks = parse_sinks(tell, show)
     if serve and sinks:
-        raise GcsError("--serve starts a replay for each browser; give --tell and --show to one on a terminal")
+        raise GcsError("--serve starts a replay for each browser; give --publish and --stream to one on a terminal")
     if serve and in_flight(session):
         raise GcsError(f"{session}: it is being flown, and a flight is never served; gcs fly --attach shows it")
     if session.is_dir() and (interrupted := seal(session.resolve())):

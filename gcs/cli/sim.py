@@ -47,8 +47,8 @@ def sim(
             f"{', '.join(TROUBLES)}. gcs fly --practise PORT has them by a key.",
         ),
     ] = 0,
-    duration: Annotated[float | None, typer.Option(help="Seconds, instead of the scenario's.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Instead of the scenario's.")] = None,
+    duration: Annotated[float | None, typer.Option(help="Length of the flight, instead of the scenario's.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of all random numbers, instead of the scenario's.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Simulate a flight with truth: write a session, or play it live for ``gcs fly``."""

@@ -87,21 +87,21 @@ class SinkUrl:
 
 
 def parse_tell(url: str) -> SinkUrl:
-    """An address of ``--tell``.
+    """An address of ``--publish``.
 
     Raises:
         GcsError: it is none; the message shows how to write one.
     """
-    return _parse("--tell", url, TELL_SCHEMES)
+    return _parse("--publish", url, TELL_SCHEMES)
 
 
 def parse_show(url: str) -> SinkUrl:
-    """An address of ``--show``.
+    """An address of ``--stream``.
 
     Raises:
         GcsError: it is none; the message shows how to write one.
     """
-    return _parse("--show", url, SHOW_SCHEMES)
+    return _parse("--stream", url, SHOW_SCHEMES)
 
 
 def check_apart(sinks: Iterable[SinkUrl], links: Sequence[str]) -> None:

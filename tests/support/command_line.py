@@ -48,9 +48,9 @@ def run_gcs(*arguments: object) -> tuple[int, str, str]:
 def help_pages():
     """Each command with its page of help."""
     top = CliRunner().invoke(app, ["--help"]).output
-    for name in re.findall(r"^  ([a-z-]+(?: [a-z-]+)?)  ", top.partition("Commands:")[2], re.MULTILINE):
-        page = CliRunner().invoke(app, [*name.split(), "--help"]).output
-        subs = re.findall(r"^  ([a-z]+) ", page.partition("Commands:")[2], re.MULTILINE)
+    for name in re.findall(r"^  ([a-z][a-z-]+)  ", top, re.MULTILINE):
+        page = CliRunner().invoke(app, [name, "--help"]).output
+        subs = re.findall(r"^  ([a-z-]+)  ", page.partition("Commands:")[2], re.MULTILINE)
         yield from ((f"{name} {sub}", CliRunner().invoke(app, [name, sub, "--help"]).output) for sub in subs)
         yield name, page
 

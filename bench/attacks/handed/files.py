@@ -122,7 +122,7 @@ def _playlist(folder: Path) -> Words:
 
 def _list_of_itself(folder: Path) -> Words:
     (folder / "flights.list").write_text("flights.list\n\0\n" + "x" * 5000 + "\n")
-    return ("batch", "--list", "flights.list", "-o", "out")
+    return ("batch", "run", "--list", "flights.list", "-o", "out")
 
 
 CASES: dict[str, Callable[[Path], Words]] = {

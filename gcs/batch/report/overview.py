@@ -34,7 +34,7 @@ def read_results(results: ResultStore) -> list[FlightRecord]:
     """
     data = results.read(FLIGHTS_TABLE)
     if data is None:
-        raise BatchError(f"{results.address}: no {FLIGHTS_TABLE} in it; give the folder that gcs batch -o wrote")
+        raise BatchError(f"{results.address}: no {FLIGHTS_TABLE} in it; give the folder that gcs batch run -o wrote")
     return read_flights(data, f"{results.address}/{FLIGHTS_TABLE}")
 
 

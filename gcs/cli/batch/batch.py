@@ -38,34 +38,39 @@ def batch(
         ),
     ] = None,
     *,
-    out: Annotated[str, typer.Option("--out", "-o", help="Folder or address of the results; a batch's goes on.")],
+    out: Annotated[str, typer.Option("--out", "-o", help="Output folder or address; an unfinished batch resumes.")],
     lists: Annotated[
         list[Path] | None,
-        typer.Option("--list", help="File with more of them, one on each line; may be repeated."),
+        typer.Option("--list", help="File with more flights, one per line; may be repeated."),
     ] = None,
     jobs: Annotated[
         int | None,
-        typer.Option("--jobs", "-j", callback=check_range(1, MOST_JOBS), help="Flights at once; else one a core."),
+        typer.Option(
+            "--jobs", "-j", callback=check_range(1, MOST_JOBS), help="Flights worked on at once; default: one per core."
+        ),
     ] = None,
     retries: Annotated[
         int,
-        typer.Option(callback=check_range(0, MOST_RETRIES), help="Further attempts where a worker died, or was slow."),
+        typer.Option(
+            callback=check_range(0, MOST_RETRIES), help="Further attempts after a worker died or took too long."
+        ),
     ] = 1,
     timeout: Annotated[
-        float | None, typer.Option(callback=check_range(1, LONGEST_S), help="Most seconds of one attempt.")
+        float | None, typer.Option(callback=check_range(1, LONGEST_S), help="Time limit of one attempt, seconds.")
     ] = None,
     memory: Annotated[
         float | None,
         typer.Option(
-            callback=check_range(LEAST_GIB, MOST_GIB), help="Most GiB of one worker; else its share of the machine's."
+            callback=check_range(LEAST_GIB, MOST_GIB),
+            help="Memory limit of one worker, GiB; default: its share of the machine.",
         ),
     ] = None,
     scheduler: Annotated[
-        str, typer.Option(help="Dask scheduler whose workers work, as tcp://head:8786.", show_default=False)
+        str, typer.Option(help="Dask scheduler to run on, such as tcp://head:8786.", show_default=False)
     ] = "",
     mission: Annotated[Path | None, typer.Option(help="Mission file; overrides the sessions' own.")] = None,
     frame_size: Annotated[str | None, typer.Option(help=FRAME_SIZE)] = None,
-    detect: Annotated[bool, typer.Option("--detect", help="Look at the videos even if detections were kept.")] = False,
+    detect: Annotated[bool, typer.Option("--detect", help="Detect vehicles anew, whatever was recorded.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Name the boxes of many recordings, on this machine or a cluster; what is done already is skipped."""

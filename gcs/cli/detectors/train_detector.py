@@ -43,16 +43,12 @@ def train_detector(
     folder: Annotated[Path, typer.Argument(help="Labelled images: YOLO, DOTA, VisDrone-DET, COCO, or our own shards.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the run, new; model.onnx is written there.")],
     resume: Annotated[bool, typer.Option("--resume", help="Continue the run in --out, with the same options.")] = False,
-    minutes: Annotated[
-        float, typer.Option(callback=check_range(*MINUTES), help="Train about so long, at most.")
-    ] = 60.0,
-    steps: Annotated[int, typer.Option(min=STEPS[0], max=STEPS[1], help="Train so many steps, at most.")] = 3000,
+    minutes: Annotated[float, typer.Option(callback=check_range(*MINUTES), help="Time limit of the training.")] = 60.0,
+    steps: Annotated[int, typer.Option(min=STEPS[0], max=STEPS[1], help="Maximum number of training steps.")] = 3000,
     rendered: Annotated[
         float, typer.Option(callback=check_range(*SHARES), help="Share of rendered images, so that nothing is lost.")
     ] = 0.4,
-    seed: Annotated[
-        int, typer.Option(min=SEEDS[0], max=SEEDS[1], help="Another seed: other images in other order.")
-    ] = 0,
+    seed: Annotated[int, typer.Option(min=SEEDS[0], max=SEEDS[1], help="Seed of the choice and order of images.")] = 0,
     gsd: Annotated[
         float | None,
         typer.Option(callback=check_range(*GSD_M), help="Metres on the ground per pixel; overrides the labels'."),

@@ -102,7 +102,7 @@ Fps = Annotated[
     float,
     typer.Option(
         callback=check_range(0.1, MOST_FPS),
-        help="Most pictures a second of video and map, for a line that costs or is slow; text is as quick as ever.",
+        help="Maximum frame rate of video and map; lower it on slow links. Text is as quick as ever.",
     ),
 ]
 VideoStart = Annotated[

@@ -25,14 +25,16 @@ __all__ = ["export"]
 
 def export(
     session: Annotated[Path | None, typer.Argument(help="Session folder, or a telemetry log.")] = None,
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="To write; the ending names the format.")] = None,
-    form: Annotated[str | None, typer.Option("--format", "-f", help="One of those that --list names.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="File or folder to write; the ending chooses the format.")
+    ] = None,
+    form: Annotated[str | None, typer.Option("--format", "-f", help="Format by name, as --list shows them.")] = None,
     formats: Annotated[bool, typer.Option("--list", help="List the formats, and what opens each.")] = False,
-    every: Annotated[int, typer.Option(min=1, max=1_000_000, help="Take each n-th frame only.")] = 1,
+    every: Annotated[int, typer.Option(min=1, max=1_000_000, help="Export only every n-th frame.")] = 1,
     min_confidence: Annotated[
         float, typer.Option(min=0.0, max=1.0, help="Training labels: leave out frames with less certain names.")
     ] = 0.0,
-    identity: Annotated[Path | None, typer.Option(help="Export this identity.csv as it is.")] = None,
+    identity: Annotated[Path | None, typer.Option(help="Export the names of this identity.csv, unchanged.")] = None,
     video: Annotated[Path | None, typer.Option(help="Video file of a bare telemetry log.")] = None,
     video_start: VideoStart = 0.0,
     mission: Annotated[Path | None, typer.Option(help="Mission file; overrides the session's own.")] = None,

@@ -35,8 +35,8 @@ __all__ = ["report"]
 
 def report(
     session: Annotated[Path, typer.Argument(help="Session folder, or a telemetry log.")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="The page to write, REPORT.html.")],
-    detect: Annotated[bool, typer.Option("--detect", help="Look at the video again, whatever was detected.")] = False,
+    out: Annotated[Path, typer.Option("--out", "-o", help="HTML page to write.")],
+    detect: Annotated[bool, typer.Option("--detect", help="Detect vehicles anew, whatever was recorded.")] = False,
     video: Annotated[Path | None, typer.Option(help="Video file of a bare telemetry log.")] = None,
     video_start: VideoStart = 0.0,
     mission: Annotated[Path | None, typer.Option(help="Mission file; overrides the session's own.")] = None,

@@ -1,4 +1,4 @@
-"""``--tell`` and ``--show``: what a flight or a replay tells others while it runs."""
+"""``--publish`` and ``--stream``: what a flight or a replay tells others while it runs."""
 
 from __future__ import annotations
 
@@ -25,10 +25,11 @@ __all__ = ["Show", "Tell", "parse_sinks", "telling"]
 Tell = Annotated[
     list[str] | None,
     typer.Option(
-        "--tell",
+        "--publish",
         metavar="URL",
-        help="Tell others while it runs, at json+udp://HOST:PORT, json+tcp://127.0.0.1:PORT, cot+udp://239.2.3.1:6969, "
-        "cot+tcp://HOST:PORT, cot+tls://HOST:PORT?cert=…&key=…&ca=… or foxglove://127.0.0.1:8765; may be repeated.",
+        help="Publish names and boxes live, to json+udp://HOST:PORT, json+tcp://127.0.0.1:PORT, "
+        "cot+udp://239.2.3.1:6969, cot+tcp://HOST:PORT, cot+tls://HOST:PORT?cert=…&key=…&ca=… or "
+        "foxglove://127.0.0.1:8765; may be repeated.",
     ),
 ]
 
@@ -36,9 +37,9 @@ Tell = Annotated[
 Show = Annotated[
     str | None,
     typer.Option(
-        "--show",
+        "--stream",
         metavar="URL",
-        help="Show others the picture with boxes and names while it runs: udp://HOST:PORT (MPEG-TS) or rtp://HOST:PORT "
+        help="Stream the video with boxes and names drawn in: udp://HOST:PORT (MPEG-TS) or rtp://HOST:PORT "
         "(with a .sdp file).",
     ),
 ]
@@ -48,8 +49,8 @@ def parse_sinks(tell: Sequence[str] | None, show: str | None = None, links: Sequ
     """The addresses of these options, each once.
 
     Args:
-        tell: of ``--tell``.
-        show: of ``--show``.
+        tell: of ``--publish``.
+        show: of ``--stream``.
         links: URLs of the flight's links and outputs, which nothing else may be told at.
 
     Raises:
@@ -90,7 +91,7 @@ def telling(station: Station, sinks: Sequence[SinkUrl], source: SinkSource, fold
     try:
         live_out = LiveOut(station.latest, sinks, source, report)
     except OSError as error:
-        raise GcsError(f"others cannot be told: {error.strerror or error}; leave --tell and --show out") from error
+        raise GcsError(f"others cannot be told: {error.strerror or error}; leave --publish and --stream out") from error
     with live_out:
         for sink in sinks:
             if sink.scheme == "rtp":

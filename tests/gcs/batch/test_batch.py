@@ -32,10 +32,10 @@ def told(stdout):
 
 def test_a_flight_comes_out_alone_as_in_a_batch_and_as_identify_has_it(tmp_path):
     flights = short_flights(tmp_path / "flights", 3)
-    code, stdout, stderr = run_gcs("batch", tmp_path / "flights", "-o", tmp_path / "out", "-j", 2)
+    code, stdout, stderr = run_gcs("batch", "run", tmp_path / "flights", "-o", tmp_path / "out", "-j", 2)
     assert (code, said(stderr)) == (0, [])
     assert stdout.startswith("3 of 3 flights done, 0 of them before; 0 failed; 39 frames in ")
-    assert run_gcs("batch", flights[1], "-o", tmp_path / "alone")[0] == 0
+    assert run_gcs("batch", "run", flights[1], "-o", tmp_path / "alone")[0] == 0
     assert identities(tmp_path / "out")["flight=b"] == identities(tmp_path / "alone")["flight=b"]
     identify_session(open_session(flights[1]), tmp_path / "identified")
     logged = read_identity(tmp_path / "identified" / "identity.csv")
@@ -47,7 +47,9 @@ def test_a_flight_comes_out_alone_as_in_a_batch_and_as_identify_has_it(tmp_path)
 
 def test_broken_flights_are_told_and_the_others_finish(tmp_path):
     flights, broken = short_flights(tmp_path / "flights", 2), broken_flights(tmp_path)
-    code, stdout, stderr = run_gcs("batch", *flights, *broken.values(), "-o", tmp_path / "out", "-j", 2, "--json")
+    code, stdout, stderr = run_gcs(
+        "batch", "run", *flights, *broken.values(), "-o", tmp_path / "out", "-j", 2, "--json"
+    )
     assert code == 6
     assert not said(stderr)
     *lines, sums = told(stdout)
@@ -68,7 +70,7 @@ def test_broken_flights_are_told_and_the_others_finish(tmp_path):
 @pytest.mark.slow
 def test_what_is_done_is_skipped_until_input_or_options_change(tmp_path):
     flights = short_flights(tmp_path / "flights", 2)
-    words = ("batch", tmp_path / "flights", "-o", tmp_path / "out", "-j", 1, "--json")
+    words = ("batch", "run", tmp_path / "flights", "-o", tmp_path / "out", "-j", 1, "--json")
     assert run_gcs(*words)[0] == 0
     before = identities(tmp_path / "out")
     *lines, sums = told(run_gcs(*words)[1])
@@ -90,7 +92,7 @@ def test_what_is_done_is_skipped_until_input_or_options_change(tmp_path):
 @pytest.mark.slow
 def test_a_result_that_lacks_or_was_cut_is_made_again(tmp_path):
     short_flights(tmp_path / "flights", 2)
-    words = ("batch", tmp_path / "flights", "-o", tmp_path / "out", "-j", 1, "--json")
+    words = ("batch", "run", tmp_path / "flights", "-o", tmp_path / "out", "-j", 1, "--json")
     assert run_gcs(*words)[0] == 0
     before = identities(tmp_path / "out")
     (tmp_path / "out" / "identity" / "flight=a" / "part-0.parquet").write_bytes(before["flight=a"][:-9])
@@ -101,7 +103,7 @@ def test_a_result_that_lacks_or_was_cut_is_made_again(tmp_path):
 
 def test_a_folder_of_something_else_is_left_alone(tmp_path):
     (flight,) = short_flights(tmp_path / "flights", 1)
-    code, _, stderr = run_gcs("batch", flight, "-o", flight)
+    code, _, stderr = run_gcs("batch", "run", flight, "-o", flight)
     assert code == 2
     assert "holds something else" in stderr
     assert not (flight / "records").exists()
@@ -110,7 +112,7 @@ def test_a_folder_of_something_else_is_left_alone(tmp_path):
 @pytest.mark.slow
 def test_a_flight_that_fails_later_keeps_its_earlier_result_and_says_so(tmp_path):
     flights = short_flights(tmp_path / "flights", 2)
-    words = ("batch", tmp_path / "flights", "-o", tmp_path / "out", "-j", 1)
+    words = ("batch", "run", tmp_path / "flights", "-o", tmp_path / "out", "-j", 1)
     assert run_gcs(*words)[0] == 0
     before = identities(tmp_path / "out")
     (flights[0] / "frames.csv").unlink()

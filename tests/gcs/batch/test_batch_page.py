@@ -23,7 +23,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("page")
     flights = short_flights(folder / "flights", 2)
     numbered = flights[1].rename(folder / "flights" / "0002")
-    words = ("batch", folder / "flights", broken_flights(folder)["log"], "-o", folder / "results", "-j", 1)
+    words = ("batch", "run", folder / "flights", broken_flights(folder)["log"], "-o", folder / "results", "-j", 1)
     assert run_gcs(*words)[0] == 6
     (numbered / "frames.csv").unlink()
     assert run_gcs(*words)[0] == 6

@@ -62,7 +62,7 @@ def results(tmp_path_factory):
     (plain / "truth.csv").unlink()
     broken = broken_flights(folder)
     flights = (wrong, hostile, plain, broken["mission"], broken["gone"])
-    code, _, _ = run_gcs("batch", *flights, "-o", folder / "out", "-j", 1)
+    code, _, _ = run_gcs("batch", "run", *flights, "-o", folder / "out", "-j", 1)
     assert code == 6
     return folder / "out"
 

@@ -45,7 +45,7 @@ def test_a_killed_batch_is_gone_on_with(tmp_path):
         assert until(lambda: records(out) == 1)
         stopped_writer(batch.pid, out)
         batch.kill()
-    code, stdout, _ = run_gcs("batch", *flights, "-o", out, "-j", "1")
+    code, stdout, _ = run_gcs("batch", "run", *flights, "-o", out, "-j", "1")
     assert code == 0
     assert "1 of them before" in stdout
     assert each_once(out) == (each_once(out)[0], {"a": 1, "b": 1})
@@ -68,7 +68,7 @@ def test_a_flight_that_takes_too_long_costs_nothing_else(tmp_path):
 @pytest.mark.slow
 def test_a_flight_that_needs_too_much_memory_is_told(tmp_path):
     out = tmp_path / "out"
-    code, _, stderr = run_gcs("batch", SWARM, "-o", out, "-j", "2", "--retries", "0", "--memory", "0.1")
+    code, _, stderr = run_gcs("batch", "run", SWARM, "-o", out, "-j", "2", "--retries", "0", "--memory", "0.1")
     assert code == 6
     assert "ardupilot-swarm failed: needed more than 0.1 GiB of memory" in stderr
     assert not tables(out)
@@ -79,7 +79,7 @@ def test_two_batches_do_not_write_into_one_folder(tmp_path):
     flights, out = short_flights(tmp_path / "flights", 1, frames=40), tmp_path / "out"
     with WatchedBatch(*flights, "-o", out) as batch:
         writer = stopped_writer(batch.pid, out)
-        code, _, stderr = run_gcs("batch", *flights, "-o", out)
+        code, _, stderr = run_gcs("batch", "run", *flights, "-o", out)
         assert code == 3
         assert "another batch is writing into it" in stderr
         writer.resume()
@@ -137,6 +137,8 @@ def test_a_worker_of_a_cluster_joins_late_and_another_is_killed(tmp_path):
 
 def test_a_cluster_that_is_not_there(tmp_path):
     (flight,) = short_flights(tmp_path / "flights", 1)
-    code, _, stderr = run_gcs("batch", flight, "-o", tmp_path / "out", "--scheduler", f"tcp://127.0.0.1:{free_port()}")
+    code, _, stderr = run_gcs(
+        "batch", "run", flight, "-o", tmp_path / "out", "--scheduler", f"tcp://127.0.0.1:{free_port()}"
+    )
     assert code == 3
     assert "no Dask scheduler answers" in stderr

@@ -42,7 +42,7 @@ def test_flights_and_results_in_memory(tmp_path, memory, monkeypatch):
     memory.put(str(tmp_path), "/flights", recursive=True)
     memory.pipe_file("/flights/broken/telemetry.tlog", b"no log")
     memory.pipe_file("/flights/notes.md", b"windy")
-    words = ("batch", "memory://flights/*", "-o", "memory://out", "--json")
+    words = ("batch", "run", "memory://flights/*", "-o", "memory://out", "--json")
     code, stdout, stderr = run_gcs(*words)
     assert code == 6
     assert "notes.md: neither a folder" in stderr
@@ -74,10 +74,10 @@ def quick_lock(monkeypatch):
 def test_two_batches_do_not_write_into_one_store(tmp_path, memory, quick_lock):
     (flight,) = short_flights(tmp_path, 1)
     with open_results("memory://out").claim(older_s=0.0):
-        code, _, stderr = run_gcs("batch", flight, "-o", "memory://out")
+        code, _, stderr = run_gcs("batch", "run", flight, "-o", "memory://out")
         assert code == 3
         assert f"another batch is writing into it (process {os.getpid()} of " in stderr
-    assert run_gcs("batch", flight, "-o", "memory://out")[0] == 0
+    assert run_gcs("batch", "run", flight, "-o", "memory://out")[0] == 0
     assert not memory.exists("/out/.lock")
 
 
@@ -91,7 +91,7 @@ def test_what_a_killed_batch_held_is_taken_over(host, tmp_path, memory, quick_lo
     memory.pipe_file("/out/.lock", json.dumps(left).encode())
     if host == "elsewhere":  # nobody can tell but by watching
         quick_lock.setattr("gcs.batch.store_lock.WATCH_S", 0.2)
-    assert run_gcs("batch", flight, "-o", "memory://out")[0] == 0
+    assert run_gcs("batch", "run", flight, "-o", "memory://out")[0] == 0
     assert memory.exists("/out/flights.parquet")
     assert not memory.exists("/out/.lock")
 
@@ -99,7 +99,7 @@ def test_what_a_killed_batch_held_is_taken_over(host, tmp_path, memory, quick_lo
 def test_a_folder_of_something_else_in_a_store_is_left_alone(tmp_path, memory):
     (flight,) = short_flights(tmp_path, 1)
     memory.pipe_file("/mine/thesis.tex", b"words")
-    code, _, stderr = run_gcs("batch", flight, "-o", "memory://mine")
+    code, _, stderr = run_gcs("batch", "run", flight, "-o", "memory://mine")
     assert code == 2
     assert "holds something else" in stderr
     assert in_memory("memory://mine") == {"thesis.tex": b"words"}
@@ -110,7 +110,7 @@ def test_a_folder_of_something_else_in_a_store_is_left_alone(tmp_path, memory):
     "address", ["nonsense://bucket/a", "memory://nothing/here", "reference::memory://a", "reference://a"]
 )
 def test_addresses_that_cannot_be_read(address, tmp_path):
-    code, stdout, stderr = run_gcs("batch", address, "-o", tmp_path / "out")
+    code, stdout, stderr = run_gcs("batch", "run", address, "-o", tmp_path / "out")
     assert code == 6
     assert f"failed: {address}: " in stderr
     assert "Traceback" not in stdout + stderr
@@ -156,7 +156,7 @@ def test_flights_and_results_in_an_object_store(tmp_path, s3):
     *stored, own = flights = short_flights(tmp_path / "flights", 3)
     for flight in stored:
         s3.put(f"{flight}/", f"rollcall/flights/{flight.name}/", recursive=True)
-    words = ("batch", "s3://rollcall/flights/*", own, "-o", "s3://rollcall/out", "-j", 1, "--json")
+    words = ("batch", "run", "s3://rollcall/flights/*", own, "-o", "s3://rollcall/out", "-j", 1, "--json")
     code, stdout, stderr = run_gcs(*words)
     assert code == 0, stderr
     assert json.loads(stdout.splitlines()[-1])["done"] == 3
@@ -170,5 +170,5 @@ def test_flights_and_results_in_an_object_store(tmp_path, s3):
     assert (sums["done"], sums["skipped"]) == (3, 2)
 
     # results of a store's flight on a disk
-    assert run_gcs("batch", "s3://rollcall/flights/a", "-o", tmp_path / "here", "-j", 1)[0] == 0
+    assert run_gcs("batch", "run", "s3://rollcall/flights/a", "-o", tmp_path / "here", "-j", 1)[0] == 0
     assert (tmp_path / "here/identity/flight=a/part-0.parquet").read_bytes() == single_run(flights[0])

@@ -5,15 +5,16 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 
 import pytest
 from typer.testing import CliRunner
 
-from gcs.cli.app import app
+from gcs.cli.app import app, as_spelt_now
 from gcs.cli.output.console import print_json
-from tests.support.command_line import run_gcs
+from tests.support.command_line import help_pages, run_gcs
 
 HEAVY = ("numpy", "pyarrow", "fsspec", "distributed", "cv2", "av", "onnxruntime", "textual", "pymavlink", "scipy")
 
@@ -23,7 +24,7 @@ def test_help_names_every_command_and_loads_none():
     done = subprocess.run(
         [sys.executable, "-c", script, "--help"], capture_output=True, text=True, check=True, timeout=60
     )
-    text, _, modules = done.stdout.rpartition("\n  demo ")
+    text, _, modules = done.stdout.rstrip().rpartition("\n")
     assert "\n  fly " in text
     assert "\n  keys " in text
     assert not set(HEAVY) & set(modules.split())
@@ -34,6 +35,34 @@ def test_a_command_that_moved_answers_with_what_to_type_now(words, new):
     code, _, stderr = run_gcs(*words)
     assert code == 2
     assert stderr == f"gcs: benchmarks are run in a checkout now: python -m {new}\n"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "answer"),
+    [
+        (["sim", "x.toml"], ["sim", "run", "x.toml"], "gcs sim is now gcs sim run"),
+        (["batch", "-o", "out", "a"], ["batch", "run", "-o", "out", "a"], "gcs batch is now gcs batch run"),
+        (["batch", "run", "report"], ["batch", "run", "report"], ""),
+        (["sim", "run", "from-tracks"], ["sim", "run", "from-tracks"], ""),
+        (["fly", "--out", "udpout:x:1"], ["fly", "--forward", "udpout:x:1"], "--out is now --forward"),
+        (["replay", "a", "--tell=json+udp://x:1"], ["replay", "a", "--publish=json+udp://x:1"], "--tell is now"),
+        (["fly", "--show", "udp://x:1"], ["fly", "--stream", "udp://x:1"], "--show is now --stream"),
+        (["keys", "new", "1", "--show"], ["keys", "new", "1", "--show"], ""),
+        (["identify", "a", "--out", "b"], ["identify", "a", "--out", "b"], ""),
+    ],
+)
+def test_an_old_spelling_is_understood_and_answered_with_the_new_one(old, new, answer, capsys):
+    assert as_spelt_now(old) == new
+    err = capsys.readouterr().err
+    assert (answer in err) if answer else not err
+
+
+def test_help_has_groups_and_words_for_values():
+    pages = dict(help_pages())
+    assert {"batch run", "batch report", "sim run", "sim from-tracks", "tlog cut", "fly"} <= set(pages)
+    assert not [name for name, page in pages.items() if re.search(r"--[a-z-]+ +<[^|>]*>", page)]
+    top = CliRunner().invoke(app, ["--help"]).output
+    assert re.findall(r"^(\S.*):$", top, re.MULTILINE) == ["Options", "Fly and replay", "Recordings", "Workshop"]
 
 
 @pytest.mark.parametrize(

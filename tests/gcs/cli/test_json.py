@@ -44,7 +44,7 @@ def test_every_command_with_json_is_documented():
     able = {command for command, page in help_pages() if "--json" in page}
     assert able == {
         *("fly", "identify", "demo", "score", "tlog info", "tlog check", "keys list", "keys check"),
-        *("doctor", "calibrate", "eval-detector", "import", "batch", "sim", "sim from-tracks"),
+        *("doctor", "calibrate", "eval-detector", "import", "batch run", "sim run", "sim from-tracks"),
     }
     for command in able:
         assert documented(command)
@@ -59,10 +59,10 @@ def test_recordings(tmp_path):
 
 
 def test_batches(tmp_path):
-    code, stdout, _ = run_gcs("batch", swarm_session(tmp_path, frames=30), "-o", tmp_path / "out", "--json")
+    code, stdout, _ = run_gcs("batch", "run", swarm_session(tmp_path, frames=30), "-o", tmp_path / "out", "--json")
     assert code == 0
     flight, sums = map(json.loads, stdout.splitlines())
-    assert set(flight) | set(sums) == documented("batch")
+    assert set(flight) | set(sums) == documented("batch run")
 
 
 def test_logs_and_keys(tmp_path):
@@ -86,13 +86,13 @@ def test_logs_and_keys(tmp_path):
 def test_simulations(monkeypatch):
     played = PlaybackCounts(packets={1: 5, 11: 7}, frames=3, frames_skipped=0, start_us=17)
     monkeypatch.setattr("gcs.cli.sim.play", lambda *_, **__: played)
-    assert printed("sim", "curved-road", "--live") == {
+    assert printed("sim", "run", "curved-road", "--live") == {
         "packets": {"1": 5, "11": 7},
         "frames": 3,
         "frames_skipped": 0,
         "start_us": 17,
     }
-    assert documented("sim") == {"packets", "frames", "frames_skipped", "start_us"}
+    assert documented("sim run") == {"packets", "frames", "frames_skipped", "start_us"}
 
 
 def test_the_demo(tmp_path, monkeypatch):

@@ -25,7 +25,7 @@ OPTIONS = [
     ("replay", (SWARM,), "--fps"),
     ("replay", (SWARM, "--serve"), "--port"),
     ("identify", (SWARM, "-o", "out"), "--video-start"),
-    *(("batch", (SWARM, "-o", "out"), option) for option in ("--jobs", "--retries", "--timeout", "--memory")),
+    *(("batch run", (SWARM, "-o", "out"), option) for option in ("--jobs", "--retries", "--timeout", "--memory")),
     ("import", IMPORTED, "--clock-within"),
     ("import", IMPORTED, "--fov"),
     ("import", IMPORTED, "--pitch"),
@@ -43,8 +43,8 @@ OPTIONS = [
         ("train-detector", (SWARM, "-o", "out"), option)
         for option in ("--minutes", "--steps", "--rendered", "--seed", "--gsd")
     ),
-    ("sim", ("curved-road",), "--duration"),
-    ("sim", ("curved-road",), "--seed"),
+    ("sim run", ("curved-road",), "--duration"),
+    ("sim run", ("curved-road",), "--seed"),
     ("sim from-tracks", FILM, "--first-frame"),
     ("sim from-tracks", FILM, "--fps"),
     ("sim from-tracks", FILM, "--duration"),
@@ -61,7 +61,7 @@ def test_every_option_that_takes_a_number_is_tried_here():
     numeric = {
         (command, option)
         for command, page in help_pages()
-        for option in re.findall(r"(--[a-z-]+)\s+(?:FLOAT|INTEGER|ID|<(?:list\[)?(?:float|int))\b", page)
+        for option in re.findall(r"(--[a-z-]+)\s+(?:NUMBER|SECONDS|MINUTES|GIB|METRES|DEGREES|RATE|SHARE|ID)\b", page)
     }
     assert numeric == {(command, option) for command, _, option in OPTIONS}
 
@@ -74,5 +74,7 @@ def test_a_number_that_cannot_be_used(command, words, option, value, tmp_path, m
     monkeypatch.chdir(tmp_path)
     code, _, told = run_gcs(*command.split(), *words, option, value)
     assert code == 2
-    assert option in told or (command == "sim" and option[2:] in told) or (command == "calibrate" and "square" in told)
+    assert (
+        option in told or (command == "sim run" and option[2:] in told) or (command == "calibrate" and "square" in told)
+    )
     assert not list(tmp_path.iterdir())

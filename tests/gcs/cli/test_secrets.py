@@ -21,21 +21,21 @@ USER = f"admin:{PASSWORD}@127.0.0.1"
 MISSION = '[uav]\nsystem_id = 1\n[[ugv]]\nsystem_id = 11\n[links]\nvideo = "rtsp://{user}:1/x"\n'
 FLY = ("fly", "{folder}/mission.toml", "--headless", "--duration", "2", "--sessions", "{folder}/sessions")
 REPLAY = ("replay", str(SWARM))
-BATCH = ("batch", str(SWARM), "-o", "{folder}/out")
+BATCH = ("batch", "run", str(SWARM), "-o", "{folder}/out")
 OPTIONS = {
     ("fly", "--link"): (*FLY, "-l", "tcp://{user}:1"),
-    ("fly", "--out"): (*FLY, "-l", "udpin:127.0.0.1:{port}", "--out", "tcp://{user}:1"),
+    ("fly", "--forward"): (*FLY, "-l", "udpin:127.0.0.1:{port}", "--forward", "tcp://{user}:1"),
     ("fly", "--video"): (*FLY, "-l", "udpin:127.0.0.1:{port}", "--video=rtsp://{user}:1/x"),
-    ("fly", "--tell"): (*FLY, "-l", "udpin:127.0.0.1:{port}", "--tell", "cot+tcp://{user}:1"),
-    ("fly", "--show"): (*FLY, "-l", "udpin:127.0.0.1:{port}", "--show", "udp://{user}:1?password={password}"),
-    ("replay", "--tell"): (*REPLAY, "--tell", "json+udp://{user}:1?token={password}"),
-    ("replay", "--show"): (*REPLAY, "--show", "rtp://{user}:1"),
-    ("batch", "--out"): ("batch", str(SWARM), "-o", "http://{user}:1/out"),
-    ("batch", "--scheduler"): (*BATCH, "--scheduler", "tcp://{user}:1"),
-    ("batch", "flights"): ("batch", "http://{user}:1/a", "b=http://{user}:1/x?sig={password}", "-o", "{folder}/out"),
-    ("batch", "no protocol"): ("batch", "{user}:1/a.tlog", "-o", "{folder}/out"),
+    ("fly", "--publish"): (*FLY, "-l", "udpin:127.0.0.1:{port}", "--publish", "cot+tcp://{user}:1"),
+    ("fly", "--stream"): (*FLY, "-l", "udpin:127.0.0.1:{port}", "--stream", "udp://{user}:1?password={password}"),
+    ("replay", "--publish"): (*REPLAY, "--publish", "json+udp://{user}:1?token={password}"),
+    ("replay", "--stream"): (*REPLAY, "--stream", "rtp://{user}:1"),
+    ("batch run", "--out"): ("batch", "run", str(SWARM), "-o", "http://{user}:1/out"),
+    ("batch run", "--scheduler"): (*BATCH, "--scheduler", "tcp://{user}:1"),
+    ("batch run", "flights"): (*BATCH, "http://{user}:1/a", "b=http://{user}:1/x?sig={password}"),
+    ("batch run", "no protocol"): ("batch", "run", "{user}:1/a.tlog", "-o", "{folder}/out"),
     ("batch report", "results"): ("batch", "report", "http://{user}:1/out"),
-    ("sim", "--stream"): ("sim", "nominal", "--live", "--duration", "1", "--stream", "udp://{user}:x"),
+    ("sim run", "--stream"): ("sim", "run", "nominal", "--live", "--duration", "1", "--stream", "udp://{user}:x"),
 }
 """Commands by the option whose address holds the secret."""
 
@@ -100,7 +100,7 @@ def test_a_signed_address_is_worked_on_and_kept_nowhere(tmp_path, web):
     out = tmp_path / "out"
     signed = f"http://{web}/flown.tlog?X-Amz-Credential=AK/eu&X-Amz-Signature={PASSWORD}"
     broken = f"http://{web}/gone.tlog?X-Amz-Signature={PASSWORD}"
-    words = ("batch", signed, f"other={broken}", "-o", out, "--mission", mission, "-j", 1, "--retries", 0)
+    words = ("batch", "run", signed, f"other={broken}", "-o", out, "--mission", mission, "-j", 1, "--retries", 0)
     code, stdout, stderr = run_gcs("--log-file", tmp_path / "log", *words)
     assert code == 6 and "other failed" in stderr and "no such file" in stderr
     report = run_gcs("batch", "report", out)

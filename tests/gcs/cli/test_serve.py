@@ -157,7 +157,7 @@ def test_a_flight_is_never_served(tmp_path):
 def test_what_cannot_be_served_is_one_line(tmp_path):
     for words, why in (
         ((tmp_path / "none", "--serve"), "none"),
-        ((SWARM, "--serve", "--tell", "json+udp://127.0.0.1:5005"), "--serve starts a replay for each browser"),
+        ((SWARM, "--serve", "--publish", "json+udp://127.0.0.1:5005"), "--serve starts a replay for each browser"),
     ):
         code, out, told = run_gcs("replay", *words)
         assert (code, out) == (2, "")

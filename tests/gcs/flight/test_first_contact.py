@@ -158,7 +158,12 @@ def test_nothing_is_saved_over_a_file_and_nothing_twice(air, tmp_path):
         (("--listen", 0.3), (), 3, "nothing is heard on udpin:127.0.0.1:"),
         (("--listen", 0.6), ((1, COPTER),), 2, "no ground vehicle is heard; name it with --ugv"),
         (("--uav", 1, "--ugv", "11-13"), (), 0, "saved in mission.toml"),
-        (("--out", "udpout:127.0.0.1:9?rw=11"), (), 3, "?rw lets a program send to vehicles, which takes --command"),
+        (
+            ("--forward", "udpout:127.0.0.1:9?rw=11"),
+            (),
+            3,
+            "?rw lets a program send to vehicles",
+        ),
     ],
 )
 def test_what_is_unclear_ends_with_what_to_do(words, vehicles, code, told, air, tmp_path):

@@ -168,7 +168,7 @@ def test_processes_end_with_it(tell):
 
 def test_the_commands_tell_of_a_flight_and_of_a_replay(tmp_path):
     with udp_socket() as reader:
-        terminal = Terminal(tmp_path, "--headless", "--tell", url_of(reader))
+        terminal = Terminal(tmp_path, "--headless", "--publish", url_of(reader))
         try:
             terminal.read_until(b"stop with Ctrl-C")
             terminal.send(10)
@@ -179,7 +179,7 @@ def test_the_commands_tell_of_a_flight_and_of_a_replay(tmp_path):
             assert code == 0
             assert (told[-1]["source"], told[-1]["replayed"]) == (session.name, False)
             assert [row["system_id"] for row in told[-1]["vehicles"]] == [1, 11]
-            replay = OnTerminal("replay", session, "--tell", url_of(reader))
+            replay = OnTerminal("replay", session, "--publish", url_of(reader))
             try:
                 reading = threading.Thread(target=replay.drain, daemon=True)  # who writes to a full terminal waits
                 reading.start()

@@ -141,6 +141,6 @@ def test_a_width_is_a_number_of_pixels(width):
 
 
 def test_a_wrong_address_is_one_line():
-    code, out, told = run_gcs("replay", SWARM, "--show", "rtmp://127.0.0.1:5600")
+    code, out, told = run_gcs("replay", SWARM, "--stream", "rtmp://127.0.0.1:5600")
     assert (code, out) == (2, "")
-    assert "--show rtmp://127.0.0.1:5600: no such address; write udp://192.168.1.20:5600 or rtp://" in told
+    assert "--stream rtmp://127.0.0.1:5600: no such address; write udp://192.168.1.20:5600 or rtp://" in told

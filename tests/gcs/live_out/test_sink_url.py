@@ -35,7 +35,7 @@ def test_what_is_no_address_is_one_clear_line(url, why):
     with pytest.raises(GcsError) as error:
         parse_tell(url)
     assert why in str(error.value)
-    assert f"--tell {url}" in str(error.value)
+    assert f"--publish {url}" in str(error.value)
 
 
 def test_nothing_else_goes_to_a_telemetry_link():
@@ -49,12 +49,12 @@ def test_nothing_else_goes_to_a_telemetry_link():
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        (("replay", SWARM, "--tell", "json+udp://127.0.0.1:x"), "'x' is no port"),
-        (("replay", SWARM, *["--tell", "json+udp://127.0.0.1:9"] * 2), "given twice"),
+        (("replay", SWARM, "--publish", "json+udp://127.0.0.1:x"), "'x' is no port"),
+        (("replay", SWARM, *["--publish", "json+udp://127.0.0.1:9"] * 2), "given twice"),
         (
             (
                 *("fly", SWARM / "session.toml", "-l", "udpin:127.0.0.1:14999", "--headless"),
-                *("--tell", "json+udp://127.0.0.1:14999"),
+                *("--publish", "json+udp://127.0.0.1:14999"),
             ),
             "port 14999 is that of udpin",
         ),

@@ -75,7 +75,7 @@ class WatchedBatch:
 
     def __init__(self, *words: object) -> None:
         self.process = subprocess.Popen(
-            [*GCS, "batch", *map(str, words)],
+            [*GCS, "batch", "run", *map(str, words)],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
