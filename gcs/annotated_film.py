@@ -41,7 +41,7 @@ Report = Callable[[int, int], None]
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff")
 FPS = 30.0
-"""Of numbered images whose rate nothing tells: what most cameras film at."""
+"""Rate of numbered images whose rate nothing tells: what most cameras film at."""
 CRF = 17
 """Quality of numbered images as video: no difference is seen."""
 OUTSIDE = "outside the image"
@@ -75,7 +75,7 @@ class FilmOptions:
     """Number of the first image in the labels."""
     fps: float | None = None
     duration_s: float | None = None
-    """Of the film, from its beginning."""
+    """Duration of the film, from its beginning."""
     height_m: float | None = None
     fov_deg: float | None = None
     pitch_deg: float | None = None
@@ -251,7 +251,7 @@ def _rate(labels: Path, video: Path, fps: float | None) -> tuple[float, str]:
 
 
 def _sequence_rate(labels: Path) -> tuple[float, str]:
-    """As MOT Challenge's seqinfo.ini says, beside the labels' folder."""
+    """Rate that MOT Challenge's seqinfo.ini gives, beside the labels' folder."""
     parser = configparser.ConfigParser()
     for folder in (labels.parent, labels.parent.parent):
         try:

@@ -28,4 +28,4 @@ class Limits:
     loss: Share = 0.1
     """Share of packets lost: a warning above, an alarm above 0.5."""
     separation_m: Annotated[float, Meta(ge=0.0, le=10_000.0)] = 0.0
-    """Between two ground vehicles, horizontally: an alarm below. 0, since formations are driven at any distance."""
+    """Horizontal distance between two ground vehicles: an alarm below. 0, since formations drive at any distance."""

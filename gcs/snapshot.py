@@ -124,7 +124,7 @@ class Alarm:
     """What it is about: the same trouble of the same thing always has the same one."""
     level: Level
     kind: str
-    """As an event's."""
+    """Kind, as an event's."""
     text: str
     """What is wrong, and with what: plain text, possibly with names and reasons from the air."""
     advice: str
@@ -185,7 +185,7 @@ class VehicleRow:
     bad_signature: int = 0
     """Packets with a wrong, repeated or future signature: refused."""
     replayed: int = 0
-    """Of these, packets of a recording that is played again."""
+    """Packets among these of a recording that is played again."""
     held: int = 0
     """Packets with a right signature and nothing that proves that they are made now: refused."""
     held_s: float = NAN
@@ -242,7 +242,7 @@ class Box:
     system_id: int = 0
     """Who it is, 0 unknown."""
     confidence: float = NAN
-    """Of the name; of "none of ours" when unnamed; NaN before any evidence."""
+    """Probability of the name; of "none of ours" when unnamed; NaN before any evidence."""
     runner_up: int = 0
     runner_up_confidence: float = NAN
     candidates: tuple[Candidate, ...] = ()
@@ -374,7 +374,7 @@ class Snapshot:
     analysed: bool = True
     """False: a place of a recording that the analysis has not reached; there are no vehicles and no boxes."""
     provisional: bool = False
-    """Of a recording: worked out from the last seconds alone, until the analysis from the start reaches this place."""
+    """Worked out from the last seconds of a recording alone, until the analysis from the start reaches this place."""
     width: int
     height: int
     image: NDArray[np.uint8] | None
@@ -382,7 +382,7 @@ class Snapshot:
     vehicles: tuple[VehicleRow, ...]
     """UAV first."""
     names: Mapping[int, str] = field(default_factory=dict)
-    """Of the mission's vehicles by system id, where there are no rows of them."""
+    """Names of the mission's vehicles by system id, where there are no rows of them."""
     boxes: tuple[Box, ...]
     footprint_enu: NDArray[np.float64] | None
     """(4, 2) corners of the image on the ground, image order from top left clockwise."""
@@ -397,13 +397,13 @@ class Snapshot:
     events: tuple[Event, ...] = field(default=())
     """What is new since the snapshot before."""
     origin: LocalFrame | None = None
-    """Of the ENU metres here, None while no place is known; it moves when the UAV turns out to be elsewhere."""
+    """Origin of the ENU metres here, None while no place is known; it moves when the UAV turns out to be elsewhere."""
     conflicts: frozenset[int] = frozenset()
     """System ids whose reports contradict the video."""
     alarms: tuple[Alarm, ...] = ()
     """What is wrong now, the worst and newest first."""
     limits: Limits = field(default_factory=Limits)
-    """Of the mission's alarms."""
+    """Limits of the mission's alarms."""
     fence_enu: tuple[NDArray[np.float64], ...] = ()
     """Outline (n, 2) of each fence of the mission; the last corner is joined to the first."""
 

@@ -15,11 +15,11 @@ from mavlink.geodesy import LocalFrame
 __all__ = ["Trail", "Trails"]
 
 EVERY_US: Final = 500_000
-"""Between two samples: a vehicle of 10 m/s is 5 m further."""
+"""Interval between two samples: a vehicle of 10 m/s is 5 m further."""
 MOST_SAMPLES: Final = 14_400
 """Two hours at first; then every other sample is dropped, and from then on half as many are taken."""
 MOST_POINTS: Final = 240
-"""Of one trail: more than a screen can tell apart."""
+"""Maximum points of one trail: more than a screen can tell apart."""
 LONGEST_GAP_US: Final = 3_000_000
 """Positions farther apart in time are not joined: nobody knows what was between them."""
 FASTEST_MPS: Final = 60.0

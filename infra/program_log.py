@@ -38,7 +38,7 @@ __all__ = [
 PACKAGES = ("gcs", "mavlink", "vision", "assoc", "sim", "infra")
 """Whose records are written: libraries may put a password into theirs."""
 MOST_BYTES = 16 << 20
-"""Of one file: some hundred thousand lines; what comes after is left out."""
+"""Maximum bytes of one file: some hundred thousand lines; what comes after is left out."""
 MOST_WAITING = 10_000
 """Lines that wait for a disk; more are counted and left out."""
 CLOSE_S = 1.0

@@ -53,7 +53,7 @@ class CameraReport:
     """A camera as the UAV describes it; at least one of its angles is known."""
 
     width: int
-    """Of the image, px; 0 unknown."""
+    """Width of the image, px; 0 unknown."""
     height: int
     hfov: float
     """Rad across the image, NaN unknown."""
@@ -63,7 +63,7 @@ class CameraReport:
     rotation_deg: int = 0
     """By which the image is turned, clockwise: 0, 90, 180 or 270."""
     zoom_percent: float = math.nan
-    """Of the camera's whole range of zoom, NaN unknown."""
+    """Percent of the camera's whole range of zoom, NaN unknown."""
     model: str = ""
     uri: str = ""
     """Where its video stream is, empty unknown."""
@@ -123,16 +123,16 @@ class VehicleCondition:
 
     voltage_v: float = math.nan
     charge: float = math.nan
-    """Of its battery, 0..1; of several the lowest."""
+    """Charge of its battery, 0..1; of several the lowest."""
     battery: str = ""
     """What its battery monitor says of it where it is not well: ``low``, ``critical``, ``failed`` …"""
     power_age_s: float = math.inf
-    """Of voltage and charge."""
+    """Age of voltage and charge."""
     satellites: int = -1
     """In use, −1 unknown."""
     hdop: float = math.nan
     receiver_age_s: float = math.inf
-    """Of satellites and HDOP."""
+    """Age of satellites and HDOP."""
     radio: float = math.nan
     """Signal above noise at the worse end of its radio link, in the radio's own units."""
     radio_age_s: float = math.inf
@@ -185,7 +185,7 @@ class VehicleStatus:
     bad_signature: int = 0
     """Packets rejected for their signature: another key, a replay, from the future."""
     replayed: int = 0
-    """Of these, packets of a recording that is played again."""
+    """Packets among these of a recording that is played again."""
     held: int = 0
     """Packets with a right signature that are held: nothing proves that they are made now."""
     held_s: float = math.nan

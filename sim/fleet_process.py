@@ -47,7 +47,7 @@ class SendCounts:
     """Source port of each sender at the end."""
     seconds: float
     late_ms: float
-    """Of the latest datagram."""
+    """Lateness of the latest datagram."""
     refused: int
     """Datagrams that the receiver's port refused; not among the packets."""
 

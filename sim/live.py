@@ -32,7 +32,7 @@ LEAD_S, LEAD_PER_VEHICLE_SECOND = 0.3, 1e-4
 """Time before the first packet is due, and more per vehicle and second of flight: readings are computed in advance."""
 
 CAMERA_US = 1_000_000
-"""Between two reports of the camera."""
+"""Interval between two reports of the camera."""
 
 BOOT_NOISE = (b"\n\nInit ArduRover V4.6.0\n\nFree RAM: 131072\n", b"Init Gyro", b"*", b"0 ")
 """Plain text of an autopilot's boot console, which receivers must skip."""

@@ -13,7 +13,7 @@ __all__ = ["draw_curves", "plot", "read_columns"]
 
 FloatArray = NDArray[np.float64]
 WIDTH, HEIGHT, MARGIN = 560, 320, 44
-"""Of one plot and of the margin around it, px."""
+"""Sizes of one plot and of the margin around it, px."""
 INK, GRID = (60, 60, 60), (225, 225, 225)
 """BGR of text and of grid lines."""
 COLORS = ((180, 110, 30), (40, 140, 40), (40, 60, 200))

@@ -34,7 +34,7 @@ class Known(IntEnum):
     BOX = 1
     """An oriented box; its heading may be turned about."""
     FRONT = 2
-    """And the front."""
+    """Also the front."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

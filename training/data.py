@@ -25,7 +25,7 @@ from training.photographs import Photographs
 __all__ = ["Mixture", "Pool", "TrainingBatch", "batch_samples"]
 
 SWAPPED_SHARE, GREY_SHARE, NEGATIVE_SHARE = 0.12, 0.12, 0.5
-"""Of images, those whose colours change places and those that lose them; of these, the negatives: cameras for daylight
+"""Shares of images: colours that change places, colours that are lost and, of these, negatives: cameras for daylight
 may see but grey, and for warmth what is warm either dark or light. A choice."""
 
 

@@ -41,7 +41,7 @@ class _FloatGraph:
         self.nodes: list[onnx.NodeProto] = []
         self.weights: list[onnx.TensorProto] = []
         self.layers: list[tuple[ConvNorm | nn.Conv2d, float]] = []
-        """Of each Conv node in order, what it was made from, and the factor of its kernel."""
+        """Origin of each Conv node in order, what it was made from, and the factor of its kernel."""
 
     def node(self, kind: str, *inputs: str, **attributes: object) -> str:
         name = f"v{len(self.nodes)}"

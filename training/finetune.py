@@ -57,11 +57,11 @@ rate is high, figures are worse than they become."""
 LOSS_EVERY = 10
 """Steps between rows of loss.csv."""
 WARM_UP_SHARE, AVERAGE_SHARE = 0.1, 0.1
-"""Of a run's steps: those in which the learning rate rises, and those over which weights are averaged."""
+"""Shares of a run's steps: those in which the learning rate rises, and those over which weights are averaged."""
 LEAST_OBJECTS = 30
 """Fewer watched vehicles do not tell which score is best: one of them would move recall by 3 %."""
 F1_SLACK = 0.02
-"""So much of F1 on the watched images is given for recall: other places are harder than those next to trained ones."""
+"""Loss of F1 on watched images that is given for recall: other places are harder than those next to trained ones."""
 SCORES = (0.1, 0.5)
 """Operating scores that a network is believed to have. Higher ones were best on watched images alone: on other places
 of the same flights a third of the vehicles was lost by them."""

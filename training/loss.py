@@ -31,7 +31,7 @@ WRONG, RIGHT = 0.45, 0.8
 """Probabilistic overlap with a label up to which a box is wrong, and from which on it is right; in between partly: 0.62
 is an intersection over union of about a half."""
 NEAR_CENTRE = 0.35
-"""Of a label's length: a centre that is nearer to that of an upright label is right."""
+"""Share of a label's length: a centre that is nearer to that of an upright label is right."""
 DOUBLE = 0.3
 """Overlap from which a second box on a label is no mistake: the better one suppresses it."""
 

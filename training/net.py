@@ -20,7 +20,7 @@ __all__ = ["CHANNELS", "JUDGED", "STRIDE", "ConvNorm", "Grow", "Judge", "Net", "
 STRIDE = 4
 """Pixels of the input for each cell of the map, on a side."""
 CHANNELS = 9
-"""Of the map, as ``vision.detect.decode_heatmap`` reads it; the judge's comes after them while training."""
+"""Channels of the map, as ``vision.detect.decode_heatmap`` reads it; the judge's comes after them while training."""
 JUDGED = 0.02
 """Least peak of the first channel that is judged: weaker ones are no detections, whatever the judge says."""
 
@@ -127,7 +127,7 @@ class Net(nn.Module):  # type: ignore[misc]  # torch is not typed here
 
 
 def scores(out: Tensor) -> Tensor:
-    """Of the map (B, CHANNELS + 1, h, w) of a ``Net``: the judge's score 0..1 at peaks, 0 elsewhere; (B, 1, h, w)."""
+    """Scores (B, 1, h, w) of the map (B, CHANNELS + 1, h, w) of a ``Net``: the judge's 0..1 at peaks, 0 elsewhere."""
     centre = torch.sigmoid(out[:, :1])
     peak = (nn.functional.max_pool2d(centre, 3, 1, 1) == centre) & (centre >= JUDGED)
     return torch.sigmoid(out[:, CHANNELS:]) * peak

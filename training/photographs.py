@@ -47,7 +47,7 @@ OPEN = 16
 HARD_SHARE, VEHICLE_SHARE = 0.25, 0.6
 """Shares of parts around a false alarm and around a vehicle; the others lie anywhere. A choice."""
 OFF_MIDDLE = 0.3
-"""Of a part's side, how far from its middle what it was chosen for may lie."""
+"""Share of a part's side: how far from its middle what it was chosen for may lie."""
 MINING_SCORE = 0.15
 """Least score of a false alarm that is mined: half the operating score, for it may rise while training."""
 EXPLAINED_IOU, EXPLAINED_INSIDE = 0.1, 0.5

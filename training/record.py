@@ -92,12 +92,12 @@ def write_record(out: Path, record: dict[str, Any]) -> None:
 
 
 def sha256(path: Path) -> str:
-    """Of a file's content, in hexadecimal."""
+    """SHA-256 of a file's content, in hexadecimal."""
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _hash_of_labels(images: Iterable[LabelledImage]) -> str:
-    """Of names, boxes, classes and scale of all images."""
+    """Hash of names, boxes, classes and scale of all images."""
     total = hashlib.sha256()
     for image in sorted(images, key=lambda image: image.name):
         truth = image.truth

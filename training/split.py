@@ -23,7 +23,7 @@ KEPT_FOLDERS = frozenset(("val", "valid", "validation", "test"))
 TRIES = 500
 """Random sets of groups of which the best is taken: all of them where there are up to eight groups, likely."""
 LEAST, MOST = 0.3, 2.5
-"""Of the wanted share: a set of groups beyond is too small to measure with, or leaves too little."""
+"""Limits, times the wanted share: a set of groups beyond is too small to measure with, or leaves too little."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -57,7 +57,7 @@ AVERAGE_STEPS = 1000
 HELD_OUT_SEED = 900_000
 """Shard of the held-out crops: training begins at 1000 × seed, so no seed below 900 has them among its own."""
 PHOTOGRAPHS_SHARE = 0.25
-"""Of the images of a step, those that are cut from a folder of photographs, unless another is given; a choice."""
+"""Share of the images of a step that are cut from a folder of photographs, unless another is given; a choice."""
 STATISTICS_IMAGES = 64
 """Images over which statistics of batch norms are taken where a model file has none; a choice."""
 _LEAST_SCORE = 0.05

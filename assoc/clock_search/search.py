@@ -38,7 +38,7 @@ _MARGIN = 25.0
 _BESIDE_MARGIN = 10.0
 """The same for offsets beside it, which share its errors; how wide it is tells its 1σ."""
 _UNKNOWN_SHARE = 0.7
-"""Of what should be seen, where that is not known."""
+"""Share of what should be seen, where that is not known."""
 _WELL_EXPLAINED = 0.85
 """The right offset usually explains at least this share of what should be seen, by a nat for each second."""
 _LEAST_EXPLAINED = 0.5
@@ -69,7 +69,7 @@ class ClockSearch:
     verdict: ClockVerdict
     best: OffsetFit | None
     runner_up: OffsetFit | None
-    """Of those that are more than the width of the best away, the one that comes nearest to what none may reach."""
+    """Best of those that are farther away than the width of the best: it comes nearest to what none may reach."""
     tried: int
     """Offsets that were fitted."""
 

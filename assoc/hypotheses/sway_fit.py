@@ -29,7 +29,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _STEP_S = 0.25
-"""Between two knots, seconds: what sways faster is seen by the boxes."""
+"""Interval between two knots, seconds: what sways faster is seen by the boxes."""
 _AHEAD_S = 1.0
 """The sway is predicted so far beyond the newest frame, seconds, for the frames until the next update."""
 _JITTER = 1e-4
@@ -43,7 +43,7 @@ _MOST_PAIRS = 12
 _OUTLIER = 3.0
 """A residual of more σ weighs less."""
 _ROUNDS = 2
-"""Of reweighting."""
+"""Rounds of reweighting."""
 _FREE = OFFSET
 """Numbers of θ before δ, which are fitted along: δ moves the vehicles themselves."""
 

@@ -74,7 +74,7 @@ def topology_cost(image: FloatArray, world: FloatArray) -> FloatArray:
 
 
 def signed_topology_cost(image: FloatArray, world: FloatArray) -> FloatArray:
-    """As :func:`topology_cost` for signed angles: differences are wrapped into (−π, π]."""
+    """Cost like :func:`topology_cost` for signed angles: differences are wrapped into (−π, π]."""
     d = np.nan_to_num(_wrap(image[:, None, :] - world[None, :, :]))
     return np.asarray(np.sqrt(np.sum(d * d, axis=2)))
 

@@ -18,7 +18,7 @@ from infra.session_format import LOG
 __all__ = ["BatchFlight", "find_flights"]
 
 MOST_LIST_BYTES = 64 << 20
-"""Of a list: a hundred thousand signed addresses."""
+"""Maximum bytes of a list: a hundred thousand signed addresses."""
 LOG_SUFFIX = ".tlog"
 _MOST_SHOWN = 200
 

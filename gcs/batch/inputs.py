@@ -20,7 +20,7 @@ _NOT_READ = frozenset((IDENTITY.name, IDENTITY_EVIDENCE, MARKS, PROGRAM_LOG, "fa
 
 
 MOST_FETCH_BYTES, MOST_FETCH_S = 64 << 30, 7200.0
-"""Of one flight out of a store: eighteen hours of video at 8 Mbit/s."""
+"""Limits of fetching one flight out of a store: eighteen hours of video at 8 Mbit/s."""
 
 
 def _is_read(name: str) -> bool:

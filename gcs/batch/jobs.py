@@ -62,12 +62,12 @@ class FlightJob(msgspec.Struct, frozen=True, kw_only=True, tag=True):
 
     name: str
     address: str
-    """Of the session folder or telemetry log."""
+    """Address of the session folder or telemetry log."""
     out: str
     """Where results go: as ``gcs.batch.stores.open_results`` takes it."""
     options: BatchOptions = BatchOptions()
     version: str = ""
-    """Of the program that asks: a worker with another refuses."""
+    """Version of the program that asks: a worker with another refuses."""
     attempt: int = 1
     scratch: str = ""
     """Folder of this machine for what is not whole; its log is there too."""
@@ -101,7 +101,7 @@ class VehicleCall(msgspec.Struct, frozen=True, kw_only=True):
     frames_unknown: int = 0
     """In which nobody knows whether it was in view; 0 in results of earlier versions."""
     share: float | None = None
-    """Of the frames in view those in which a box had its name."""
+    """Share of the frames in view in which a box had its name."""
     confidence: float | None
     outcome: str = ""
     """What became of it, in the roll call's words; empty in results of earlier versions."""
@@ -153,7 +153,7 @@ class FlightRecord(msgspec.Struct, frozen=True, kw_only=True):
     roll_call: tuple[VehicleCall, ...] = ()
     score: ScoreRecord | None = None
     earlier_result: bool = False
-    """Of a flight that failed: the table of a run before stands still, of other input, version or options."""
+    """Set for a flight that failed: the table of a run before stands still, of other input, version or options."""
     identity_bytes: int | None = None
     """Size of the flight's identity table."""
     attempts: int = 1
@@ -176,20 +176,20 @@ class FlightDone(msgspec.Struct, frozen=True, tag=True):
 
 
 def file_name(flight: str) -> str:
-    """As Hive, DuckDB and Arrow write values into paths."""
+    """Name of a file, with values in paths as Hive, DuckDB and Arrow write them."""
     return quote(flight, safe=" ")
 
 
 def identity_name(flight: str) -> str:
-    """Of a flight's identity table in the folder of results."""
+    """Name of a flight's identity table in the folder of results."""
     return f"{IDENTITY_FOLDER}/flight={file_name(flight)}/part-0.parquet"
 
 
 def record_name(flight: str) -> str:
-    """Of a flight's record."""
+    """Name of a flight's record."""
     return f"{RECORDS}/{file_name(flight)}.json"
 
 
 def log_name(flight: str) -> str:
-    """Of a flight's log."""
+    """Name of a flight's log."""
     return f"{LOGS}/{file_name(flight)}.log"

@@ -30,7 +30,7 @@ FRESH_AFTER_BYTES = 1 << 30
 FRESH_AFTER_FLIGHTS = 500
 """... one that has done so many."""
 MEMORY_SHARE = 0.9
-"""Of the machine's, for all workers together."""
+"""Share of the machine's memory, for all workers together."""
 ONE_THREAD = {
     name: os.environ.get(name, "1")
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
@@ -52,7 +52,7 @@ class RunLimits:
     retries: int = 1
     """Further attempts where the first was killed, took too long, or met a fault; none for input that is of no use."""
     timeout_s: float | None = None
-    """Of one attempt."""
+    """Timeout of one attempt."""
     most_bytes: int | None = None
     """That a worker may hold; None: its share of the machine's memory."""
 

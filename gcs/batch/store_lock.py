@@ -26,7 +26,7 @@ from gcs.errors import StoreError
 __all__ = ["held"]
 
 UNREADABLE = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
-"""Of a file that others may have written."""
+"""Errors of a file that others may have written."""
 RENEW_S = 10.0
 WATCH_S = 30.0
 """A batch that has not renewed its object for so long is over."""
@@ -42,7 +42,7 @@ class LockHolder(msgspec.Struct, frozen=True, kw_only=True):
     began_s: float
     """When the process began, by its own clock: another process may have its number later."""
     key: str
-    """Of this one batch."""
+    """Key of this one batch."""
     renewed: int = 0
 
 

@@ -131,7 +131,7 @@ def _single(name: str) -> Any:  # noqa: ANN401
     return get_command(single)
 
 
-class _Family(TyperGroup):
+class _TwoWords(TyperGroup):
     """Commands of one first word."""
 
     def list_commands(self, ctx: object) -> list[str]:
@@ -158,7 +158,7 @@ class _CommandTable(TyperGroup):
 
     def get_command(self, ctx: object, cmd_name: str) -> Any:  # noqa: ANN401
         if cmd_name in _FAMILIES:
-            return _Family(name=cmd_name, help=_line(cmd_name), no_args_is_help=True, rich_markup_mode=None)
+            return _TwoWords(name=cmd_name, help=_line(cmd_name), no_args_is_help=True, rich_markup_mode=None)
         if cmd_name in ("tlog", "keys"):
             group = import_module(f"gcs.cli.{cmd_name}").app
             for command in group.registered_commands:

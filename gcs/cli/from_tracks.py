@@ -14,7 +14,7 @@ from gcs.cli.output.tables import print_table
 __all__ = ["from_tracks"]
 
 MOST_NUMBER = 2**63 - 1
-"""Of frames, vehicles and seeds."""
+"""Largest number of frames, vehicles and seeds."""
 MOST_TEAM = 200
 """Vehicles that the simulator has report."""
 

@@ -7,7 +7,7 @@ import sys
 __all__ = ["main"]
 
 NOT_AVAILABLE = 3
-"""As ``gcs.cli.output.console`` has it, which cannot be imported here."""
+"""Exit code, as ``gcs.cli.output.console`` has it, which cannot be imported here."""
 
 
 def main() -> None:

@@ -40,7 +40,7 @@ Path = Callable[[GeoPoint, bool], Command | None]
 """Given the newest place and whether this is the first command: the command, None when there is nothing to send."""
 Verdict = Literal["not yet", "done", "not moved", "unknown"]
 THERE_RAD = math.radians(15.0)
-"""So near to its goal the camera has it in view: most see 30° to either side, and gimbals lag behind."""
+"""Angle to its goal below which the camera has it in view: most see 30° to either side, and gimbals lag behind."""
 PROGRESS_RAD = math.radians(2.0)
 """A gimbal that turns at all turns so far within the patience."""
 
@@ -134,13 +134,13 @@ class CommandParams:
     """How often, how far, how long."""
 
     point_s: float = 0.5
-    """Between two places for the camera: shorter → follows closer, more on the link."""
+    """Seconds between two places for the camera: shorter → follows closer, more on the link."""
     fly_s: float = 1.0
-    """Between two goals for the UAV."""
+    """Seconds between two goals for the UAV."""
     lost_s: float = 10.0
     """Without a position for so long a stream ends."""
     radius_m: float = 20.0
-    """Of a circle around a vehicle."""
+    """Radius of a circle around a vehicle."""
     speed_mps: float = 3.0
     """Along that circle."""
     moved_m: float = 5.0
@@ -273,7 +273,7 @@ class CommandExecutor:
         return PointingMonitor(self._params.see_s, time.monotonic())
 
     def _off_rad(self, ugv: int) -> float:
-        """Between where the camera looks and a ground vehicle, NaN unknown."""
+        """Angle between where the camera looks and a ground vehicle, NaN unknown."""
         place = self._where(ugv)
         return math.nan if place is None else self._uav.off_rad(place)
 
@@ -434,6 +434,6 @@ def _seen(verdict: Verdict, monitor: PointingMonitor) -> tuple[Level, str]:
 
 
 _SEE_PERIOD_S = 0.1
-"""Between looks whether the camera turns."""
+"""Seconds between checks that the camera turns."""
 
 _NO_HEIGHT = "not sent: its own height is not known"

@@ -71,7 +71,7 @@ class Command:
 
     @property
     def name(self) -> str:
-        """As MAVLink has it, without the prefix."""
+        """Name in MAVLink, without the prefix."""
         entry = ardupilotmega.enums["MAV_CMD"].get(self.number)
         return str(entry.name).removeprefix("MAV_CMD_") if entry is not None else str(self.number)
 

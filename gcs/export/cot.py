@@ -32,7 +32,7 @@ FUSED, BY_MACHINE = "m-f", "m-i"
 """How it was found: telemetry and film together, or by the film alone."""
 _NOT_KNOWN: Final = "9999999.0"
 _MOST_LETTERS: Final = 64
-"""Of a name: an event is to fit into a datagram whatever a mission calls its vehicles."""
+"""Maximum letters of a name: an event is to fit into a datagram whatever a mission calls its vehicles."""
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 

@@ -21,7 +21,7 @@ class ExportFormat:
     """One format."""
 
     name: str
-    """As ``--format`` takes it."""
+    """Name that ``--format`` takes."""
     suffix: str
     """Ending of its file with the dot; empty: it is a folder, and has to be asked for by name."""
     contents: str

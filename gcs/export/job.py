@@ -38,7 +38,7 @@ class ExportJob:
     times_us: NDArray[np.int64] = field(default_factory=_no_times)
     """(n,) when each of its frames was taken, Unix µs."""
     min_confidence: float = 0.0
-    """Of training labels: frames with less certain boxes are left out."""
+    """Minimum confidence of training labels: frames with less certain boxes are left out."""
     note: Callable[[str], None] = _tell_nobody
     """Takes a line about what was left out."""
 

@@ -53,11 +53,11 @@ READ_S = 0.2
 IDLE_S = 0.2
 """Without a new frame for this long the fleet is shown all the same."""
 WAITING_S = 0.02
-"""So long while frames wait for telemetry."""
+"""Poll interval in seconds while frames wait for telemetry."""
 CARE_S = 0.5
 FAULT_PAUSE_S = 0.1
 LOOK_THREADS = min(os.cpu_count() or 1, 2)
-"""Of the detector: the newest frame is looked at alone, and soon."""
+"""Threads of the detector: the newest frame is looked at alone, and soon."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -182,7 +182,7 @@ class Flight:
 
     @property
     def tiles(self) -> Path | None:
-        """Of the mission."""
+        """Tiles of the mission."""
         return self._mission.tiles
 
     @property

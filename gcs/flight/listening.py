@@ -36,7 +36,7 @@ HEARD_VIDEO = f"udp://:{PORT}"
 MOST_KEPT = 50_000
 """Packets for the flight: a minute of a large fleet. What was heard before is recorded and not folded in."""
 _MOST_DATAGRAMS = 200
-"""Of video, looked at in one turn."""
+"""Most datagrams of video looked at in one turn."""
 _ENOUGH_DATAGRAMS = 3
 """Datagrams that look like video: one may be anything."""
 

@@ -13,7 +13,7 @@ from mavlink.state import FleetState
 __all__ = ["Contradictions"]
 
 FITS = 0.75
-"""Of the distance from which on a vehicle is contradicted: one that is nearer to its box fits."""
+"""Share of the distance from which on a vehicle is contradicted: one that is nearer to its box fits."""
 FRESH_S = 2.0
 """An older report fits nothing."""
 UNPROVED_S = 1.0

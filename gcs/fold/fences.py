@@ -18,7 +18,7 @@ __all__ = ["Fences", "distance_inside"]
 
 FloatArray = NDArray[np.float64]
 CIRCLE_CORNERS = 72
-"""Of the outline that is drawn of a circle: off by a thousandth of its radius."""
+"""Corners of the outline that is drawn of a circle: off by a thousandth of its radius."""
 
 
 class Fences:

@@ -161,7 +161,7 @@ class Statements:
         return [_event(t_us, "info", f"{self._words(undone)}; withdrawn", undone.system_id, undone)]
 
     def _replace_others(self, t_us: int, made: Statement, identifier: Identifier) -> list[Event]:
-        """Of two statements about one vehicle the later counts."""
+        """Let the later of two statements about one vehicle count."""
         events = []
         for track, standing in list(self._standing.items()):
             if track != made.track_id and made.system_id and standing.made.system_id == made.system_id:

@@ -11,7 +11,7 @@ from gcs.snapshot import Level, Snapshot
 __all__ = ["CLEARS_AFTER_S", "GROWING_S", "AlarmRule"]
 
 CLEARS_AFTER_S = 3.0
-"""So long after its last sign an alarm is over: what is gone for a moment only is not reported twice."""
+"""Seconds after its last sign until an alarm is over: what is gone for a moment only is not reported twice."""
 GROWING_S = 10.0
 """A counter that should not grow counts as growing for so long after it grew: long enough to be seen."""
 
@@ -30,7 +30,7 @@ class AlarmRule(Generic[Subject]):
     """Together with whose alarm it is, the key of the alarm. Rules of one key are levels of one alarm."""
     level: Level
     kind: str
-    """As an event's."""
+    """Kind, as an event's."""
     text: str
     """What is wrong; on the screen after the name of the vehicle or the link."""
     meaning: str

@@ -29,7 +29,7 @@ class Finding:
 
     rule: AlarmRule[Any]
     key: str
-    """Of the alarm."""
+    """Key of the alarm."""
     name: str
     """Whose it is, with a colon behind, empty for the station's."""
     detail: str
@@ -37,7 +37,7 @@ class Finding:
     vehicles: tuple[int, ...] = ()
     """All that it is about, where it is not one vehicle's."""
     count: int | None = None
-    """Of a counter that should not grow; None: the rule's condition holds."""
+    """Value of a counter that should not grow; None: the rule's condition holds."""
     raises: bool = True
     """False: the condition does not hold, and an alarm that was raised before is kept all the same."""
 
@@ -76,7 +76,7 @@ class ReportedAlarm:
 _WORKED_OUT = frozenset(
     {"unheard", "video", "video clock", "camera heading", "camera pitch", "camera mirrored", "no match"}
 )
-"""Of the station's alarms."""
+"""Names of the station's alarms that are worked out."""
 
 
 def _tables(system_id: int) -> tuple[Rules, ...]:

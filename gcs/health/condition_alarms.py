@@ -16,11 +16,11 @@ OLD_S = 30.0
 SAG_S = 5.0
 """Voltage sags while a motor starts, and receivers lose satellites under a tree."""
 EMPTY = 0.5
-"""Of the mission's limit: below it the charge is an alarm."""
+"""Share of the mission's limit: below it the charge is an alarm."""
 CHARGE_BACK = 0.05
 """A charge must be so much above its limit for the alarm to be over: monitors that filter voltage wander."""
 HDOP_BACK = 0.8
-"""Of the mission's limit."""
+"""Share of the mission's limit."""
 NO_FIX_S = 10.0
 """A receiver that was hidden finds its satellites again in this time."""
 CHECKS_S = 10.0
@@ -28,7 +28,7 @@ CHECKS_S = 10.0
 OVER_S = 1.0
 """A position may be beyond a fence for so long without an alarm: a few reports of a receiver."""
 INSIDE_M = 1.0
-"""So far on the right side a vehicle has come back."""
+"""Distance on the right side from which a vehicle has come back."""
 _BAD = ("critical", "emergency", "failed", "unhealthy")
 
 

@@ -19,7 +19,7 @@ __all__ = ["Faults"]
 _log = logging.getLogger(__name__)
 
 LASTING = 20
-"""As many faults of one job in a row mean that it does not work any more."""
+"""Number of faults of one job in a row that mean that it does not work any more."""
 MOST_KEPT = 100
 _WAIT_S = 0.2
 """For a traceback to be written; on a disk that hangs it is written later."""

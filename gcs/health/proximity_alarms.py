@@ -16,7 +16,7 @@ __all__ = ["NEAR_S", "PAIR_RULES", "Pair", "near_pairs"]
 NEAR_S = 1.0
 """A few reports of both."""
 APART = 1.2
-"""Of the mission's limit: so far apart they are no longer near."""
+"""Factor of the mission's limit: so far apart they are no longer near."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ BACK_S = 3.0
 NO_POSITION_S = 10.0
 """A receiver that knows the satellites finds its position in this time."""
 NO_ATTITUDE_S = 3.0
-"""As long as a position takes to be lost."""
+"""Seconds without attitude: as long as a position takes to be lost."""
 HELD_S = 3.0
 """Within this a vehicle that sends its time once a second has proved that its packets are new."""
 CLOCK_FAULT_S = 10.0

@@ -26,7 +26,7 @@ __all__ = ["boxes_of_spans", "searched_times"]
 
 
 EVERY_US = 240_000
-"""Between two frames that are looked at: a vehicle moves by less than its own length."""
+"""Interval between two frames that are looked at: a vehicle moves by less than its own length."""
 _FOCALS = (0.71, 1.07, 0.45, 1.69)
 """Focal lengths in widths of the picture, the likeliest first: 70°, 50°, 96° and 33° across."""
 

@@ -39,10 +39,10 @@ Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
 SPAN_US = 60_000_000
-"""Of the film that is looked at at once: a minute tells an offset within hours, more costs more."""
+"""Span of the film that is looked at at once: a minute tells an offset within hours, more costs more."""
 MOST_SPANS = 3
 POSE_US = 200_000
-"""Between two poses of the camera."""
+"""Interval between two poses of the camera."""
 LATE_US = 400_000
 """Reports come so late; a pose is taken once those after it are there."""
 ABOUT_US = 30_000_000

@@ -58,7 +58,7 @@ class FleetTlog:
 
     @property
     def system_ids(self) -> frozenset[int]:
-        """Of all who send."""
+        """Ids of all who send."""
         return frozenset(map(int, np.unique(self.tlog.index.system_id)))
 
     def places(self, system_id: int) -> PlaceTrack:
@@ -199,7 +199,7 @@ def _on_one_clock(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
 
 
 def _without_stamps(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
-    """As ``_on_one_clock``, of a log that a station wrote as it received it, ``.rlog`` or ``.raw``.
+    """Works as ``_on_one_clock``, of a log that a station wrote as it received it, ``.rlog`` or ``.raw``.
 
     Raises:
         ImportFileError: no vehicle tells the date.

@@ -95,7 +95,7 @@ class ImportReport:
 def source_accounts(
     film: ImportedFilm, fleet: GroundVehicles, uav: VehicleLog | None, timeline: FilmTimes
 ) -> tuple[SourceAccount, ...]:
-    """Of each file: the film, the UAV's log, those of ground vehicles, and the fleet's."""
+    """Accounts of each file: the film, the UAV's log, those of ground vehicles, and the fleet's."""
     length_s = float(film.elapsed_us[-1]) * 1e-6
     video = SourceAccount(
         role="video",

@@ -44,7 +44,7 @@ _FAR_M = 100_000.0
 """A UAV that is farther from its fleet than this is not above it."""
 _TIME = struct.Struct(">Q")
 _OTHER_NAMES = {".m2ts": ".ts", ".mts": ".ts", ".m4v": ".mp4", ".lrf": ".mp4"}
-"""Of containers that are the same under another name."""
+"""Suffixes of containers that are the same under another name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,7 +187,7 @@ def _above(uav: VehicleLog, fleet: GroundVehicles) -> tuple[VehicleLog, tuple[st
 
 
 def _uav_id(fleet: GroundVehicles, uav: VehicleLog | None, unread: tuple[str, ...]) -> int:
-    """Of the UAV: its own, else one that nobody uses.
+    """Id of the UAV: its own, else one that nobody uses.
 
     Raises:
         ImportFileError: there is no UAV, or no id for it.

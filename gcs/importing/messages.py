@@ -32,7 +32,7 @@ _Timed = Iterator[tuple[int, Callable[[MavlinkEncoder], bytes]]]
 _BOOTED_BEFORE_US = 60_000_000
 """The clock of a vehicle begins so long before its first sample: a boot time of 0 means that there is none."""
 _HEARTBEAT_US, _FIX_US, _VIEW_US = 1_000_000, 500_000, 1_000_000
-"""Between messages of a kind."""
+"""Intervals between messages of a kind."""
 _PLACE_US, _ANGLE_US = 45_000, 35_000
 """Samples closer together than this are thinned: interpolation makes up for them, and logs have hundreds a second."""
 _FASTEST, _MOST_TURN = 300.0, 1e3

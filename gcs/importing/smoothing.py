@@ -30,7 +30,7 @@ ACCELERATION = 1.5
 COARSE_CELL_M = 1.0
 """From here on the rounding of positions is more than their noise."""
 ROUNDS = 200
-"""Of ADMM: the path is within centimetres of its end by then."""
+"""Rounds of ADMM: the path is within centimetres of its end by then."""
 _STEP_US = 90_000
 """Positions closer together are thinned: a receiver has ten a second."""
 _GAP_US = 10_000_000

@@ -171,7 +171,7 @@ class VehicleLog:
     zero_us: int = 0
     """Unix µs of time 0 by whatever the file says of it; 0 unknown. Of clock "utc" 0 is Unix time's own."""
     system_id: int = 0
-    """As the log has it; 0 unknown."""
+    """System id in the log; 0 unknown."""
     attitudes: AngleTrack = field(default_factory=AngleTrack.empty)
     gimbal: AngleTrack = field(default_factory=AngleTrack.empty)
     view: ViewTrack = field(default_factory=ViewTrack.empty)

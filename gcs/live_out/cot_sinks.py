@@ -16,7 +16,7 @@ from infra.wall_clock import now_us
 __all__ = ["CotTcp", "CotTls", "CotUdp"]
 
 TTL = 1
-"""Of multicast datagrams: they stay on the local network."""
+"""TTL of multicast datagrams: they stay on the local network."""
 CONNECT_S, SEND_S = 3.0, 2.0
 """A server that takes longer is tried anew."""
 REPLAYED = "s-replay"

@@ -23,7 +23,7 @@ __all__ = ["SnapshotReader", "SnapshotWriter"]
 _CURSOR_BYTES = 8
 _SLOTS, _PICTURES = 2, 3
 SNAPSHOT_BYTES = 4 << 20
-"""Of one snapshot without its picture: thousands of boxes with all their candidates."""
+"""Bytes of one snapshot without its picture: thousands of boxes with all their candidates."""
 PICTURE_BYTES = 7680 * 4320 * 3
 """The largest picture; memory is taken for what is written alone."""
 _PICTURES_AT = _CURSOR_BYTES + _SLOTS * SNAPSHOT_BYTES

@@ -22,7 +22,7 @@ __all__ = ["LiveOut"]
 _log = logging.getLogger(__name__)
 
 LOOK_S = 0.01
-"""Between two looks for a newer snapshot."""
+"""Seconds between two looks for a newer snapshot."""
 WATCH_S = 0.2
 START_S = 30.0
 """A process may take so long to begin on a computer that has other things to do."""

@@ -26,7 +26,7 @@ __all__ = ["SHOW_SCHEMES", "TELL_SCHEMES", "SinkUrl", "check_apart", "parse_show
 OPEN = "open"
 """Option without a value: serve other addresses than the loopback too."""
 WIDTHS = (160, 7680)
-"""Of pictures, px."""
+"""Widths of pictures, px."""
 FILES = ("cert", "key", "ca")
 """Options that name files: PEM."""
 
@@ -74,7 +74,7 @@ class SinkUrl:
     """One address."""
 
     text: str
-    """As it was given, without its options: what is shown and logged."""
+    """Address as it was given, without its options: what is shown and logged."""
     scheme: str
     host: str
     port: int

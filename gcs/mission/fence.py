@@ -14,7 +14,7 @@ Place = tuple[float, float]
 """Latitude and longitude, degrees."""
 LEAST_CORNERS = 3
 MOST_CORNERS = 1000
-"""As many as anybody draws, and a tenth of a millisecond a frame."""
+"""Most corners: as many as anybody draws, and a tenth of a millisecond a frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +30,7 @@ class Fence:
     ] = ()
     """Its corners in order; the last is joined to the first."""
     centre: Place | None = None
-    """Of a circle, instead."""
+    """Centre of a circle, instead."""
     radius_m: Annotated[float, Meta(ge=0.0, le=100_000.0)] = 0.0
     vehicles: tuple[Annotated[int, Meta(ge=1, le=255)], ...] = ()
     """System ids for which it holds; empty: all ground vehicles."""

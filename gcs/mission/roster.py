@@ -160,7 +160,7 @@ class Found:
     roles: Mapping[int, Role]
     """By system id."""
     names: Mapping[int, str] = field(default_factory=dict)
-    """Of those that have one of their own."""
+    """Names of those that have one of their own."""
     chosen: frozenset[int] = frozenset()
     """Whose role is the operator's choice."""
     video: str | None = None

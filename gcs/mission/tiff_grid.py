@@ -17,7 +17,7 @@ from infra.processes.bounded import answer_parent, ask_child
 __all__ = ["TiffGrid", "read_tiff"]
 
 _MORE_BYTES, _BYTES_A_CELL = 200_000_000, 12
-"""Of memory: decoded, as numbers, and as what is handed over."""
+"""Bytes of memory: decoded, as numbers, and as what is handed over."""
 _MOST_S = 120.0
 
 
@@ -36,7 +36,7 @@ class TiffGrid(msgspec.Struct, tag=True):
     numbers: dict[int, list[float]]
     """Values of the tags that were asked for and hold numbers."""
     words: dict[int, str]
-    """Of those that hold a text."""
+    """Texts of those that hold one."""
     cells: bytes
     """Single precision, row by row; none where there is more than one band."""
 

@@ -30,7 +30,7 @@ MOST_KEPT: Final = 96
 MOST_TILE_BYTES: Final = 4_000_000
 """A tile is some ten thousand; what is larger is none."""
 MOST_SIDE_PX: Final = 4096
-"""Of a tile's picture: larger ones would take hundreds of megabytes once decoded."""
+"""Maximum side of a tile's picture: larger ones would take hundreds of megabytes once decoded."""
 MOST_OPEN_S: Final = 10.0
 MOST_READ_S: Final = 1.0
 MOST_SLOW: Final = 3
@@ -39,7 +39,7 @@ FAULTS = (sqlite3.Error, UnicodeDecodeError)
 """What SQLite raises; the second where it quotes a file's words that are no text."""
 MOST_HEAP_BYTES: Final = 256 << 20
 STEPS: Final = 10_000
-"""Of SQLite's machine between two looks at the clock."""
+"""Steps of SQLite's machine between two looks at the clock."""
 MOST_ZOOM: Final = 30
 LONGEST_CREDIT: Final = 80
 RASTER: Final = frozenset({"png", "jpg", "jpeg", "webp"})

@@ -40,7 +40,7 @@ Times = NDArray[np.int64]
 WARM_UP_US = 20_000_000
 """A fold that begins in the middle takes in so much telemetry before: what is sent every few seconds has come."""
 LOOKED_US = 4_000_000
-"""And looks at the frames of so long: most vehicles are named after two or three seconds."""
+"""Time before it whose frames it looks at: most vehicles are named after two or three seconds."""
 
 
 class Analysis:
@@ -301,7 +301,7 @@ class Analysis:
             yield index, t_us, frame.image if frame is not None and frame.index == index else None
 
     def _add_packet(self, pipeline: Pipeline, packet: Packet) -> None:
-        """As in a flight, a packet that cannot be worked on costs nothing else; the first is an event."""
+        """Add a packet; as in a flight, one that cannot be worked on costs nothing else; the first is an event."""
         try:
             pipeline.add_packet(packet)
         except Exception as error:  # noqa: BLE001 - an event, below
@@ -314,7 +314,7 @@ class Analysis:
         return Health(frames=index + 1, video="ok" if self.video else "none")
 
     def health_at(self, t_us: int, index: int) -> Health:
-        """As far as it is recorded: whether frames came at a time; behind its last a film has ended."""
+        """Health as far as it is recorded: whether frames came at a time; behind its last a film has ended."""
         health = self._health(index)
         if self.opened.frames_us is None:
             return health

@@ -119,7 +119,7 @@ class FlownReports:
 
     @classmethod
     def of(cls, opened: OpenedSession) -> tuple[FlownReports, str]:
-        """Of an opened session: see ``read``."""
+        """Read those of an opened session: see ``read``."""
         known_us = opened.known_us
         return cls.read(opened.session.path, int(known_us.min()), int(known_us.max()), opened.log.steps)
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["identify_session"]
 
 AGAIN_S = 0.3
-"""So far off the names of the first seconds wait until the video's clock is found, s."""
+"""Offset from which on the names of the first seconds wait until the video's clock is found, s."""
 SURE_S, SURE_FIT = 0.1, 0.99
 """Largest 1σ of the offset, s, and least probability that film and telemetry belong together, with which it counts."""
 _FILES = (IDENTITY.name, IDENTITY_EVIDENCE, EVENTS)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 __all__ = ["moments_between", "telemetry_times"]
 
 TICK_US: Final = 200_000
-"""As often as a flight shows the fleet while no frame comes."""
+"""Interval at which a flight shows the fleet while no frame comes."""
 QUIET_US: Final = 60_000_000
 """Where nothing was received for so long, every alarm of silence has come, and only ages grow."""
 QUIET_SHARE: Final = 0.02

@@ -42,7 +42,7 @@ class OpenedSession:
     mission: Mission
     """The session's own, or what telemetry tells of who flies."""
     frames: FrameTimes | None
-    """As ``frames.csv`` has them."""
+    """Frame times of ``frames.csv``."""
     video: VideoFile | None
     looks: RecordedLooks | None
     """What was seen in the frames; None: nothing was kept, or it is to be looked at again."""
@@ -51,7 +51,7 @@ class OpenedSession:
     times_us: NDArray[np.int64]
     """(n,) when each frame was taken, Unix µs; of telemetry alone: moments to show it at."""
     size: FrameSize
-    """Of frames that have no image, as far as it is known."""
+    """Size of frames that have no image, as far as it is known."""
 
     @classmethod
     def open(cls, session: Session, *, redetect: bool = False) -> OpenedSession:

@@ -16,9 +16,9 @@ from gcs.snapshot import Snapshot
 __all__ = ["Preview"]
 
 AHEAD_US: Final = 3_000_000
-"""So far beyond the place that is looked at: playing does not wait."""
+"""Time analysed beyond the place that is looked at: playing does not wait."""
 BEFORE_US: Final = 1_000_000
-"""So far before it: a step back finds something."""
+"""Time analysed before that place: a step back finds something."""
 JUMP_US: Final = 8_000_000
 """To begin again is cheaper than to go on to a place farther ahead than this."""
 

@@ -47,7 +47,7 @@ SOON_US = 5_000_000
 PERIOD_US = 200_000
 """How often a place is drawn again of which nothing is known but its frame."""
 PARTS: Final = 1000
-"""Of a recording: several for each cell of the widest screens."""
+"""Parts of a recording: several for each cell of the widest screens."""
 HELD_US: Final = 2_000_000
 """A name counts for so long without another snapshot, as on the screen."""
 NAMED: Final = frozenset({"confirmed", "tentative", "coasting"})
@@ -127,7 +127,7 @@ class ReplayPlace(NamedTuple):
     store: SnapshotStore | None
     """None: nothing is worked out."""
     number: int
-    """Of the snapshot in it."""
+    """Number of the snapshot in it."""
     frame: int
     """The newest one then, -1 before the first."""
     final: bool
@@ -235,7 +235,7 @@ class Replay:
 
     @property
     def tiles(self) -> Path | None:
-        """Of the recorded mission, or the one given in its place."""
+        """Tiles of the recorded mission, or the one given in its place."""
         return self._analysis.mission.tiles
 
     def latest(self) -> Snapshot | None:

@@ -17,7 +17,7 @@ __all__ = ["SnapshotStore"]
 CHUNK: Final = 16
 """Snapshots that are packed together: they repeat each other, and unpacking them takes some milliseconds."""
 FASTEST: Final = 1
-"""Of zlib's levels; the higher ones save a tenth more and take three times as long."""
+"""Fastest of zlib's levels; the higher ones save a tenth more and take three times as long."""
 
 
 class SnapshotStore:

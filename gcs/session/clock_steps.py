@@ -56,7 +56,7 @@ class ClockSteps:
 
     @classmethod
     def none(cls) -> ClockSteps:
-        """Of a clock that was not set."""
+        """Steps of a clock that was not set: none."""
         empty = np.zeros(0, dtype=np.int64)
         return cls(record=empty, t_us=empty, step_us=empty)
 

@@ -37,7 +37,7 @@ class FoldTurn:
     heard_us: int
     """Whatever came before this Unix time had been taken in; 0: not known."""
     frame: int = NO_FRAME
-    """Of the video, or ``NO_FRAME``."""
+    """Frame of the video, or ``NO_FRAME``."""
     boxes: int | None = None
     """Found in the frame; None: there was none, or the detector failed."""
     size: tuple[int, int] | None = None

@@ -53,7 +53,7 @@ MOST_COUNTED_BYTES = 8 << 30
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _FARTHEST_S = 1e9
-"""Of anything from a film that was imported."""
+"""Farthest time of anything from a film that was imported."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,7 +74,7 @@ class FlightNotes:
     imported: tuple[tuple[str, str], ...] = ()
     """What and how, of each file that an import read."""
     spans: tuple[tuple[str, tuple[tuple[float, float], ...]], ...] = ()
-    """Of whom such a file tells, and from and to which seconds of the film."""
+    """Vehicles of which such a file tells, and from and to which seconds of the film."""
     started_us: int = 0
     """When the flight began and ended, Unix µs; 0 unknown."""
     ended_us: int = 0
@@ -134,7 +134,7 @@ def import_rows(table: object) -> Iterator[tuple[str, str]]:
 
 
 def _import_spans(table: object) -> Iterator[tuple[str, tuple[tuple[float, float], ...]]]:
-    """Of whom, and when, by the account that an import has written; what can be none is left out."""
+    """Vehicles and spans by the account that an import has written; what can be none is left out."""
     for each in _sources(table):
         for whose, parts in _values_of(list, each.get("spans")).items():
             yield whose, tuple((part[0], part[1]) for part in parts if _is_span(part))

@@ -34,15 +34,15 @@ class RecordSenders:
     peer: Ints
     """(n,) number of the sender on that link, 0 where it is not known."""
     names: tuple[str, ...]
-    """Of the links, by index."""
+    """Names of the links, by index."""
     addresses: Mapping[tuple[int, int], str]
-    """Of link and sender, in words."""
+    """Addresses of link and sender, in words."""
     skipped: int
     """Rows that cannot be read."""
 
     @classmethod
     def unknown(cls, count: int) -> RecordSenders:
-        """Of a log without that table."""
+        """Senders of a log without that table."""
         link, peer = np.zeros((2, count), dtype=np.int64)
         return cls(link=link, peer=peer, names=(), addresses={}, skipped=0)
 
@@ -79,7 +79,7 @@ class RecordSenders:
         )
 
     def address(self, link: int, peer: int) -> str:
-        """Of a sender, in words; empty where it is not known."""
+        """Address of a sender, in words; empty where it is not known."""
         return self.addresses.get((link, peer), "")
 
 

@@ -26,7 +26,7 @@ __all__ = ["Table", "read_table"]
 MOST_ROW_CHARS = 4096
 """Our rows have less than 200."""
 MOST_BOXES = 1000
-"""Of one frame: fifty times a large fleet; to compare boxes takes the square of their number in memory."""
+"""Maximum boxes of one frame: fifty times a large fleet; comparing boxes takes the square of their number in memory."""
 _LATEST_US = 4_102_444_800_000_000  # the year 2100
 _MOST_RECORDS = 1 << 40
 _MOST_FRAMES = (1 << 31) - 1

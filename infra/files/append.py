@@ -58,7 +58,7 @@ class _Failures:
 
     count: int = 0
     reason: str = ""
-    """Of the last one."""
+    """Reason of the last failure."""
     began_s: float = -math.inf
     last_s: float = -math.inf
 

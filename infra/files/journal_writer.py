@@ -18,7 +18,7 @@ GATHER_S = 0.04
 HANG_S = 60.0
 """A disk that hangs is waited for so long at the end: as long as memory lasts; a station that lives waits less."""
 _LOOK_S = 0.1
-"""Between looks whether a disk that failed takes rows again."""
+"""Seconds between checks whether a disk that failed takes rows again."""
 
 
 class JournalWriter:

@@ -14,7 +14,7 @@ class RecordState:
     """How a recording is doing."""
 
     name: str
-    """Of the segment being written."""
+    """Name of the segment being written."""
     rows: int = 0
     """Accepted so far."""
     bytes: int = 0

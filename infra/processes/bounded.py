@@ -119,7 +119,7 @@ def answer_parent(asks: type[Question], read: Callable[[Question], msgspec.Struc
 
 
 def _set_bounds(most_bytes: int, most_s: float) -> None:
-    """Of address space, of what it may print, and of processor time, for a parent that is killed ends nothing."""
+    """Bound address space, output and processor time; a parent that is killed ends nothing."""
     for kind, most in (
         (resource.RLIMIT_AS, most_bytes),
         (resource.RLIMIT_FSIZE, _MOST_WRITTEN),

@@ -27,7 +27,7 @@ ROOT = str(Path(__file__).resolve().parents[2])
 KILL_S = 2.0
 """A process that waits for the disk in the kernel ends only when the disk answers: it is not waited for longer."""
 _LAST_BYTES, _LAST_CHARACTERS = 2000, 200
-"""Of what a process wrote: read, and reported."""
+"""Ends of what a process wrote: read, and reported."""
 
 Report = TypeVar("Report")
 

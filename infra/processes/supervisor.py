@@ -17,7 +17,7 @@ __all__ = ["Supervisor"]
 _log = logging.getLogger(__name__)
 
 SPARE_AGAIN_S = 0.3
-"""Between two attempts to start a process."""
+"""Seconds between two attempts to start a process."""
 
 Child = TypeVar("Child", bound=ChildProcess[Any])
 

@@ -59,7 +59,7 @@ _BOOT_US = 500_000
 _ADDRESS_CHANGES = 4
 """Changes of the address after which two addresses are reported."""
 _ADDRESSES_US = 600_000_000
-"""And how often: two radios into one port last a whole flight."""
+"""Interval between reports of two addresses: two radios into one port last a whole flight."""
 _MAX_KINDS = 8
 """Kinds of vehicle remembered, so that a flood of forged heartbeats costs no memory."""
 _USUAL_CLOCK, _OTHER_CLOCK = "usual", "other"

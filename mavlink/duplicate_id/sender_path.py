@@ -27,7 +27,7 @@ MAX_LINK_LAG_US = 12_000_000
 """A link may be this much later than another without a proof that it carries the same: ten seconds, and some for its
 own delays."""
 MAX_PROVEN_LAG_US = 60_000_000
-"""And this much where its places lie on the path that is known."""
+"""Longest proven lag where its places lie on the path that is known."""
 ALIVE_US = 3_000_000
 """A sender that reported this lately is alive."""
 

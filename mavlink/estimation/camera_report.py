@@ -49,7 +49,7 @@ class CameraReports:
         self._used = chosen
         self._reports = ReportOnce()
         self.report: CameraReport | None = None
-        """Of the camera in use, None as long as its field of view is unknown."""
+        """Report of the camera in use, None as long as its field of view is unknown."""
 
     @property
     def stream(self) -> VideoStreamInformation | None:
@@ -60,7 +60,7 @@ class CameraReports:
 
     @property
     def gimbal_id(self) -> int:
-        """Of the gimbal that carries the camera, 0 unknown."""
+        """Id of the gimbal that carries the camera, 0 unknown."""
         camera = self._cameras.get(self._used) or next(iter(self._cameras.values()), None)
         return camera.information.gimbal_id if camera and camera.information else 0
 

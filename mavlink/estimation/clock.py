@@ -47,7 +47,7 @@ class ClockParams:
     steep_after_us: int = 10 * _S
     """Except for one of 1 % and more that both halves show: it costs a second in a minute and a half."""
     known_after_us: int = 60 * _S
-    """And is worth reporting from here on: over less, the delays of a busy host look like hundreds of ppm."""
+    """Time from which a drift is worth reporting: over less, the delays of a busy host look like hundreds of ppm."""
     sure: float = 150e-6
     """By how much a half's drift may differ from the whole's. Raise for jittery links."""
     late_us: int = 5 * _S
@@ -65,7 +65,7 @@ class ClockParams:
     reboot_below_us: int = 300 * _S
     """A vehicle that has just rebooted counts less than this."""
     reboot_fresh_us: int = 15 * _S
-    """And less than this when its count is also that of a link so much later than another."""
+    """Limit for a reboot when its count is also that of a link so much later than another."""
     reboot_surprise_us: int = 600 * _S
     """A boot time farther than this from what was expected, wrapped or not, is taken as it came: a reboot."""
     late_most_us: int = 60 * _S
@@ -75,7 +75,7 @@ class ClockParams:
     line_us: int = 5 * _S
     """Outliers no farther apart than this may be on one line."""
     line_width_us: int = _S // 2
-    """And when their offsets agree to this: more than the jitter of a radio."""
+    """Agreement of offsets that count as one line: more than the jitter of a radio."""
     lines: int = 4
     """Lines of outliers followed beside the clock: late copies may run beside a reboot."""
     line_messages: int = 3

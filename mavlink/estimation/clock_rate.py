@@ -90,12 +90,12 @@ class ClockRate:
 
     @property
     def rate(self) -> float:
-        """Of the last twelve seconds: 1 is as fast as ours."""
+        """Rate of the last twelve seconds: 1 is as fast as ours."""
         points = list(self._bins)[-BINS:]
         return 1.0 - _slope(points) if len(points) > 1 else 1.0
 
 
 def _slope(points: Sequence[tuple[int, int]]) -> float:
-    """Of the line from the first to the last point."""
+    """Slope of the line from the first to the last point."""
     (begin_us, before_us), (end_us, after_us) = points[0], points[-1]
     return (after_us - before_us) / (end_us - begin_us) if end_us > begin_us else 0.0

@@ -235,7 +235,7 @@ def _bearing(camera: tuple[float, float], centre: tuple[float, float]) -> float:
 
 
 def _nlerp(a: Quaternion, b: Quaternion, s: float) -> Quaternion:
-    """Between two rotations, the short way; not normalised, since the rotation matrix does not need it."""
+    """Interpolates two rotations the short way; not normalised, since the rotation matrix does not need it."""
     sign = 1.0 if sum(x * y for x, y in zip(a, b, strict=True)) >= 0.0 else -1.0
     w, x, y, z = ((1.0 - s) * p + s * sign * q for p, q in zip(a, b, strict=True))
     return w, x, y, z

@@ -56,7 +56,7 @@ _MAX_ANGLE = 2.0 * math.pi + 1e-3
 _MAX_RATE = 50.0
 """rad/s, faster than anything that carries an autopilot turns."""
 _RATE_GAP_US = 500_000
-"""Between attitudes farther apart than this, rates do not determine the path."""
+"""Gap between attitudes beyond which rates do not determine the path."""
 _RATE_MISFIT = 0.7
 """rad/s; rates whose mean differs from the mean rate between two attitudes by more than this are in another unit or of
 another axis. A body that sways by 3° within a quarter of a second is below."""

@@ -64,9 +64,9 @@ class PositionRejections:
 
 
 _JUMPS, _JUMPS_US = 3, 10_000_000
-"""So many jumps (there, back and there again) within this are jumping to and fro."""
+"""Jumps (there, back and there again), and the time within which they count as jumping to and fro."""
 _AWAY_US = 2_000_000
-"""And so is being away for longer than a place that is held needs to be accepted."""
+"""Time away that counts likewise: longer than a place that is held needs to be accepted."""
 _SETTLED_US = 3_000_000
 """After the last jump a vehicle has settled."""
 
@@ -199,7 +199,7 @@ _HOLD_US = 5_000_000
 _JUMP_HOLD_US = 1_000_000
 """A jump ends with the place that was accepted: the event stays, the alarm lasts long enough to be seen."""
 _TEXT_HOLD_US = 60_000_000
-"""Of a text without a text that ends it: the radio may have lost that one."""
+"""Hold of a text without a text that ends it: the radio may have lost that one."""
 _FAILED_RATIO = 1.0
 """Innovation over what the filter allows: from here on it rejects the measurement."""
 _M_PER_RATIO = 5.0

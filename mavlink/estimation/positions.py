@@ -179,7 +179,7 @@ def position_stds(gps: GpsRaw | None, limits: VehicleLimits) -> tuple[float, flo
 
 
 def _level_std(gps: GpsRaw | None, limits: VehicleLimits) -> float:
-    """As the receiver estimates it, else by its dilution, else by its kind of fix."""
+    """1σ that the receiver estimates, else by its dilution, else by its kind of fix."""
     if gps is None or gps.fix_type < _FIX_2D:
         return limits.default_std_m
     if math.isfinite(gps.h_acc_m):

@@ -29,7 +29,7 @@ class IngestHealth:
     packets: int = 0
     """Recorded in all, over restarts, those of this station too."""
     sent: int = 0
-    """Of those, what this station sent."""
+    """Packets among those that this station sent."""
     overrun: int = 0
     """Packets recorded that the station was too slow to take."""
     restarts: int = 0
@@ -41,7 +41,7 @@ class IngestHealth:
     """What does not work at the moment, in plain words."""
 
     def encode(self) -> bytes:
-        """As :meth:`decode` reads it."""
+        """Bytes that :meth:`decode` reads."""
         return msgspec.msgpack.encode(self)
 
     @classmethod

@@ -41,7 +41,7 @@ STOP_S = 15.0
 """A process that is to end and shows no life for so long is killed: it may have much to write."""
 WATCH_S = 0.05
 HEALTH_S = 0.5
-"""Between looks at the health for what an operator should know."""
+"""Seconds between looks at the health for what an operator should know."""
 HUNG_S = 0.7
 """A process that shows no life for so long is replaced: with the start of the next that is a second."""
 _SEND_S = 0.2
@@ -358,7 +358,7 @@ class Ingest:
             raise LinkError(f"the ingest process does not take what is to be sent: {error}") from error
 
     def _published_health(self) -> IngestHealth | None:
-        """As the process last reported it; None where that cannot be read now."""
+        """Health that the process last reported; None where that cannot be read now."""
         data = self._memory.status.get()
         try:
             return IngestHealth.decode(data) if data else None

@@ -55,7 +55,7 @@ class FrameStream:
         self._since_s = math.inf
         """Since when the frame is unfinished that is waited for."""
         self._searched = 0
-        """So many of the waiting bytes hide nothing."""
+        """Number of waiting bytes that hide nothing."""
 
     @property
     def overdue(self) -> bool:

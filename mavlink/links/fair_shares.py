@@ -56,13 +56,13 @@ def fair_level(wanted: Iterable[float], total: float) -> float:
 
 @dataclass(slots=True)
 class Allowance:
-    """Of one sender, or of all unknown senders of a class together."""
+    """Allowance of one sender, or of all unknown senders of a class together."""
 
     burst_s: float
     credit_s: float
     """What is left of the burst, in seconds of the rate."""
     share: float = 1.0
-    """Of its datagrams that passes now."""
+    """Share of its datagrams that passes now."""
     wanted_per_s: float = 0.0
     """Rate that arrives, passed or not."""
     turned_away: float = 0.0

@@ -19,7 +19,7 @@ from mavlink.links.peers import Peers
 __all__ = ["STRANGERS", "TICK_S", "FloodLimit", "FloodLimiter"]
 
 TICK_S = 0.1
-"""Between two updates of the shares."""
+"""Seconds between two updates of the shares."""
 _LONG_S = 10.0
 """A longer time since the last update counts as this."""
 _SO_MEMINFO = 55

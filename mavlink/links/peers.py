@@ -214,7 +214,7 @@ class Peers:
         self.changes += 1
 
     def _admit_waiting(self, t_us: int) -> None:
-        """Of each system one waiting sender takes a free place, or that of one that was received less often."""
+        """Admit one waiting sender of each system to a free place, or that of one that was received less often."""
         first: dict[int, Claim] = {}
         for claim, entry in list(self._waiting.items()):
             if t_us - entry.heard_us > WAITING_US or claim[0] not in self.keys:

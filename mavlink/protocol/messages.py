@@ -109,7 +109,7 @@ class GlobalPosition(_Sample):
     v_east: float
     v_down: float
     heading: float
-    """Of the nose, 0..2π, NaN unknown."""
+    """Heading of the nose, 0..2π, NaN unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,13 +163,13 @@ class SensorHealth(_Sample):
 
     gps: bool | None
     estimate: bool | None
-    """Of attitude and position (AHRS)."""
+    """Health of attitude and position (AHRS)."""
     arming: bool | None
     """Whether it could be armed."""
     unhealthy: tuple[str, ...]
     """Other sensors that are in use and not healthy, in words."""
     voltage_v: float
-    """Of its first battery."""
+    """Voltage of its first battery."""
     charge_percent: int
     """Left in it, −1 unknown; not checked yet."""
 
@@ -207,9 +207,9 @@ class TerrainReport(_Sample):
     """TERRAIN_REPORT (136): the autopilot's place on its own map of the terrain."""
 
     current_height_m: float
-    """Of the vehicle above the ground."""
+    """Height of the vehicle above the ground."""
     spacing_m: int
-    """Of the map's grid, 0 where there is none."""
+    """Spacing of the map's grid, 0 where there is none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -275,7 +275,7 @@ class CameraSettings(_Sample):
     """CAMERA_SETTINGS (260)."""
 
     zoom_percent: float
-    """Of the camera's whole range, 0..100, NaN unknown."""
+    """Percent of the camera's whole range, 0..100, NaN unknown."""
     device_id: int
 
 
@@ -292,7 +292,7 @@ class CameraFov(_Sample):
     camera: tuple[float, float]
     """Latitude and longitude of the camera in degrees, NaN unknown."""
     centre: tuple[float, float]
-    """Of the ground at the image's centre."""
+    """Place of the ground at the image's centre."""
     device_id: int
 
 

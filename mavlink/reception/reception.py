@@ -79,7 +79,7 @@ class Arrival(NamedTuple):
     late: bool
     """Its channel is seconds behind another that brings the same packets."""
     lag: ChannelLag
-    """Of its channel, by the message before."""
+    """Lag of its channel, by the message before."""
 
 
 class _SequenceRuns:

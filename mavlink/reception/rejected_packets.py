@@ -24,7 +24,7 @@ __all__ = ["REPORT_AGAIN_US", "SLOWEST_LINK_US", "PacketRejections"]
 SLOWEST_LINK_US = 12_000_000
 """No link is slower than this; packets are remembered as long at least."""
 _TICK_US, _TICK_S = 10, 1e-5
-"""Of a signature's timestamp."""
+"""Resolution of a signature's timestamp."""
 _MAX_STREAMS = 64
 """Components times link ids."""
 _SAMPLES, _SAMPLE_EVERY_US = 128, 1_000_000
@@ -111,7 +111,7 @@ class PacketRejections:
         self.bad_signature = 0
         """Made with another key, replayed, or from the future."""
         self.replayed = 0
-        """Of these, packets of a recording that is played again."""
+        """Packets among these of a recording that is played again."""
         self.held = 0
         """With a right signature, where nothing proves that they are made now."""
         self._ages = _PacketAges()

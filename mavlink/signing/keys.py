@@ -71,7 +71,7 @@ class KeyRing:
     keys: Mapping[int, Key] = field(default_factory=dict)
     """By system id, 1..255."""
     default: Key | None = None
-    """Of every system without a key of its own."""
+    """Key of every system without a key of its own."""
 
     def key_of(self, system_id: int) -> Key | None:
         """The key that this system's frames are verified with, None without one."""

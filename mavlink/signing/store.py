@@ -30,9 +30,9 @@ __all__ = ["SLOTS", "StreamStore", "open_verifier"]
 
 SLOTS = ("streams.0", "streams.1")
 PERIOD_S = 1.0
-"""Between saves."""
+"""Seconds between saves."""
 CHECK_S = 0.02
-"""Between checks for a new stream, which is saved at once."""
+"""Seconds between checks for a new stream, which is saved at once."""
 _MAX_SAVING = 0.1
 """Share of the time that saving may take."""
 _MAGIC, _OLD_MAGIC = b"RCSTRM2\n", b"RCSTRM1\n"

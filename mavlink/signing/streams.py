@@ -72,7 +72,7 @@ class StreamRow(NamedTuple):
     component_id: int
     link_id: int
     timestamp: int
-    """Of its newest frame."""
+    """Timestamp of its newest frame."""
     received: int
     """When that came; 0 unknown."""
     booted: int = 0

@@ -180,7 +180,7 @@ class TlogIndex:
     t_us: Ints
     """Unix µs; of a record with a bad time, the time of the nearest good one before it. Not always increasing."""
     offset: Ints
-    """Of the frame: its time is in the eight bytes before."""
+    """Offset of the frame: its time is in the eight bytes before."""
     length: Ints
     system_id: NDArray[np.uint8]
     component_id: NDArray[np.uint8]

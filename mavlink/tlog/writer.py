@@ -31,7 +31,7 @@ from mavlink.protocol.packet import MAGIC_V2, Auth, Packet
 __all__ = ["SYNC_S", "TlogWriter"]
 
 SYNC_S = 0.15
-"""Between syncs: with the sync itself a power cut costs at most 0.2 s on a disk that is well."""
+"""Seconds between syncs: with the sync itself a power cut costs at most 0.2 s on a disk that is well."""
 _TABLE_RAM_BYTES = 8 << 20
 _TIME = struct.Struct(">Q")
 _LOG, _REFUSED, _CLOCK, _SENDERS = range(4)

@@ -65,9 +65,9 @@ ANSWER_S = 1.0
 LASTS_S = 5.0
 """A rate is low for so long before it is reported: a pause of the link is in what is measured for three seconds."""
 CALM_S = 30.0
-"""And better for so long before it may be reported again, or one near the limit would be a line every ten seconds."""
+"""Time that it must be better before the next report, or one near the limit would be a line every ten seconds."""
 AGAIN_S = 4.0
-"""Between two requests for one message: its rate has to be measured meanwhile."""
+"""Seconds between two requests for one message: its rate has to be measured meanwhile."""
 BEHIND_S = 10.0
 """For so long after a packet that was rejected as replayed a link's rates are not judged."""
 PAUSE_S = 1.5
@@ -119,7 +119,7 @@ class _MessageStream:
         self.restart()
 
     def restart(self) -> None:
-        """As if it was never requested."""
+        """Begin anew, as if it was never requested."""
         self.tries = 0
         self.due_s = 0.0
         self.rejected = False

@@ -23,7 +23,7 @@ from mavlink.protocol.packet import MAGIC_V2, Auth, Packet
 __all__ = ["COMPONENT_ID", "SYSTEM_ID", "Transmitter", "only_to_uav"]
 
 SYSTEM_ID, COMPONENT_ID = 254, 190
-"""Of this station: not 255, whose heartbeats vehicles take for those of their first station."""
+"""Ids of this station: not 255, whose heartbeats vehicles take for those of their first station."""
 
 _HEARTBEAT, _TIMESYNC, _SETUP_SIGNING = 0, 111, 256
 _SHORTEST_V2 = 12

@@ -32,9 +32,9 @@ SHALLOWEST_DEG, STRAIGHT_DOWN_DEG = 12.0, 85.0
 LOWEST_M, HIGHEST_M = 3.0, 500.0
 """Heights that the simulator takes."""
 MOST_LABELS = 200
-"""So many labels are looked at, the first: five cars for some seconds, within which a camera climbs little."""
+"""Number of labels looked at, the first ones: five cars for some seconds, within which a camera climbs little."""
 ROUNDS = 4
-"""Of the guess, each with the sizes that a car has at the tilt of the one before."""
+"""Rounds of the guess, each with the sizes that a car has at the tilt of the one before."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +44,7 @@ class GuessedCamera:
     height_m: float
     fov_deg: float
     pitch_deg: float
-    """Of the optical axis, −90 straight down."""
+    """Pitch of the optical axis, −90 straight down."""
     focal_px: float
     said: tuple[str, ...]
 

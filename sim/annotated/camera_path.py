@@ -42,7 +42,7 @@ MOST_CLIMB = 1.5
 SPEED_SPAN_S = 1.0
 """Over which the reported speed of the UAV is taken."""
 MOST_TRIES = 60
-"""Of poses for one image, derivatives included; ten are common."""
+"""Maximum tries of poses for one image, derivatives included; ten are common."""
 
 
 def hovering(scenario: Scenario, t: FloatArray) -> UavMotion:

@@ -31,7 +31,7 @@ class FilmWorld:
     """What was made of a film."""
 
     world: World
-    """Of the team alone; the others are seen and report nothing."""
+    """World of the team alone; the others are seen and report nothing."""
     team: tuple[GroundTrack, ...]
     """In the order of the world's vehicles."""
     labelled: tuple[GroundTrack, ...]

@@ -29,7 +29,7 @@ LEAST_SPEED_MPS = 1.0
 MOVED_LENGTHS = 2.0
 """A vehicle that came so many car lengths away from where it began has moved."""
 CAR_LENGTH_M = 4.5
-"""Of an ordinary car."""
+"""Length of an ordinary car."""
 END_SPEED_S = 0.5
 """Before the first and after the last label a vehicle keeps its mean speed of so long."""
 

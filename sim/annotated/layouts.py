@@ -40,7 +40,7 @@ __all__ = ["LAYOUTS", "read_tracks"]
 MOST_BYTES = 1 << 30
 """A label file has some ten million rows at most."""
 MOST_NUMBER = 2**53
-"""Of an image or a vehicle: up to here floating point has every whole number."""
+"""Maximum number of an image or a vehicle: up to here floating point has every whole number."""
 LAYOUTS = ("csv", "mot", "visdrone", "uavdt")
 CORNER_COLUMNS = ("x1", "y1", "x2", "y2", "x3", "y3", "x4", "y4")
 DRIFT_KINDS = {"0": "bus", "1": "car", "2": "truck"}

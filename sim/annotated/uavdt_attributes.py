@@ -23,7 +23,7 @@ ATTRIBUTES = (
 """One 0 or 1 each, in this order."""
 MOST_BYTES = 1000
 FOLDERS_UP = 3
-"""So far above the labels the folder M_attr is looked for."""
+"""Levels above the labels at which the folder M_attr is looked for."""
 
 
 def read_attributes(labels: Path) -> tuple[str, ...]:

@@ -29,9 +29,9 @@ ORIGIN_DEG, ALTITUDE_M, AGL_M = (47.397742, 8.545594), 488.0, 40.0
 """Latitude and longitude, metres above the ellipsoid, and the UAV's height above ground: the place is a choice
 (Zurich)."""
 SPACING_M = 30.0
-"""Between centres of neighbouring circles: more than two of the largest radius, 12 m, so vehicles never meet."""
+"""Distance between centres of neighbouring circles: more than two largest radii, 12 m, so vehicles never meet."""
 GO_S, REST_S = 8.0, 4.0
-"""Of ``stop_and_go``: drive, then stand still; a choice."""
+"""Seconds of ``stop_and_go``: drive, then stand still; a choice."""
 SILENT_S = 1.3
 """A reboot takes so long."""
 _INT32_MAX = 2**31 - 1

@@ -19,7 +19,7 @@ from sim.world.world import World
 __all__ = ["TIME_BASE", "VideoSender"]
 
 TIME_BASE = Fraction(1, 90_000)
-"""Of time stamps, s: 90 kHz, as MPEG-TS and RTP count video."""
+"""Time base of time stamps, s: 90 kHz, as MPEG-TS and RTP count video."""
 DATAGRAM = 1316
 """Seven MPEG-TS packets, the most that fits an Ethernet frame."""
 

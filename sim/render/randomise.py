@@ -178,7 +178,7 @@ URBAN: tuple[Entry, ...] = (
 
 
 PLAIN_SHARE = 0.2
-"""Of kinds of road vehicles in a random catalogue, those of whose panes and fittings little is seen; a choice."""
+"""Share of kinds of road vehicles in a random catalogue of whose panes and fittings little is seen; a choice."""
 _ENTRIES = (*ROAD, *ROVERS, *CLUTTER)
 """Every entry, numbered from ``FIXED_KIND`` on."""
 VEHICLES: tuple[int, ...] = (UGV, OTHER_VEHICLE, *range(FIXED_KIND, FIXED_KIND + len(ROAD) + len(ROVERS)))
@@ -200,7 +200,7 @@ SIZES: Mapping[int, tuple[Range, Range, Range]] = {
 def random_catalogue(
     rng: np.random.Generator, *, road: int = 8, rovers: int = 3, clutter: int = 10, heavy: int = 0, urban: int = 0
 ) -> tuple[ObjectKind, ...]:
-    """So many kinds of each table, frequent ones more often; heavy vehicles are road vehicles, urban things clutter."""
+    """Draw kinds of each table, frequent ones more often; heavy vehicles are road vehicles, urban things clutter."""
     groups = (
         ("road", ROAD, road),
         ("rover", ROVERS, rovers),

@@ -32,7 +32,7 @@ DEFAULT_MODELS: Mapping[int, Model] = {UGV: rover(), OTHER_VEHICLE: car(), PERSO
 FACES = np.array([[4, 5, 6, 7], [3, 2, 6, 7], [0, 1, 5, 4], [0, 3, 7, 4], [1, 2, 6, 5]])
 """Corners of a block's top, front, rear, left and right."""
 ROUND_FACES = np.array([[12, 15, 18, 21], *([j, (j + 1) % 12, 12 + (j + 1) % 12, 12 + j] for j in range(12))])
-"""Of a block with round corners: four corners of its top, then its twelve walls."""
+"""Round faces of a block with round corners: four corners of its top, then its twelve walls."""
 ROUND_SIDES = np.array([0, 3, 2, 2, 2, 4, 4, 4, 1, 1, 1, 3, 3])
 """Which of top, front, rear, left and right each of them is."""
 _UNIT_BOX = Model.of(Block(x=(-0.5, 0.5), y=(-0.5, 0.5), z=(0.0, 1.0)))

@@ -20,7 +20,7 @@ __all__ = ["Slots", "TrainingGround", "random_training_ground"]
 OPEN_SHARE, DEPOT_SHARE = 0.3, 0.25
 """Share of grounds that are open, and of those that have depots; a choice."""
 RAILS_SHARE = 0.15
-"""Of streets, those with a track for trams; a choice."""
+"""Share of streets with a track for trams; a choice."""
 NONE = np.zeros(0)
 """Column of no entries."""
 SIDE_PX = 2048

@@ -238,7 +238,7 @@ def articulated_bus(rng: np.random.Generator) -> Model:
 
 
 def _jointed(rng: np.random.Generator, cars: int, joint: float) -> Model:
-    """So many cars, joints of a share of the length between them."""
+    """A row of cars, joints of a share of the length between them."""
     glass, joint_color = _glass(rng), shade(TYRE, rng)
     top = paint(rng.uniform(0.9, 1.1)) if rng.random() < 0.5 else shade(WHITE, rng, 0.15)
     ends = np.linspace(-0.5, 0.5, cars + 1)

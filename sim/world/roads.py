@@ -12,7 +12,7 @@ __all__ = ["Path", "winding_path"]
 FloatArray = NDArray[np.float64]
 
 STEP_M = 0.5
-"""Between points of a line: far below the radius of any bend."""
+"""Distance between points of a line: far below the radius of any bend."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -55,7 +55,7 @@ class ScenarioGround:
     """Further vehicles that report but drive beyond the image."""
     speed_mps: Annotated[float, Meta(ge=0.1, le=30.0)] = 3.5
     spacing_m: Annotated[float, Meta(ge=1.0, le=200.0)] = 9.0
-    """Between neighbours: along the lane, in the formation, at least between parked vehicles."""
+    """Distance between neighbours: along the lane, in the formation, at least between parked vehicles."""
     lanes: Annotated[int, Meta(ge=1, le=8)] = 2
     lane_width_m: float = 3.5
     road_deg: float = 90.0
@@ -64,9 +64,9 @@ class ScenarioGround:
     """How far a curved road turns to either side of its mean direction."""
     bend_length_m: float = 120.0
     lane_changes_per_min: float = 2.0
-    """Of each vehicle, where there is room."""
+    """Rate of each vehicle, where there is room."""
     stops_per_min: float = 0.3
-    """Of each vehicle."""
+    """Rate of each vehicle."""
     area_m: tuple[float, float] = (44.0, 24.0)
     """Open ground and parked vehicles: extent of the filmed vehicles' area across and along the image; wider than the
     image makes them leave and re-enter."""

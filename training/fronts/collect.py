@@ -38,7 +38,7 @@ LEAST_PX = 8.0
 IMAGES = (".png", ".jpg", ".jpeg")
 """Suffixes of files that are read as images."""
 COLUMNS = ("crop", "frame", "cx", "cy", "w", "h", "angle", "score")
-"""Of ``crops.csv``: number of crop and frame, box in px and rad, detector's score."""
+"""Columns of ``crops.csv``: number of crop and frame, box in px and rad, detector's score."""
 log = logging.getLogger(__name__)
 
 

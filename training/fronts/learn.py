@@ -27,9 +27,9 @@ log = logging.getLogger(__name__)
 WARM_UP = 0.05
 """Share of the steps in which the learning rate rises to its full value; a choice."""
 SMOOTHING = 0.02
-"""Of the labels; some are wrong."""
+"""Smoothing of the labels; some are wrong."""
 WEIGHT_DECAY = 0.05
-"""Of AdamW; a usual choice."""
+"""Weight decay of AdamW; a usual choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -32,13 +32,13 @@ RIGHT, LEFT, NONE, UNDECIDED = "right", "left", "none", "?"
 COLUMNS = 16
 """Crops side by side on a sheet."""
 ROWS = 12
-"""And below each other: a sheet is 1,536 px wide."""
+"""Rows below each other: a sheet is 1,536 px wide."""
 WIDTH, HEIGHT = 96, 64
-"""Of a crop on a sheet, px."""
+"""Size of a crop on a sheet, px."""
 LINE = 16
 """Height of a line of text, px."""
 COLUMN_NAMES = ("what", "number", "front")
-"""Of ``corrections.csv``."""
+"""Column names of ``corrections.csv``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

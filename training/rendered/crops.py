@@ -43,17 +43,17 @@ PER_GROUND, PER_CATALOGUE = 15, 5
 LEAST_PX = 8.0
 """Shorter vehicles count neither way."""
 HEAVY_KINDS, URBAN_KINDS = 4, 7
-"""Of a catalogue: kinds of heavy vehicles, and of what moves and stands in towns; a choice."""
+"""Counts of a catalogue: kinds of heavy vehicles, and of what moves and stands in towns; a choice."""
 LOW_FLIGHT = 4
-"""Of the kinds of views in ``_random_view``, the one from 4 to 30 m up, to the horizon."""
+"""Number of the kind of view in ``_random_view`` from 4 to 30 m up, to the horizon."""
 CONTAINER_M = 5.5
 """A longer container looks like a trailer from above, and counts neither way."""
 DEEP_SHADOW_SHARE = 0.2
-"""Of images, those with shadows as dark as beside high houses at noon; a choice."""
+"""Share of images with shadows as dark as beside high houses at noon; a choice."""
 THERMAL_SHARE, NIGHT_SHARE = 0.15, 0.6
-"""Of images, those of a thermal camera, and of these those without sun; a choice."""
+"""Shares of images: those of a thermal camera, and of these those without sun; a choice."""
 TRACES_SHARE = 0.4
-"""Of bays on some thermal images, those in which a car stood; a choice."""
+"""Share of bays on some thermal images, those in which a car stood; a choice."""
 log = logging.getLogger(__name__)
 
 

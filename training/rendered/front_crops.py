@@ -152,7 +152,7 @@ def _random_color(rng: np.random.Generator) -> NDArray[np.int64]:
 
 
 def _compressed(image: Image, rng: np.random.Generator) -> Image:
-    """As recorded video is."""
+    """Image compressed as recorded video is."""
     if rng.random() < 0.4:
         return image
     packed = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(25, 95))])[1]

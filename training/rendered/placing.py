@@ -22,9 +22,9 @@ HEAVY_M = 6.0
 TWO_WHEELERS = ("bicycle", "motorcycle")
 """Names of what rides and stands in lanes and bays and must not be detected."""
 TWO_WHEELER_SHARE = 0.06
-"""Of lanes and bays, those with a two-wheeler where the catalogue has any; a choice."""
+"""Share of lanes and bays with a two-wheeler where the catalogue has any; a choice."""
 SHADY_SHARE = 0.35
-"""Of vehicles in some streets and car parks, those with a tree beside or over them; a choice."""
+"""Share of vehicles in some streets and car parks with a tree beside or over them; a choice."""
 SIDE_VIEW = 0.7
 """Cosine of a camera's tilt below which houses are seen from the side, and it may fly below their roofs."""
 

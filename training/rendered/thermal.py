@@ -19,7 +19,7 @@ __all__ = ["as_thermal", "draw_traces", "warmed"]
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 WARM_SHARE = 0.2
-"""Of vehicles, those that have just been driven."""
+"""Share of vehicles that have just been driven."""
 
 
 def warmed(bodies: Bodies, vehicle: NDArray[np.bool_], alive: NDArray[np.bool_], rng: np.random.Generator) -> Bodies:

@@ -29,7 +29,7 @@ FEWEST_VIEWS, MOST_VIEWS = 12, 60
 OUTLIER = 2.5
 """A view whose error is so many times the middle one's was disturbed: the board bent, or moved while it was taken."""
 WORST_RMS = 1.0 / 1920
-"""As a share of the image's longer side."""
+"""Largest error, as a share of the image's longer side."""
 WORST_PIXEL = 3.0 / 1920
 """1σ of the pixel of a ray, as the same share."""
 LEAST_COVERAGE = 0.6
@@ -144,7 +144,7 @@ class _Fit:
     K: Floats
     lens: Floats
     poses: tuple[tuple[Floats, Floats], ...]
-    """Of the board in each view: rotation vector and translation."""
+    """Poses of the board in each view: rotation vector and translation."""
     errors: Floats
     """(n,) RMS of each view, px."""
 

@@ -33,7 +33,7 @@ FLOOR = 0.15
 STEP = 2.0
 """From one scale to the next: vehicles are seen over three octaves, and so by two or three neighbours."""
 LEAST_SIDE_PX = 200.0
-"""Of the smallest canvas: a vehicle of the network's length would fill a quarter of a smaller one."""
+"""Minimum side of the smallest canvas: a vehicle of the network's length would fill a quarter of a smaller one."""
 AGREE = 0.5
 """Probabilistic overlap from which boxes of two scales are one vehicle's, if they are about as long."""
 SAME_OCTAVES = 0.4

@@ -16,7 +16,7 @@ from vision.detect.detections import Detections
 __all__ = ["CHANNELS", "decode"]
 
 CHANNELS = 9
-"""Of the model's map: score, offset x y, log length and width, front and axis as sine and cosine."""
+"""Channels of the model's map: score, offset x y, log length and width, front and axis as sine and cosine."""
 MAX_PEAKS = 600
 """Most detections of one canvas, the best ones."""
 SURE_FRONT = 0.3

@@ -95,7 +95,7 @@ class Rule:
     score: float
     """Boxes of this score or less are dropped, 0 to 1."""
     overlap: float = 0.45
-    """Of two boxes that overlap more (probabilistic IoU), the one of lower score is dropped."""
+    """Overlap: of two boxes that overlap more (probabilistic IoU), the one of lower score is dropped."""
     per_class: bool = False
     """True: only boxes of one class drop each other, so that a vehicle may have a box of each class. False: a box is
     one vehicle, whatever its kind."""

@@ -45,12 +45,12 @@ class Contract:
     """How a classifier's crops are made and what its classes mean."""
 
     name: str
-    """Of the input."""
+    """Name of the input."""
     dtype: DTypeLike
     batch: int | None
     """Crops in every run; None: any number."""
     side: int
-    """Of a crop, px."""
+    """Side of a crop, px."""
     margin: float
     mean: NDArray[np.float32]
     """(3,) RGB."""

@@ -40,7 +40,7 @@ STILL_PX, FILM_PX = 1 << 20, 400_000
 SIDE_STEP = 32
 """Sides of a canvas are multiples of this, px."""
 LEAST_SIDE, MOST_SIDE = 64, 4096
-"""Of a canvas, px. Larger images are processed in tiles, which bounds the memory."""
+"""Limits of a canvas side, px. Larger images are processed in tiles, which bounds the memory."""
 MOST_SCALE = 2.0
 """Enlarging an image further adds no detail."""
 OVERLAP_LENGTHS = 4.0

@@ -29,7 +29,7 @@ RUN_ERRORS = (
 )
 """All that onnxruntime raises, on loading as on running; the last three for sizes that it cannot have."""
 MOST_BYTES = 1 << 30
-"""Of a file: four times the largest YOLO."""
+"""Maximum bytes of a file: four times the largest YOLO."""
 MOST_WORDS = 300
 MOST_NOTES = 1 << 20
 """Letters of a table in the notes: a thousand classes take 30,000."""

@@ -20,7 +20,7 @@ __all__ = ["ScaleFinder"]
 Image = NDArray[np.uint8]
 
 SEARCH_US, WATCH_US = 2_000_000, 4_000_000
-"""Between two examinations: while the scale is in question, and while it is not. One takes as long as three frames."""
+"""Interval of examinations while the scale is in question, and while it is not. One takes as long as three frames."""
 OTHER = 1.25
 """Vehicles longer or shorter by this factor are of another length: several times the error of an examination."""
 

@@ -37,7 +37,7 @@ LEAST_LENGTH_PX, GOOD_LENGTH_PX = 12.0, 16.0
 OVERLAP_LENGTHS = 4.0
 """Overlap of tiles, in vehicles: lorries are twice as long."""
 MOST_TILES, FILM_TILES = 16, 6
-"""Of one image, which bounds the time; and of one frame of a film in which the vehicles alone tell the scale. Six are
+"""Tiles of one image, which bounds the time, and of a frame of a film whose scale the vehicles alone tell. Six are
 3 × 2 in a frame of 16:9, enough for a canvas of 640 px to see 1080 lines almost as they are; each takes as long as a
 whole frame, and with more of them a film would be followed at a frame or two a second for a length that is a guess."""
 FINEST = 2.0

@@ -40,11 +40,11 @@ BOX_COLUMNS = 7
 _DIGITS = 18
 """Most digits of a number in the metadata."""
 MOST_SIDE = 8192
-"""Of a canvas, px."""
+"""Maximum side of a canvas, px."""
 MOST_PIXELS = 1 << 25
-"""Of all canvases of a run, 400 MB: 32 of 1024 × 1024."""
+"""Maximum pixels of all canvases of a run, 400 MB: 32 of 1024 × 1024."""
 MOST_VALUES = 1 << 26
-"""Of an output, 256 MB: 65,536 for each of a thousand boxes, or 80 classes at each anchor of 6000 × 6000 px."""
+"""Maximum values of an output, 256 MB: 65,536 for each of 1,000 boxes, or 80 classes per anchor of 6000 × 6000 px."""
 _KINDS: dict[str, np.dtype[np.float32] | np.dtype[np.float16]] = {
     "tensor(float)": np.dtype(np.float32),
     "tensor(float16)": np.dtype(np.float16),
@@ -67,7 +67,7 @@ class YoloInput:
     imgsz: tuple[int, int]
     """(height, width) px of the canvas that an image is fitted into."""
     names: Mapping[int, str]
-    """Of the classes; empty when unknown."""
+    """Names of the classes; empty when unknown."""
     suppressed: bool
     """By the metadata the output holds boxes, not anchors."""
 

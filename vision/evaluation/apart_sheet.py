@@ -23,7 +23,7 @@ LABEL, BOX, INK, GROUND = (90, 220, 90), (40, 220, 250), (230, 230, 230), (20, 2
 """BGR."""
 TILE_PX, TITLE_PX = 150, 26
 COLUMNS, ROWS = 10, 3
-"""Of tiles, of each of the kinds."""
+"""Grid of tiles, of each of the kinds."""
 AROUND = 2.2
 """Side of what a tile shows, lengths of the vehicle."""
 

@@ -180,7 +180,7 @@ def _told_format(labels: Sequence[Path]) -> Format:
 
 
 def _class_names(folder: Path) -> dict[int, str]:
-    """Of the first file of class names in the folder or above it; empty without."""
+    """Names of the first file of class names in the folder or above it; empty without."""
     places = [place / name for place in (folder, folder.parent) for name in NAME_FILES]
     path = next((p for p in places if p.is_file()), None)
     if path is None:

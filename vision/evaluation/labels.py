@@ -30,7 +30,7 @@ __all__ = ["VISDRONE", "LabelFile", "read_dota", "read_text", "read_visdrone", "
 
 Floats = NDArray[np.float64]
 MOST_BYTES = 64 << 20
-"""Of the labels of one image."""
+"""Maximum bytes of the labels of one image."""
 Row = tuple[Floats, float, str, bool, int]
 """Box (5,), heading, class, whether it counts, how hidden it is."""
 
@@ -209,7 +209,7 @@ def _rectangle(points: Floats, corners_tell_front: bool) -> tuple[Floats, float]
 
 
 def _label_file(rows: Sequence[Row], upright: bool, gsd_m: float = math.nan) -> LabelFile:
-    """Of the boxes that have an area."""
+    """Label file of the boxes that have an area."""
     kept = [row for row in rows if min(row[0][2:4]) > _LEAST_PX]
     return LabelFile(truth=_truth(kept, upright), gsd_m=gsd_m, without_area=len(rows) - len(kept))
 

@@ -21,7 +21,7 @@ __all__ = ["ASIDE", "FALSE_ALARM", "THRESHOLDS", "Matches", "match", "overlap", 
 Floats = NDArray[np.float64]
 
 THRESHOLDS: Floats = np.linspace(0.5, 0.95, 10)
-"""Of intersection over union."""
+"""Thresholds of intersection over union."""
 FALSE_ALARM, ASIDE = -1, -2
 """In place of an object's number: nothing is there; what is there does not count."""
 MOSTLY = 0.5

@@ -33,7 +33,7 @@ USUAL_PRECISION = 0.85
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Directions:
-    """Of found objects at the operating score."""
+    """Directions of found objects at the operating score."""
 
     axis_deg: float
     """Median error of the long axis, of boxes that are a fifth longer than wide; NaN with upright labels."""
@@ -187,7 +187,7 @@ def _seen(found: Detections, truth: Truth, matches: Matches, score: float) -> ND
 def _pairs(
     found: Sequence[Detections], truth: Sequence[Truth], seen: Sequence[NDArray[np.int64]]
 ) -> list[tuple[Detections, Truth]]:
-    """Of each image, the counted objects that were found, row by row with their detections."""
+    """Counted objects of each image that were found, row by row with their detections."""
     kept = [(by >= 0) & t.counts for t, by in zip(truth, seen, strict=True)]
     return [(d.select(by[k]), t.select(k)) for d, t, by, k in zip(found, truth, seen, kept, strict=True)]
 

@@ -68,7 +68,7 @@ def tables(
 def comparison_tables(
     result: Evaluation, beside: Comparison
 ) -> Iterator[tuple[Sequence[str], Sequence[Sequence[str]]]]:
-    """Of ``tables``, those that compare two detectors."""
+    """Tables that compare two detectors."""
     yield _differences(beside)
     for title, mine, theirs in (
         ("centres by length, px", result.centres.sizes, beside.other.centres.sizes),

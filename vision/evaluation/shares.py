@@ -17,13 +17,13 @@ __all__ = ["SIZES_PX", "Share", "by_class", "by_hiding", "by_place", "by_size", 
 
 Floats = NDArray[np.float64]
 Seen = Sequence[NDArray[np.int64]]
-"""Of each image (n,): the detection that found each object at the operating score, −1 none."""
+"""Detections by image (n,): the one that found each object at the operating score, −1 none."""
 
 SIZES_PX = (0.0, 12.0, 16.0, 24.0, 32.0, 48.0, 64.0, 96.0, np.inf)
 """Edges of the classes by length, px."""
 
 PLACES = ("upper third", "middle third", "lower third")
-"""Of an image's objects."""
+"""Places of an image's objects."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +34,7 @@ class Share:
     objects: int
     found: int
     ap50: float = np.nan
-    """Of these alone, the others set aside; false alarms count in full for each. NaN where it is not asked for."""
+    """AP50 of these alone, the others set aside; false alarms count in full for each. NaN where it is not asked for."""
 
 
 def range_name(low: float, high: float) -> str:

@@ -47,11 +47,11 @@ STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 10, 0.03)
 STILL_PX = 0.25
 """A point that moved less may be drawn on the image, small px."""
 MOST_JITTER = 0.2
-"""Of points on something that stands still, so many seem to move all the same."""
+"""Share of points on something that stands still that seem to move all the same."""
 LEAST_SHARE = 0.3
-"""Of all points that could be followed; of a cut a tenth follows some homography or other."""
+"""Minimum share of all points that could be followed; of a cut a tenth follows some homography or other."""
 LEAST_MOVING_SHARE = 0.2
-"""Of all points, when most stand still: so many that move as one are the ground, and not a vehicle or two."""
+"""Share of all points, when most stand still: so many that move as one are the ground, and not a vehicle or two."""
 BOX_MARGIN = 1.5
 """Boxes are taken so much larger: shadows, and the squares that are followed, reach beyond them."""
 

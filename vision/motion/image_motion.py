@@ -21,4 +21,4 @@ class ImageMotion:
     inliers: int
     """Points that follow it."""
     share: float
-    """Of the points that could be followed, 0..1; the others are vehicles, tall things, text drawn on the image."""
+    """Share of the points that could be followed, 0..1; the others are vehicles, tall things, text on the image."""

@@ -117,6 +117,6 @@ def _jacobian(H: Floats, points: Floats) -> Floats:
 
 
 def _corners(size: tuple[int, int]) -> Floats:
-    """Of the picture (4, 2), px."""
+    """Corners of the picture (4, 2), px."""
     width, height = size
     return np.array([[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]])

@@ -34,11 +34,11 @@ Floats = NDArray[np.float64]
 GRID = (7, 5)
 """Places across and down the image at which the homography is compared with the camera's motion."""
 LEAST_PLACES = 6
-"""Of them that show ground."""
+"""Least number of them that show ground."""
 LEAST_DIP = 0.05
 """Sine of the angle below the horizon from which ground counts: nearer to it what is seen stands high."""
 STEPS = 3
-"""Of Gauss-Newton; a turn of 5° is found to 1e-6 rad in two."""
+"""Steps of Gauss-Newton; a turn of 5° is found to 1e-6 rad in two."""
 SYSTEMATIC_PX = 0.3
 """1σ of what no number of points averages out, in each place and in all: a rolling shutter, what stands high, waves of
 the ground, the lens."""
@@ -76,7 +76,7 @@ class GroundShift:
     down: Floats
     """(3,) unit normal of the ground, away from the camera."""
     height: float
-    """Of the camera above the ground, m."""
+    """Height of the camera above the ground, m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -17,7 +17,7 @@ CREEP = 200e-6
 JUMP_S = 5.0
 """A time stamp this far from where arrival puts it is a new time base, not a delay."""
 BACK_S = 0.2
-"""So is one this far before the last in decoding order."""
+"""Step back in decoding order that counts likewise."""
 
 
 class ArrivalClock:

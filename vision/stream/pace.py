@@ -16,7 +16,7 @@ STALL_INTERVALS: Final = 2.5
 """But a slow one only after so many of its usual intervals: one frame may be late, or missing."""
 MOST_STALL_S: Final = 5.0
 PACE_FRAMES: Final = 6
-"""So many frames tell the pace; one gap among them does not change it."""
+"""Number of frames that tell the pace; one gap among them does not change it."""
 
 
 def stall_after_s(times_us: Sequence[int] | NDArray[np.int64], least_s: float = STALL_S) -> float:

@@ -29,7 +29,7 @@ from vision.errors import VideoError
 __all__ = ["PORT", "Codec", "Source", "offered", "parse_source"]
 
 Codec = Literal["", "h264", "hevc", "mpegts"]
-"""Of datagrams; empty: to be found out."""
+"""Codec of datagrams; empty: to be found out."""
 
 PORT = 5600
 """UDP port where the address names none."""
@@ -60,12 +60,12 @@ class Source:
     """A place that video comes from."""
 
     text: str
-    """As it was given, without passwords: what is shown, logged and recorded."""
+    """Address as it was given, without passwords: what is shown, logged and recorded."""
     kind: Literal["datagrams", "network", "camera", "session", "file"]
     address: str = ""
     """For FFmpeg: a URL, device or path."""
     host: str = ""
-    """Of datagrams; empty: any address of this machine."""
+    """Host of datagrams; empty: any address of this machine."""
     port: int = 0
     codec: Codec = ""
     options: Mapping[str, str] = field(default_factory=dict)
@@ -203,7 +203,7 @@ def _network(text: str, scheme: str) -> Source:
 
 
 def _host(rest: str) -> str:
-    """Of an address without scheme and user."""
+    """Host of an address without scheme and user."""
     try:
         return urlsplit(f"//{rest}").hostname or ""
     except ValueError:

@@ -212,7 +212,7 @@ class VideoStream:
 
     @property
     def process_id(self) -> int:
-        """Of the process that reads the video now."""
+        """Id of the process that reads the video now."""
         return self._supervisor.process.pid
 
     @property

@@ -89,7 +89,7 @@ class Trial:
 
     @property
     def codec(self) -> Codec:
-        """Of RTP: as given, or found out."""
+        """Codec of RTP: as given, or found out."""
         return self._depacketizer.codec
 
     def add(self, data: bytes, arrival_s: float) -> None:

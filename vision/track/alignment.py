@@ -101,7 +101,7 @@ class Alignment:
     score: float
     """−2 ln of the likelihood that it explains, less that of its prior."""
     share: float
-    """Of all that could be explained."""
+    """Share of all that could be explained."""
     moved_px: float
     """Displacement of the middle of the tracks."""
 
@@ -157,7 +157,7 @@ class _PairPoints:
     """(n, c) of the box."""
 
     def of(self, rows: Indices) -> _PairPoints:
-        """Of some of the tracks."""
+        """Alignment of some of the tracks."""
         return _PairPoints(
             motion=self.motion[rows],
             variance=self.variance[rows],

@@ -37,7 +37,7 @@ MISS = 0.5
 LEAST = 0.2
 """For a track with each box that counts: dark vehicles among bright ones are reported after a dozen boxes."""
 RANGE = (-0.3, 3.0)
-"""Of u. Where vehicles are hardly seen, two boxes of s₀ are enough; where they are clear, scores of 0.9 for s₀ = 0.3
+"""Range of u. Where vehicles are hardly seen, two boxes of s₀ are enough; where clear, scores of 0.9 for s₀ = 0.3
 are as usual."""
 MEMORY_S = 1.0
 """Time constant of u."""

@@ -28,7 +28,7 @@ MOST_LENGTHS = 3.0
 LEAST_LENGTHS = 1.0
 """A shorter way may be an error of the camera's motion."""
 LEAST_SPEED = 0.2
-"""Of a vehicle that drives, lengths/s: slower ones may be at rest in a picture that is not quite."""
+"""Least speed of a vehicle that drives, lengths/s: slower ones may be at rest in a picture that is not quite."""
 SURE_STDS = 2.0
 """A speed counts that is larger than its own uncertainty by this factor."""
 ALONG = 0.8

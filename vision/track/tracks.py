@@ -87,7 +87,7 @@ class Tracks:
     heading: Floats
     """Clockwise from image up, rad in [0, 2π), NaN unknown; a single detection turned around does not flip it."""
     score: Floats
-    """Of the last detection."""
+    """Score of the last detection."""
     hits: Ints
     """Frames in which it was seen."""
     age_s: Floats

@@ -22,7 +22,7 @@ MOST_BETWEEN = 1_000_000
 _FAR_US = 1 << 60
 """Bound of times in µs, so that a damaged time stamp does not overflow 64 bits."""
 _DIGITS = 18
-"""Of a number that 64 bits hold."""
+"""Digits of a number that 64 bits hold."""
 
 
 class RecordingPart:

@@ -15,13 +15,13 @@ __all__ = ["FlightJudgement", "judge", "mean_confidence"]
 LATE_S: Final = 10.0
 """Most vehicles are named after two or three seconds in view."""
 UNSURE: Final = 0.9
-"""As in the score: below it a name counts as not sure."""
+"""Confidence as in the score: below it a name counts as not sure."""
 WRONG: Final = 0.02
 """Share of boxes without their right name that is worth a word."""
 OUTAGE_S: Final = 10.0
 """Without a position for so long a vehicle may be anywhere near; radios hold positions up for less."""
 UNNAMED: Final = 0.5
-"""So many boxes without a name are more than strangers that drive by."""
+"""More boxes without a name than this are more than strangers that drive by."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

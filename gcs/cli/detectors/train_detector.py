@@ -31,8 +31,8 @@ CHECKOUT = Path(__file__).parents[3]
 INTERRUPTED = 130
 """Exit code of a program that the keyboard ended."""
 KEPT_SHARE, WATCHED_SHARE = 0.2, 0.15
-"""Of the labelled objects, those kept apart for the figures at the end; and of the others, those that tell when to
-stop. A choice."""
+"""Shares of the labelled objects: those kept apart for the figures at the end and, of the others, those that tell when
+to stop. A choice."""
 SCORE = 0.3
 """Operating score of the figures at the end, as missions have it unless they say otherwise."""
 STEPS, MINUTES, SHARES, SEEDS = (20, 100_000), (1.0, 10_000.0), (0.0, 0.9), (0, 2**31 - 1)

@@ -79,7 +79,7 @@ GRAPHICS = (
     "have them; auto: the finest that it is known to show."
 )
 MOST_FPS = 12.0
-"""As the screens have it, which are not loaded for it."""
+"""Highest frame rate, as the screens have it, which are not loaded for it."""
 LogLevel = Literal["debug", "info", "warning", "error"]
 CONSOLE = "console.log"
 """In the session folder: output of libraries while the screens are up."""

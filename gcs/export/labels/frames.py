@@ -28,7 +28,7 @@ __all__ = ["VEHICLE", "LabelFolder", "LabelledBox", "LabelledFrame"]
 VEHICLE: Final = "vehicle"
 """Name of the only class."""
 QUALITY: Final = 95
-"""Of JPEG: the film was coded before, and what this loses nobody sees."""
+"""Quality of JPEG: the film was coded before, and what this loses nobody sees."""
 _COLUMNS: Final = (
     *("image", "cx_px", "cy_px", "w_px", "h_px", "angle_deg", "heading_deg"),
     *("track_id", "system_id", "name", "confidence", "score", "stated"),

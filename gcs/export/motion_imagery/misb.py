@@ -77,7 +77,7 @@ def klv_set(t_us: int, values: Mapping[int, float], texts: Mapping[int, str] | N
 
 
 def checksum(data: Iterable[int]) -> int:
-    """Of all bytes of a set before the checksum's value."""
+    """Checksum of all bytes of a set before the checksum's value."""
     data = bytes(data)
     return (sum(data[::2]) << 8) + sum(data[1::2]) & 0xFFFF
 

@@ -36,7 +36,7 @@ JPEG_QUALITY: Final = 90
 LAST_US: Final = 1_000_000 * (2**31 - 1)
 """ROS counts seconds in 32 bits."""
 UNKNOWN, APPROXIMATED = 0, 1
-"""Of a covariance."""
+"""Kinds of a covariance."""
 _VISION: Final = {
     "Point2D": "float64 x\nfloat64 y\n",
     "Pose2D": "vision_msgs/Point2D position\nfloat64 theta\n",

@@ -78,7 +78,7 @@ class VttExport(TextCues):
     header = "WEBVTT\n\n"
 
     def text_of(self, cue: Cue) -> str:
-        """As many cues as boxes, of the same time."""
+        """Text of as many cues as boxes, of the same time."""
         snapshot = cue.snapshot
         times = " --> ".join(_clock(us, ".") for us in (cue.start_us, cue.end_us))
         cues = []

@@ -16,7 +16,7 @@ from gcs.export.tables.arrow import import_pyarrow, writer_settings
 __all__ = ["COLUMNS", "EvidenceRow", "IdentityTable", "column_values"]
 
 ROWS = 65_536
-"""Of one group: what is held in memory at once."""
+"""Rows of one group: what is held in memory at once."""
 COLUMNS = {
     "time_us": "int64",
     "frame": "int64",

@@ -118,7 +118,7 @@ class FrameCameras:
 
     @property
     def attitude_lag_us(self) -> int:
-        """So long after a frame's time, by telemetry's clock, is the attitude that belongs to it."""
+        """Delay of the attitude that belongs to a frame after the frame's time, by telemetry's clock."""
         return round(self._fusion.lag_s * 1e6)
 
     def order_given(self, t_us: int) -> None:

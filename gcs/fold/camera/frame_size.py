@@ -28,7 +28,7 @@ WIDTHS_PX = (
     *(320, 416, 480, 512, 640, 720, 768, 800, 854, 960, 1024, 1152, 1280, 1440, 1536, 1600, 1920, 2048, 2304, 2560),
     *(2704, 3072, 3280, 3840, 4000, 4096, 5472),
 )
-"""Of the streams that cameras send."""
+"""Widths of the streams that cameras send."""
 STD = 0.03
 """1σ by which a box lies beside its report, in widths of the frame: errors of pose, clock and receiver."""
 STRANGE = 0.3
@@ -63,7 +63,7 @@ class _SampledFrame:
     """One frame, in units of the described image's width."""
 
     size: tuple[int, int]
-    """Of the described image, px."""
+    """Size of the described image, px."""
     boxes: FloatArray
     """(m, 2) their centres, as if the frame had that size."""
     places: FloatArray

@@ -59,7 +59,7 @@ HOME_STDS_M, HOME_SHARES = np.array([1.0, 15.0, 40.0]), np.array([0.8, 0.15, 0.0
 HOME_ALONE_STD_M = 6.0
 """1σ of the ground while nothing but that plane is known."""
 UNKNOWN_VAR = 1e8
-"""Of a height that nothing is known of, m²."""
+"""Variance of a height that nothing is known of, m²."""
 MEMORY_S = 20.0
 """Samples count less with age: the ground where the fleet was before is not where it is now."""
 LONGEST_SAMPLE_S = 1.0

@@ -30,7 +30,7 @@ LEAST_HEIGHT_M = 2.0
 SURE_SHARE = 1.4
 """A detector knows vehicles of one size: heights of a camera that differ by more than this factor are too different."""
 STEPS = 6
-"""Of following a line of sight to the ground: on a slope of 10 % seen at 30° each leaves a sixth of the error."""
+"""Steps of following a line of sight to the ground: on a slope of 10 % seen at 30° each leaves a sixth of the error."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +80,7 @@ class GroundSurface:
     """The vehicles' altitudes contradict each other."""
     relief: Relief | None = None
     bumps: Mapping[int, float] = field(default_factory=dict)
-    """Of the ground under each vehicle above all that, metres, by system id."""
+    """Bumps of the ground under each vehicle above all that, metres, by system id."""
 
     @property
     def other_heights_m(self) -> tuple[float, ...]:

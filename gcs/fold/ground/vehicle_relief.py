@@ -19,7 +19,7 @@ FloatArray = NDArray[np.float64]
 FOLLOWS_S = 1.2
 """Time constant T: a wave of 90 m takes a vehicle 10 to 20 s."""
 MEMORY_S = 20.0
-"""Of the mean, and of the variances."""
+"""Time of the mean, and of the variances."""
 NOISE_LEFT = 0.3
 """Variance of the filter's answer over that of its innovations, for reports five times a second that are noise."""
 LEAST_VAR = 0.15**2

@@ -161,7 +161,7 @@ def _velocity(tables: DataflashTables, t_us: Ints) -> Floats:
 
 
 def _std_m(tables: DataflashTables) -> float:
-    """As the receiver estimates it, else by its dilution."""
+    """1σ that the receiver estimates, else by its dilution."""
     accuracy = tables.rows("GPA", "HAcc")
     accuracy = None if accuracy is None else _of_receiver(accuracy, _receiver(tables))
     if accuracy is not None and (accuracy["HAcc"] > 0).any():

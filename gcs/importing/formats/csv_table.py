@@ -219,7 +219,7 @@ class _TextTable:
 
 
 def _cells(line: str, between: str) -> list[str]:
-    """Of one row; within quotation marks there may be what else stands between cells."""
+    """Cells of one row; within quotation marks there may be what else stands between cells."""
     if '"' not in line:
         return line.split(between)
     return next(csv.reader([line], delimiter=between, skipinitialspace=True), [])

@@ -40,7 +40,7 @@ _WHOLE = frozenset(("TimeUS", "GMS", "GWk", "Status", "I", "C", "PI"))
 """Columns of whole numbers; all others but names are numbers of any kind. What is of another kind is not there."""
 _NAMES = frozenset(("Name",))
 _MOST_RECORDS = 2_000_000
-"""Of one type: eleven hours at 50 a second."""
+"""Maximum records of one type: eleven hours at 50 a second."""
 _BEYOND = "records beyond what is kept"
 _MOST_COLUMNS = 64
 _LARGEST = float(1 << 62)
@@ -60,7 +60,7 @@ class _RecordLayout:
     name: str
     size: int
     scales: tuple[float, ...]
-    """Of each field, 1 for those that are as they should be."""
+    """Scales of each field, 1 for those that are as they should be."""
     dtype: np.dtype[np.void]
 
 
@@ -163,7 +163,7 @@ class _TextRows:
         return True
 
     def table(self) -> NDArray[np.void]:
-        """As that of a binary log."""
+        """Table like that of a binary log."""
         kinds = ["S16" if name in _NAMES else "<i8" if name in _WHOLE else "<f8" for name in self._names]
         table = np.zeros(len(self.lines), list(zip(self._names, kinds, strict=True)))
         numbers = np.array(self._values).reshape(len(self.lines), -1)

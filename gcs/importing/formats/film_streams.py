@@ -24,7 +24,7 @@ from vision.video.frame_index import film_stream, open_video
 __all__ = ["FilmStreams", "read_streams"]
 
 _MOST_BYTES = 256 << 20
-"""Of everything that is kept: three hours of messages with each picture."""
+"""Maximum bytes of everything that is kept: three hours of messages with each picture."""
 _MOST_MESSAGES = MOST_CUES
 _WITH_MESSAGES = ("h264", "hevc")
 _DJI_NAMES = ("DJI meta", "djmd")

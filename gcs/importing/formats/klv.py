@@ -35,7 +35,7 @@ _LATEST_US = 4_102_444_800_000_000
 """Year 2100: what is later is a date that is not known."""
 _ABOVE_ELLIPSOID = {75, 104}
 _STEP_US = 500_000
-"""Of the date against the video's clock: larger than what a set waits for its picture."""
+"""Step of the date against the video's clock: larger than what a set waits for its picture."""
 
 
 def log_of_klv(source: str, packets: Sequence[TimedBytes]) -> VehicleLog:

@@ -50,7 +50,7 @@ class _KmlReader:
         self._mode = "clampToGround"
         self._times = deque[float]()
         self._spots = deque[_Spot]()
-        """Of a track, those that wait for each other."""
+        """Points of a track that wait for each other."""
 
     def ended(self, names: Sequence[str], _attributes: Mapping[str, str], text: str) -> None:
         """Take in an element."""

@@ -25,7 +25,7 @@ _MOST_POINTS = 1_000_000
 _MOST_TRACKS = 255
 _MOST_NAME = 200
 _COLUMNS = 8
-"""Of a point: Unix seconds, degrees, metres above the sea and above the take-off, 1σ in metres, m/s north and east."""
+"""Columns of a point: Unix seconds, degrees, metres above sea and take-off, 1σ in metres, m/s north and east."""
 _NUMBER = re.compile(r"(?<!\d)(\d{1,3})(?!.*\d)", re.ASCII)
 _DATES = re.compile(r"\d{5,}|\d{1,4}(?:[-._:/T]\d{1,2}){2,}", re.ASCII)
 """Dates and times in a name: no number of a vehicle."""

@@ -65,7 +65,7 @@ _STEP_US = 2_000_000
 _YAW_IN_EARTH_FRAME = 64
 _FIX_3D = 3
 _MORE_BYTES, _TIMES_LARGER = 200_000_000, 3
-"""Of memory that a log may take: this and so many times its size."""
+"""Bytes of memory that a log may take: this and so many times its size."""
 _LEAST_S, _BYTES_A_SECOND = 60.0, 1_000_000
 """For which it may take to be read."""
 
@@ -225,7 +225,7 @@ def _has(topic: Columns | None, *names: str) -> bool:
 
 
 def _places(topics: Topics, path: Path) -> tuple[PlaceTrack, RowTimes] | None:
-    """Of the estimator, and what was made of their times."""
+    """Places of the estimator, and what was made of their times."""
     topic = _first(topics, "vehicle_global_position")
     if topic is None or not _has(topic, "lat", "lon", "alt"):
         return None
@@ -257,7 +257,7 @@ def _places(topics: Topics, path: Path) -> tuple[PlaceTrack, RowTimes] | None:
 
 
 def _fixes(topics: Topics, path: Path) -> tuple[PlaceTrack, RowTimes] | None:
-    """Of the receiver that has most fixes, where nothing was estimated, and what was made of their times."""
+    """Fixes of the receiver that has most fixes, where nothing was estimated, and what was made of their times."""
     best: tuple[PlaceTrack, RowTimes] | None = None
     for topic in (each for name in _RECEIVERS for each in topics.get(name, ())):
         if _has(topic, "latitude_deg", "longitude_deg", "altitude_msl_m"):

@@ -40,7 +40,7 @@ _UNITS = (("s", 1e6), ("ms", 1e3), ("µs", 1.0), ("ns", 1e-3))
 _UNIX_FROM_US, _UNIX_TO_US = 1e14, 4.1e15
 """Unix times of 1973 to 2099; smaller numbers count from another moment."""
 _LONGEST_STEP_S = 60.0
-"""Between two rows of a table that tells a path."""
+"""Longest interval between two rows of a table that tells a path."""
 _HIGHEST_M = 20_000.0
 _LEAST_E7 = 1e5
 """Coordinates in 1e-7 degrees; smaller ones would be on the equator."""
