@@ -7,16 +7,14 @@ from __future__ import annotations
 
 import gc
 import sys
-from collections.abc import Callable
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, TextIO, cast, get_args, get_type_hints
+from typing import Annotated, Any, TextIO, cast
 
 import typer
 from typer.core import TyperGroup
 from typer.main import get_command
-from typer.models import OptionInfo
 
 from gcs.cli.output.console import (
     LogLevel,
@@ -35,7 +33,7 @@ _GROUPS: dict[str, dict[str, str]] = {
     "Fly and replay": {
         "fly": "Name the vehicles in a live video; record everything.",
         "replay": "Play, seek and step through a recording.",
-        "demo": "Replay the bundled recording.",
+        "demo": "Replay the bundled recording, or fly with a simulated fleet.",
         "doctor": "Show what this machine has for a flight, and what to mend.",
     },
     "Recordings": {
@@ -87,8 +85,9 @@ _RENAMED = {
     "replay": {"--tell": "--publish", "--show": "--stream"},
 }
 """Options of each command by their names in the release before, which are understood and answered with the new one."""
-_METAVARS = {
-    "SECONDS": "--duration --listen --video-start --timeout --from --to",
+_WORDS = {
+    "SECONDS": "--duration --listen --video-start --timeout --from --to --clock-within",
+    "OFFSET": "--clock",
     "MINUTES": "--minutes",
     "GIB": "--memory",
     "METRES": "--gsd --height --square",
@@ -97,38 +96,37 @@ _METAVARS = {
     "SHARE": "--score --rendered --min-confidence",
     "WIDTHxHEIGHT": "--frame-size",
     "COLUMNSxROWS": "--board",
-    "URL": "--link --forward --telemetry --scheduler",
-    "NAME": "--format",
+    "NUMBER": "--jobs --retries --every --port --most --first-frame --team --vehicle --seed --steps",
+    "ID": "--message --system",
+    "ID=FILE": "--ugv",
+    "URL": "--link --forward --telemetry --stream --publish --scheduler",
+    "NAME": "--format --camera",
     "NAMES": "--classes --ignore --names",
-    "FILE": "--list --mission --model --front --truth --identity",
+    "FILE": "--list --mission --model --against --front --truth --identity --uav --tlog --lens --log --file",
+    "VIDEO": "--video",
     "FOLDER": "--sessions --keys",
+    "PATH": "--out",
 }
-"""Word that stands for the value of options."""
+"""Word that stands for the value of options, where an option has none of its own."""
 
 
-def _with_words(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The same command, with a word for the value of each option."""
-    known = {option: word for word, options in _METAVARS.items() for option in options.split()}
-    hints = get_type_hints(function, include_extras=True)
-    for name, hint in hints.items():
-        kind = repr(get_args(hint)[:1])
-        for info in getattr(hint, "__metadata__", ()):
-            if not isinstance(info, OptionInfo) or info.metavar or "bool" in kind or "Literal" in kind:
-                continue
-            option = next(iter(info.param_decls or ()), f"--{name.replace('_', '-')}")
-            word = "NUMBER" if "int" in kind or "float" in kind else "PATH" if "Path" in kind else ""
-            info.metavar = known.get(option, word or option.strip("-").upper().replace("-", "_"))
-    function.__annotations__ = hints
-    return function
+def _with_words(command: Any) -> Any:  # noqa: ANN401
+    """The same command, with words for the values of its options, and the arguments' names without their types."""
+    words = {option: word for word, options in _WORDS.items() for option in options.split()}
+    for param in (param for each in (command, *getattr(command, "commands", {}).values()) for param in each.params):
+        if param.param_type_name == "argument":
+            param.display_type_rich = lambda ctx: None
+        elif not param.is_flag:
+            param.metavar = param.metavar or next((words[name] for name in param.opts if name in words), None)
+    return command
 
 
 def _single(name: str) -> Any:  # noqa: ANN401
     """Command NAME: a function of the module's last name in ``gcs.cli``; ``_MODULES`` has those called otherwise."""
     module = _MODULES.get(name, name.replace("-", "_"))
     single = typer.Typer(add_completion=False, rich_markup_mode=None)
-    function = getattr(import_module(f"gcs.cli.{module}"), module.rpartition(".")[2])
-    single.command(name.split()[-1])(_with_words(function))
-    return get_command(single)
+    single.command(name.split()[-1])(getattr(import_module(f"gcs.cli.{module}"), module.rpartition(".")[2]))
+    return _with_words(get_command(single))
 
 
 class _TwoWords(TyperGroup):
@@ -160,10 +158,7 @@ class _CommandTable(TyperGroup):
         if cmd_name in _FAMILIES:
             return _TwoWords(name=cmd_name, help=_line(cmd_name), no_args_is_help=True, rich_markup_mode=None)
         if cmd_name in ("tlog", "keys"):
-            group = import_module(f"gcs.cli.{cmd_name}").app
-            for command in group.registered_commands:
-                _with_words(command.callback)
-            return get_command(group)
+            return _with_words(get_command(import_module(f"gcs.cli.{cmd_name}").app))
         return _single(cmd_name) if _line(cmd_name) else None
 
     def format_commands(self, ctx: object, formatter: Any) -> None:  # noqa: ANN401

@@ -140,12 +140,14 @@ def fly(
     practise: Annotated[
         int,
         typer.Option(
-            callback=check_range(0, 65535), metavar="PORT", help="Of a gcs sim run --live --practise: X begins troubles."
+            callback=check_range(0, 65535),
+            metavar="PORT",
+            help="Port of gcs sim run --live --practise: X begins troubles.",
         ),
     ] = 0,
     serve: Annotated[bool, typer.Option("--serve", hidden=True)] = False,
 ) -> None:
-    """Name the vehicles in a live video; records everything, and listens only unless --command is given."""
+    """Name the vehicles in a live video; record everything, and listen only unless --command is given."""
     options = ScreenOptions(graphics=graphics, theme=theme, fps=fps, bell=bell)
     if serve:
         raise GcsError(

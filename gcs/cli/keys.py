@@ -96,7 +96,7 @@ def add(
 
 @app.command("remove")
 def remove(who: _Who, keys: _Folder = None) -> None:
-    """Remove a key for good: what its vehicle signs is not accepted any more."""
+    """Remove a key for good: its vehicle is not accepted any more."""
     system_id = _system_id(who)
     path, fingerprint = remove_key(keys or user_keys(), system_id)
     print_lines(f"Key of {_name(system_id)}, fingerprint {fingerprint}, removed from {path}")
@@ -123,7 +123,7 @@ def check(
     log: Annotated[list[Path] | None, typer.Option("--log", help="Telemetry log to verify; may be repeated.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Whether a folder is fit to fly with.
+    """Check that a folder of keys is fit to fly with.
 
     With --log: how many frames of a recording would be accepted, and what is wrong with the others.
     """

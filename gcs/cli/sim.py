@@ -36,7 +36,7 @@ def sim(
     ),
     truth: Annotated[Path | None, typer.Option(help="File for the true boxes that --live shows.")] = None,
     tells_camera: Annotated[
-        bool, typer.Option("--camera/--no-camera", help="Whether the UAV of --live reports its camera and video.")
+        bool, typer.Option("--camera/--no-camera", help="Have the UAV of --live report its camera and video.")
     ] = True,
     practise: Annotated[
         int,

@@ -38,7 +38,7 @@ DAMAGED = 5
 
 @app.command("info")
 def info(log: Annotated[Path, typer.Argument(help="Telemetry log.")], as_json: AsJson = False) -> None:
-    """Which systems send in a log, what, how often, and what is damaged."""
+    """Show which systems send what, how often; and what is damaged."""
     found = summarise(Tlog.open(log))
     if as_json:
         print_json({"path": str(log), **asdict(found), "span_s": found.span_s})
@@ -87,7 +87,7 @@ def check(
     as_json: AsJson = False,
     most: Annotated[int, typer.Option("--most", min=0, max=10**9, help="Damaged places listed.")] = MOST_DAMAGE,
 ) -> None:
-    """Whether logs are whole, and what is to be known of them. Exit code 0 all whole, 5 any damaged."""
+    """Check that logs are whole, and describe them. Exit code 0: all whole; 5: any damaged."""
     whole = True
     for log in logs:
         found = examine(Tlog.open(log, any_file=True))
@@ -105,7 +105,7 @@ def repair(
     log: Annotated[Path, typer.Argument(help="Telemetry log; it stays as it is.")],
     out: Annotated[Path, typer.Argument(help="New log; must not exist.")],
 ) -> None:
-    """Copy all whole records into a new log, with their times as recovered."""
+    """Copy all whole records into a new log, times recovered."""
     opened = Tlog.open(log)
     found = examine(opened)
     if opened.cut(out) != len(opened.index):
@@ -130,7 +130,7 @@ def cut(
         list[int] | None, typer.Option(min=0, max=255, help="Keep this system id; may be repeated.")
     ] = None,
 ) -> None:
-    """Copy a part of a log, undamaged records only, the original untouched."""
+    """Copy a part of a log; undamaged records only."""
     opened = Tlog.open(log)
     first = int(opened.index.t_us.min())
     limits = [None if s is None else first + round(s * 1e6) for s in (start, stop)]

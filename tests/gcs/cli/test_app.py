@@ -60,7 +60,7 @@ def test_an_old_spelling_is_understood_and_answered_with_the_new_one(old, new, a
 def test_help_has_groups_and_words_for_values():
     pages = dict(help_pages())
     assert {"batch run", "batch report", "sim run", "sim from-tracks", "tlog cut", "fly"} <= set(pages)
-    assert not [name for name, page in pages.items() if re.search(r"--[a-z-]+ +<[^|>]*>", page)]
+    assert not [name for name, page in pages.items() if re.search(r"<[^|>]*>|--[a-z-]+ [A-Z] ", page)]
     top = CliRunner().invoke(app, ["--help"]).output
     assert re.findall(r"^(\S.*):$", top, re.MULTILINE) == ["Options", "Fly and replay", "Recordings", "Workshop"]
 

@@ -61,7 +61,7 @@ def test_every_option_that_takes_a_number_is_tried_here():
     numeric = {
         (command, option)
         for command, page in help_pages()
-        for option in re.findall(r"(--[a-z-]+)\s+(?:NUMBER|SECONDS|MINUTES|GIB|METRES|DEGREES|RATE|SHARE|ID)\b", page)
+        for option in re.findall(r"(--[a-z-]+)\s+(?:NUMBER|SECONDS|MINUTES|GIB|METRES|DEGREES|RATE|SHARE|ID)\s", page)
     }
     assert numeric == {(command, option) for command, _, option in OPTIONS}
 
