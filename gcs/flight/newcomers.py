@@ -21,7 +21,7 @@ LEAST_POSITIONS = 5
 NEAR_M = 2000.0
 """Who is farther from every vehicle of the fleet is of another flight."""
 MOST_OFFERED = 8
-"""Of a flight: more at once are made up, or another fleet; they can be taken in all the same."""
+"""Most newcomers offered: more at once are made up, or another fleet; they can be taken in all the same."""
 MOST_PACKETS = 1000
 """From strangers that are looked at between two looks at who they are: under a flood that is enough."""
 

@@ -50,7 +50,7 @@ __all__ = ["Pipeline"]
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
 MOST_BOXES = 300
-"""Of a frame: more vehicles than system ids, and at most 0.2 s of work in a frame that is full of them."""
+"""Most boxes of a frame: more vehicles than system ids, and at most 0.2 s of work in a frame that is full of them."""
 HELD_US = 2_000_000
 """Names are shown this long after their frame: at 5 m/s a vehicle is 10 m on, perhaps where its neighbour was."""
 WAIT_US, MOST_WAIT_US = 150_000, 1_000_000

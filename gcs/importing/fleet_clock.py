@@ -53,7 +53,7 @@ HEIGHT_STD_M = 2.0
 LEAST_HEIGHT_M = 3.0
 """A UAV lower than this does not film."""
 HEIGHTS_M, HEIGHTS_SHARE = (12.0, 18.0, 27.0, 40.0, 60.0, 90.0, 130.0), 0.2
-"""Of a UAV above the ground, where nothing but altitudes tells it, and 1σ as a share: each is tried."""
+"""Heights of a UAV above the ground that are tried where nothing but altitudes tells it, and 1σ as a share."""
 LONGEST_TEXT_S = 1e7
 
 

@@ -19,15 +19,15 @@ from gcs.snapshot import Box, Snapshot
 __all__ = ["Inset", "crop", "inset_for", "moved_boxes", "title_of"]
 
 SHARE: Final = 0.42
-"""Of the field's width: enough to see what it is, and the rest of the picture stays."""
+"""Width as a share of the field's: enough to see what it is, and the rest of the picture stays."""
 SHARE_HIGH: Final = 0.55
-"""Of the field's height, at most."""
+"""Greatest height, as a share of the field's."""
 SHAPE: Final = 4 / 3
 """Width over height, as far as there is room."""
 AROUND: Final = 2.4
 """Lengths of the vehicle that are shown: itself and what is beside it."""
 LEAST_PX: Final = 32.0
-"""Of the image: less shows blurs only."""
+"""Smallest piece of the image, px: less shows blurs only."""
 UNSEEN_PX: Final = 120.0
 """Shown around where a vehicle without a box should be: its position is a few metres off."""
 CALMER: Final = 1

@@ -15,9 +15,9 @@ Measure = Callable[[str], tuple[int, int]]
 """Width and height of a text."""
 
 COVER_COST: Final = 8.0
-"""Of a label that lies wholly on boxes: it rather goes four steps away."""
+"""Cost of a label that lies wholly on boxes: it rather goes four steps away."""
 CROSSING_COST: Final = 8.0
-"""Of a line to the mark that runs under another label or mark."""
+"""Cost of a line to the mark that runs under another label or mark."""
 NEAR: Final = 0.5
 """Steps between a text and its mark across which the eye joins them."""
 MARK_GAP: Final = 1

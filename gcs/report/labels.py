@@ -25,7 +25,7 @@ SHORTER_COST: Final = 100.0
 ADVANTAGE: Final = 1.5
 """A label leaves a place that is still free only for one better by this, with room around: else it would flicker."""
 IMPROVED_AT_ONCE: Final = 5
-"""Of the labels that stay, so many look for a better place in each frame, in turn: it takes longest."""
+"""Labels that stay look for a better place in turn, so many in each frame: it takes longest."""
 LEGEND_SHARE: Final = 3
 """The legend keeps to the lowest third."""
 LEGEND_ROUNDS: Final = 4
@@ -71,7 +71,7 @@ class Labelling:
     """Every text of a picture; no two of them have a cell in common."""
 
     places: tuple[Place, ...] = ()
-    """Of the labels that found room, in the order given."""
+    """Places of the labels that found room, in the order given."""
     counts: tuple[Place, ...] = ()
     """``+3``: so many labels found none here."""
     legend: tuple[Place, ...] = ()

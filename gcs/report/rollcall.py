@@ -51,7 +51,7 @@ class RollCallRow:
     frames_unknown: int
     """In which its place or the camera's was not known, of those that were looked at."""
     share: float
-    """Of the frames in view those in which a box had its name, 0 to 1; NaN: never in view."""
+    """Share of the frames in view in which a box had its name, 0 to 1; NaN: never in view."""
     confidence: float
     """Mean over its boxes; NaN: never named."""
     outcome: Outcome
@@ -246,7 +246,7 @@ class RollCall:
         return self.frames - entry.frames_in_view - entry.frames_out_of_view
 
     def _outcome_out_of_view(self, entry: _Entry) -> tuple[Outcome, str]:
-        """Of one that had a position at some time."""
+        """Outcome for one that had a position at some time, but was never in view."""
         if not self.frames:
             return "no frame was looked at", ""
         if not entry.frames_positioned:

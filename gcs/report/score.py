@@ -67,14 +67,14 @@ class Score:
     fper: float
     switches: int
     idf1: float
-    """Of the names."""
+    """IDF1 of the names."""
     track_idf1: float
-    """Of the tracks."""
+    """IDF1 of the tracks."""
     ece: float
     wrong_sure_s: float
     """Vehicle-seconds with a wrong name at confidence ≥ 0.9."""
     false_strangers: float
-    """Of boxes said to be none of ours at confidence ≥ 0.9 the share that is ours."""
+    """Share that is ours of the boxes said to be none of ours at confidence ≥ 0.9."""
     frames_unlogged: int
     """Frames with true boxes of which the log has none, as where nobody looked: their boxes count as not named."""
     skipped: int = 0

@@ -27,7 +27,7 @@ class Action:
 
     group: str
     keys: str
-    """As they are shown, empty without any."""
+    """Keys as they are shown, empty without any."""
     words: str
     """What it does: plain text."""
     run: str

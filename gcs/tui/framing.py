@@ -20,7 +20,7 @@ from gcs.tui.picking import picked_box
 __all__ = ["PictureRegion", "frame_for", "framed"]
 
 LEAST_SHARE: Final = 0.3
-"""Of the image's width and height that is shown at least: a vehicle without its surroundings is nowhere."""
+"""Least share of the image's width and height that is shown: a vehicle without its surroundings is nowhere."""
 AROUND: Final = 0.9
 """Lengths of the longest box that are kept free around what is to be seen; half of it once a part is chosen."""
 LEAST_AROUND: Final = 0.04

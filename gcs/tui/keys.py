@@ -33,7 +33,7 @@ def _key(keys: str, action: str, label: str, tooltip: str, *, shown: str | None 
 
 
 THEME: Final = _key("t", "next_theme", "theme", "Theme: dark, light, high contrast", id="station.theme")
-"""Of both apps."""
+"""Key of both apps."""
 REPLAY: Final = (
     _key("space", "toggle_play", "play", "Play or pause", id="replay.play"),
     _key("left", "jump(-5)", "−5 s", "Back 5 seconds", id="replay.back", shown="←"),

@@ -35,7 +35,7 @@ class Colour(StrEnum):
     """What a colour is for; a theme has what it looks like."""
 
     GAP = "gap"
-    """Between panes."""
+    """Gap between panes."""
     PANEL = "panel"
     HEAD = "head"
     """Behind headings, status and time line."""

@@ -130,7 +130,7 @@ class ConditionReports:
         return said or (("no reason given",) if checks is False else ())
 
     def _lowest(self) -> BatteryStatus | None:
-        """Of several batteries the one with the lowest charge, else with the lowest voltage; None without any."""
+        """Battery with the lowest charge, else with the lowest voltage; None without any."""
         newest_us = max((each.t_us for each in self._batteries.values()), default=0)
         used = [
             each
@@ -143,7 +143,7 @@ class ConditionReports:
         return min(used, key=lambda each: each.voltage_v, default=None)
 
     def _best_receiver(self, autopilot: int) -> GpsRaw | SecondGps | None:
-        """Of two receivers that with the better fix and more satellites: autopilots use that."""
+        """Receiver with the better fix and more satellites: autopilots use that."""
         own = [self._receivers.get((autopilot, kind)) for kind in (GpsRaw, SecondGps)]
         found = [each for each in own if each is not None]
         newest_us = max((each.t_us for each in found), default=0)

@@ -74,7 +74,7 @@ class _AcceptedPosition(NamedTuple):
     boot_us: int
     fix: Fix
     restarts: int
-    """Of the clock that boot_us is on."""
+    """Restarts of the clock that boot_us is on."""
     dated_us: int
     """Unix µs of boot_us by that clock, as it was when the report came."""
 
@@ -235,7 +235,7 @@ class Fleet:
 
     @property
     def origin(self) -> LocalFrame | None:
-        """Of the ENU frame, None until a place is known; it moves when the UAV turns out to be elsewhere."""
+        """Origin of the ENU frame; None until a place is known; it moves when the UAV turns out to be elsewhere."""
         return self._origin.frame
 
     @property

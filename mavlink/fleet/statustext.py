@@ -12,7 +12,7 @@ _REPEATED_US = 5_000_000
 _PIECE_BYTES = 50
 """Length of STATUSTEXT's field: a shorter piece is the last of its text."""
 _MAX_CHARS, _MAX_OPEN = 1000, 8
-"""Of one text, and texts that wait for further pieces: bounded, since any sender can send them."""
+"""Most characters of one text, and most texts that wait for further pieces: any sender can send them."""
 _WARNING = 4
 """MAV_SEVERITY; lower is more serious."""
 

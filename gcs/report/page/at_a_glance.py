@@ -17,7 +17,7 @@ from gcs.report.vehicle_names import text_with_sender
 __all__ = ["at_a_glance"]
 
 MOST_NAMES: Final = 8
-"""Of vehicles in one line; the roll call has all of them."""
+"""Most vehicles named in one line; the roll call has all of them."""
 
 
 def at_a_glance(record: FlightSummary, matched: Matched | None, lacks: Sequence[str]) -> tuple[str, str, str]:

@@ -38,7 +38,7 @@ class Provenance:
     """What a report was made of."""
 
     name: str
-    """Of the recording."""
+    """Name of the recording."""
     lacks: Sequence[str] = ()
     """What the recording does not have, and what that costs, a line each."""
     settings: Mapping[str, str] = field(default_factory=dict)
@@ -48,7 +48,7 @@ class Provenance:
     imported: Sequence[tuple[str, str]] = ()
     """What and how, of the files of others that the recording was made from."""
     spans: Sequence[tuple[str, Sequence[tuple[float, float]]]] = ()
-    """Of whom these tell, and from and to which seconds of the film."""
+    """Vehicles that these tell of, each with the seconds of the film from which and to which."""
 
 
 def flight_report(record: FlightSummary, stills: Stills, matched: Matched | None, about: Provenance) -> str:

@@ -23,7 +23,7 @@ __all__ = ["FlightSummary", "Spread", "VehicleRecord"]
 FloatArray = NDArray[np.float64]
 
 MOST_PARTS: Final = 400
-"""Of a flight's time: more than a page shows side by side."""
+"""Most parts of a flight's time: more than a page shows side by side."""
 FRAMES_A_PART: Final = 3
 """At least, on average: a part without a frame looks like one without a name."""
 MOST_CHANGES: Final = 20
@@ -48,7 +48,7 @@ class Spread:
 
     @property
     def mean(self) -> float:
-        """Of all of them."""
+        """Mean of all values; NaN without any."""
         return self.total / self.count if self.count else math.nan
 
 
@@ -92,7 +92,7 @@ class VehicleRecord:
 
     @classmethod
     def empty(cls, system_id: int, name: str, parts: int) -> VehicleRecord:
-        """Of which nothing is known yet."""
+        """Record of a vehicle of which nothing is known yet."""
         reported, seen = np.full((2, parts, 2), np.nan)
         return cls(
             system_id=system_id,

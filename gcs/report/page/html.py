@@ -35,11 +35,11 @@ POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 """What a browser may do with the page: show it."""
 CHART_WIDTH: Final = 1000
 MOST_LINES: Final = 5
-"""Of one kind on a card."""
+"""Most lines of one kind on a card."""
 DASHES: Final = ("", "12 5", "3 4", "12 4 3 4")
-"""Of lines: pages are printed in grey, too."""
+"""Dashes that tell lines apart: pages are printed in grey, too."""
 Line = tuple[str, str]
-"""Of a card: plain words, and the class that says what they mean: ``confirmed tentative never warn bad``, or none."""
+"""Plain words on a card, and the class that says what they mean: ``confirmed tentative never warn bad``, or none."""
 
 
 @dataclass(frozen=True, slots=True)

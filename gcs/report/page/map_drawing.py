@@ -27,7 +27,7 @@ FARTHEST_M: Final = 5_000.0
 SQUARE, LETTER, LINE, DOT = 4, 9.6, 20, 4
 """Side of the squares in which names are placed, width of a letter, height of a line, radius of a dot."""
 MOST_LETTERS: Final = 20
-"""Of a name; the roll call has all of it."""
+"""Most letters of a name; the roll call has all of it."""
 JOIN_PARTS: Final = 6
 """Places farther apart in time than so many parts are not joined."""
 

@@ -22,11 +22,11 @@ __all__ = ["Stills"]
 Kind = Literal["name", "change", "alarm", "least sure"]
 
 MOST: Final[dict[Kind, int]] = {"name": 4, "change": 4, "alarm": 4, "least sure": 1}
-"""Of each kind, the first that come."""
+"""Most pictures of each kind, the first that come."""
 SIZES: Final = ((880, 75), (880, 50), (640, 40), (320, 30))
 """Width, px, and JPEG's quality; the first with which a picture is small enough."""
 MOST_BYTES: Final = 100_000
-"""Of a picture: thirteen of them and their base64 stay below 2 MB."""
+"""Largest picture: thirteen of them and their base64 stay below 2 MB."""
 TOGETHER_US: Final = 1_000_000
 """Moments of one kind that are so near are one."""
 SETTLED_US: Final = 5_000_000

@@ -18,7 +18,7 @@ __all__ = ["clock", "draw_sources", "draw_timeline"]
 LEFT, WIDTH, RIGHT = 160, CHART_WIDTH, 10
 ROW, GAP = 34, 8
 LOW_ROW, LOW_GAP = 18, 3
-"""Of a fleet larger than ``MOST_ROWS``: on paper a drawing must not be longer than a sheet."""
+"""Rows of a fleet larger than ``MOST_ROWS``: on paper a drawing must not be longer than a sheet."""
 MOST_ROWS: Final = 16
 ALARM_ROW: Final = 22
 NUMBER: Final = 30
@@ -28,7 +28,7 @@ MOST_SOURCES: Final = 40
 STEPS_S: Final = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400)
 MOST_TICKS: Final = 9
 MOST_LETTERS: Final = 15
-"""Of a name, as many as fit before the axis."""
+"""Most letters of a name, as many as fit before the axis."""
 
 
 def clock(seconds: float) -> str:

@@ -16,13 +16,13 @@ from mavlink.geodesy import LocalFrame
 __all__ = ["Basemap"]
 
 STRENGTH: Final = 0.4
-"""Of the picture over the background, 0..1."""
+"""Opacity of the picture over the background, 0..1."""
 MOST_TILES: Final = 64
 """For one picture; a view that needs more is drawn with coarser ones."""
 FARTHEST_NORTH_DEG: Final = 85.0
 """Web Mercator has no poles."""
 STEP: Final = 8
-"""Of brightness: neighbours of the same colour are sent to the terminal as one."""
+"""Step of brightness: neighbours of the same colour are sent to the terminal as one."""
 
 Image = NDArray[np.uint8]
 

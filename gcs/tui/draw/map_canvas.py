@@ -199,7 +199,7 @@ def map_labels(
 
 
 def _uav_name(snapshot: Snapshot) -> str:
-    """As the mission calls it, where that can be shown and is nobody else's name or number; else ``UAV``."""
+    """UAV's name in the mission, where that can be shown and is nobody else's name or number; else ``UAV``."""
     name = next((plain(row.name).strip() for row in snapshot.vehicles if row.role == "uav"), "")
     others = {each for row in snapshot.vehicles if row.role != "uav" for each in (row.name, str(row.system_id))}
     usable = (

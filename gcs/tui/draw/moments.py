@@ -19,7 +19,7 @@ SIGNS: Final[dict[Moment, str]] = {"identity": "│", "warning": "╹", "gap": "
 
 
 def kind_of(event: Event) -> Moment | None:
-    """As what an event is marked, None: it is not."""
+    """Kind of mark for an event; None: it has none."""
     if event.level == "alarm":
         return "alarm"
     if event.kind == "mark":

@@ -16,9 +16,9 @@ FLEET_WIDTHS = (35, 40, 50, 59, 69, 78)
 TALLER = 1.3
 """The video is so much higher than its frame where there is room: a part of the frame fills it."""
 FLEET_SHARE = 0.42
-"""Of the width that the table may take beside a view."""
+"""Share of the width that the table may take beside a view."""
 IDENTITY_ROWS, MORE_IDENTITY_ROWS = 13, 24
-"""As many as who, how sure, what against, where and what to do take; on tall screens what else is known too."""
+"""Rows for who, how sure, what against, where and what to do; on tall screens for what else is known too."""
 TALL = 46
 EVENT_ROWS = 4
 ALARM_ROWS = 10
@@ -47,7 +47,7 @@ class LayoutState:
     """A pane that takes everything, empty for none."""
     fleet_rows: int = 8
     aspect: float = 16 / 9
-    """Of the frame, width over height."""
+    """Width over height of the frame."""
 
     def shown(self, width: int, height: int) -> frozenset[str]:
         """Panes wanted in a field of this size."""

@@ -40,7 +40,7 @@ ATTRIBUTES = re.compile(r"\x1b\[\?([\d;]*)c")
 USUAL_CELL = (10, 20)
 """px, of a terminal that does not tell."""
 QUALITY = 85
-"""Of JPEG: a third of PNG's size, and what it blurs is less than a camera's own coding does."""
+"""Quality of JPEG: a third of PNG's size, and what it blurs is less than a camera's own coding does."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -38,13 +38,13 @@ NO_VIDEO = "no video"
 SMALLEST_DOTS = 3.0
 """A box counts as at least this long, else its frame is a speck on a small screen."""
 CLEAR_DOTS = 1.5
-"""Between a box and the frame round it."""
+"""Gap between a box and the frame round it."""
 FRONT_DOTS = 3.5
 """Length of the line ahead of its front."""
 BRACKET = 0.34
 """Share of each side that a frame's corners take."""
 MOST_DOTS = 400
-"""Of a line: longer ones are beyond the field."""
+"""Longest line: longer ones are beyond the field."""
 DOTS = np.array([2, 4])
 """Across and down a cell."""
 

@@ -29,7 +29,7 @@ GREY_CHROMA: Final = 40
 meadow every third point would be red."""
 _BAYER: Final = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
 THRESHOLDS: Final = (_BAYER + 0.5) / 16
-"""Of an ordered dither."""
+"""Thresholds of an ordered dither, 0..1."""
 HUE: Final = 1.6
 """How much more a difference of hue counts than one of brightness: a meadow is dark or light green, and not red."""
 NOISE: Final = 30.0
@@ -53,7 +53,7 @@ LUMA_BGR: Final = np.array([0.114, 0.587, 0.299], dtype=np.float32)
 SOFT: Final = 0.4
 """Share of the way from one grey to the next in which both are mixed; over all of it a meadow is a chessboard."""
 FLAT: Final = 80.0
-"""Of 255; a picture whose brightness differs by less is spread less: its noise would be all that is seen."""
+"""Spread of brightness, of 255, below which a picture is spread less: its noise would be all that is seen."""
 
 
 def _palette() -> NDArray[np.int64]:

@@ -86,7 +86,7 @@ class AlarmPane(Pane):
         self._at = 0
         self._first = 0
         self._shown: tuple[int, ...] = ()
-        """Of each row on screen, the number of its group."""
+        """Number of its group, for each row on screen."""
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:

@@ -41,7 +41,7 @@ PAN_STEP: Final = (8, 4)
 """Columns and rows of one key; as far on the screen both ways."""
 
 FARTHEST_ORIGIN_M: Final = 10_000.0
-"""Between two origins about which east and north are the same directions."""
+"""Greatest distance of two origins about which east and north are the same directions."""
 
 TrailSource = Callable[[int, float, LocalFrame | None], Sequence[Trail]]
 """Trails before a moment, so many seconds long, about an origin."""
@@ -84,7 +84,7 @@ class MapPane(Pane):
         self._free: MapView | None = None
         """Where the operator looks, None: what fits or is followed."""
         self._view: MapView | None = None
-        """Of what is on the screen."""
+        """View of what is on the screen."""
         self._origin: LocalFrame | None = None
         self._ruler = Ruler()
         self._span = 0
@@ -219,7 +219,7 @@ class MapPane(Pane):
         return chart_cells(self.snapshot, self.selected, view, self._labelling, extras).strips()[:height]
 
     def _view_of(self, snapshot: Snapshot, width: int, rows: int) -> MapView:
-        """Of the rows above the one with north and scale."""
+        """View of the rows above the one with north and scale."""
         if self._free is not None:
             self._free = replace(self._free, columns=width, rows=rows)
             return self._free

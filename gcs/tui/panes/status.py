@@ -187,7 +187,7 @@ def _links(health: Health) -> StatusSlot:
 
 
 def _rates(health: Health) -> list[Part]:
-    """Of each link, where there is room, the packets a second and what was lost."""
+    """Packets a second and what was lost, of each link where there is room."""
     parts: list[Part] = []
     for link in health.links:
         lost = f" {link.bad} bad" * bool(link.bad) + f" {link.dropped} dropped" * bool(link.dropped)

@@ -73,7 +73,7 @@ class HelpPage(Widget):
 
     @property
     def pages(self) -> list[list[list[list[Part]]]]:
-        """Of the size as it is now."""
+        """Pages for the size as it is now."""
         columns = max(1, min(2, self.size.width // COLUMN_CELLS))
         return pages(self._blocks, columns, self.size.width // columns - 3, max(2, self.size.height - 2))
 

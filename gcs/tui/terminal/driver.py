@@ -68,7 +68,7 @@ class TerminalDriver(LinuxDriver):
             self._writer.put(data.encode())
 
     def start_application_mode(self) -> None:
-        """As Textual does, with another writer, and a question that shows whether this terminal replies."""
+        """Start as Textual does, with another writer, and ask what shows whether this terminal replies."""
         if self._file is None:
             raise RuntimeError("no terminal to draw on")
         self._writer = _Writer(self._file.fileno(), self._leave)
