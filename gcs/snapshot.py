@@ -164,7 +164,7 @@ class VehicleRow:
     """Clockwise from north, NaN unknown."""
     std_m: float = NAN
     in_view: bool | None = None
-    """Whether the reported position is in view; None when the camera's pose is unknown."""
+    """True if the reported position is in view; None when the camera's pose is unknown."""
     standing: Standing = "no position"
     standing_since_us: int = 0
     """Since when it has this standing, 0 unknown."""
@@ -292,7 +292,7 @@ class LinkHealth:
     """Lately, NaN unknown."""
     bytes_per_s: float = NAN
     flooded: bool = False
-    """Whether a sender is rate-limited."""
+    """True if a sender is rate-limited."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -424,7 +424,7 @@ class Snapshot:
 
     @property
     def held(self) -> bool:
-        """Whether the boxes are those of an earlier frame, for want of a new one."""
+        """True if the boxes are those of an earlier frame, for want of a new one."""
         return self.seen_us not in (0, self.t_us)
 
     @property

@@ -91,7 +91,7 @@ class Timeline(Protocol):
 
     @property
     def playing(self) -> bool:
-        """Whether time runs."""
+        """True if time runs."""
 
     @property
     def speed(self) -> float:

@@ -44,7 +44,7 @@ class Throttle:
         self._reported: dict[Hashable, float] = {}
 
     def due(self, key: Hashable, now: float) -> bool:
-        """Whether this was not reported for a while; then it counts as reported now. A clock may be set back."""
+        """Tell whether this was not reported for a while; then it counts as reported now. A clock may be set back."""
         last = self._reported.get(key)
         if last is not None and abs(now - last) < self._every:
             return False
@@ -70,7 +70,7 @@ class ReportGrowth:
         self._grown = self._reported_at = -math.inf
 
     def due(self, count: int, now: float = 0.0) -> bool:
-        """Whether a count is to be reported; one that is less than before was begun anew."""
+        """Tell whether a count is to be reported; one that is less than before was begun anew."""
         if count < self._count:
             self._count = self._reported = 0
         if count == self._count:
@@ -129,7 +129,7 @@ class TokenBucket:
         """When it was asked last."""
 
     def allows(self, now_s: float) -> bool:
-        """Whether one more may pass; then it has."""
+        """Tell whether one more may pass; then it has."""
         self._tokens = min(self._burst, self._tokens + max(0.0, now_s - self.last_s) * self._per_s)
         self.last_s = max(self.last_s, now_s)
         if self._tokens < 1.0:
@@ -161,7 +161,7 @@ class Backoff:
         self._failures = 0
 
     def due(self, now_s: float) -> bool:
-        """Whether to try now (monotonic), for who does not wait: it counts as failed until it succeeds."""
+        """Tell whether to try now (monotonic), for who does not wait: it counts as failed until it succeeds."""
         if now_s < self._next_s:
             return False
         self._next_s = now_s + self.failed()

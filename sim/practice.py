@@ -110,7 +110,7 @@ class Troubles:
 
     @property
     def video_is_lost(self) -> bool:
-        """Whether no frame is to be sent."""
+        """True if no frame is to be sent."""
         return (VIDEO, 0) in self._on
 
     def toggle(self, text: str) -> None:

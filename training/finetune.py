@@ -119,7 +119,7 @@ class FineTuning:
 
     @property
     def finished(self) -> bool:
-        """Whether ``model.onnx`` is there."""
+        """True if ``model.onnx`` is there."""
         return (self.out / "model.onnx").exists()
 
     def render(self, report: Report) -> None:

@@ -162,7 +162,7 @@ class Trainer:
 
 
 def _has_half_floats(device: str) -> bool:
-    """Whether it computes with them: twice as fast as floats; a processor without takes 2.5 times as long instead."""
+    """Tell whether it computes with them: twice as fast as floats; a processor without takes 2.5 times as long."""
     told = getattr(torch.cpu, "get_capabilities", None)
     return device == "cuda" or bool(told and told().get("avx512_bf16"))
 

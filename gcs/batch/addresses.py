@@ -32,17 +32,17 @@ def _protocol(address: str) -> str:
 
 
 def is_remote(address: str) -> bool:
-    """Whether fsspec is to read it."""
+    """Tell whether fsspec is to read it."""
     return _protocol(address) not in ("", *_LOCAL)
 
 
 def is_of_this_process(address: str) -> bool:
-    """Whether no other process sees what is there."""
+    """Tell whether no other process sees what is there."""
     return _protocol(address) in _OF_THIS_PROCESS
 
 
 def is_pattern(address: str) -> bool:
-    """Whether it stands for several; on the web a ? begins what an address was signed with."""
+    """Tell whether it stands for several; on the web a ? begins what an address was signed with."""
     return bool(_MAGIC & set(_place(address)))
 
 

@@ -86,7 +86,7 @@ class FlightFailed(msgspec.Struct, frozen=True, tag=True):
     error: str
     """One line: what, where, and what to do."""
     again: bool
-    """Whether another attempt may help."""
+    """True if another attempt may help."""
     attempts: int = 1
 
 

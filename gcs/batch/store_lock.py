@@ -90,7 +90,7 @@ def _take(files: Any, path: str, address: str, me: LockHolder) -> None:  # noqa:
 
 
 def _is_dead(holder: LockHolder) -> bool:
-    """Whether it is of this machine, and over."""
+    """Tell whether it is of this machine, and over."""
     if holder.host != platform.node():
         return False
     try:

@@ -154,7 +154,7 @@ def fetched_path(job: FlightJob) -> Path:
 
 
 def _is_whole(results: ResultStore, kept: FlightRecord, job: FlightJob, inputs: str | None) -> bool:
-    """Whether a record is of what is asked for, and its table is there."""
+    """Tell whether a record is of what is asked for, and its table is there."""
     asked = (DONE, inputs, job.version, job.options.text())
     if (kept.status, kept.inputs, kept.version, kept.options) != asked:
         return False

@@ -62,7 +62,7 @@ class Wanted:
 
     @property
     def complete(self) -> bool:
-        """Whether nothing has to be heard first."""
+        """True if nothing has to be heard first."""
         return self.uav is not None and bool(self.ugv) and self.video is not None
 
     def roles(self, vehicles: Iterable[HeardVehicle]) -> dict[int, Role]:
@@ -317,7 +317,7 @@ def _reporting(listening: Listening) -> set[int]:
 
 
 def _all_report(listening: Listening, wanted: Wanted) -> bool:
-    """Whether one who films and one of the fleet report positions, and all who were named do."""
+    """Tell whether one who films and one of the fleet report positions, and all who were named do."""
     roles, reporting = wanted.roles(listening.roster.vehicles), _reporting(listening)
     present = {role for i, role in roles.items() if i in reporting}
     return {"films", "named"} <= present and set(wanted.chosen) <= reporting

@@ -101,7 +101,7 @@ def _serve(session: Path, words: Sequence[str], port: int) -> None:
 
 
 def _in_browser() -> bool:
-    """Whether this is the process that ``--serve`` started for a browser."""
+    """Tell whether this is the process that ``--serve`` started for a browser."""
     return "web_driver" in os.environ.get("TEXTUAL_DRIVER", "")
 
 

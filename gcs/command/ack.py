@@ -29,12 +29,12 @@ class CommandAck:
 
     @property
     def accepted(self) -> bool:
-        """Whether the autopilot does it."""
+        """True if the autopilot does it."""
         return self.result == ACCEPTED
 
     @property
     def not_known(self) -> bool:
-        """Whether another way to the same end is worth a try."""
+        """True if another way to the same end is worth a try."""
         return self.result in _NOT_KNOWN
 
     @property

@@ -43,7 +43,7 @@ class CotPacer:
         self._throttle = Throttle(PERIOD_US)
 
     def due(self, uid: str, now_us: int) -> bool:
-        """Whether an event of this uid may go out now; then it counts as sent."""
+        """Tell whether an event of this uid may go out now; then it counts as sent."""
         return self._throttle.due(uid, now_us)
 
 

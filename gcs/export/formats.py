@@ -31,9 +31,9 @@ class ExportFormat:
     writer: str
     """Module in this folder and class."""
     needs_images: bool = False
-    """Whether snapshots must come with their frame's image: decoding takes longer than all the rest."""
+    """True if snapshots must come with their frame's image: decoding takes longer than all the rest."""
     needs_video: bool = False
-    """Whether there must be a film, of which it takes more than images."""
+    """True if there must be a film, of which it takes more than images."""
     extra: str = ""
     """Optional dependencies that must be installed; empty: none."""
 

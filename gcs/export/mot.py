@@ -97,7 +97,7 @@ class MotExport:
         self._unfinished.finish()
 
     def _is_new(self, number: int, seen: set[int]) -> bool:
-        """Whether an id is one, and of no other box of the frame: TrackEval refuses a file where it is."""
+        """Tell whether an id is one, and of no other box of the frame: TrackEval refuses a file where it is."""
         if number in seen:
             self._doubles += 1
         if not number or number in seen:

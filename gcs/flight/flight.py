@@ -72,7 +72,7 @@ class FlightPlan:
     forward: tuple[str, ...] = ()
     """Where packets go on to, as they came."""
     command: bool = False
-    """Whether this station may send: beat, ask for rates, and command the UAV."""
+    """True if this station may send: beat, ask for rates, and command the UAV."""
     accept_late: tuple[int, ...] = ()
     """Vehicles whose signed packets are accepted without a proof that they are made now."""
     spare: tuple[str, ...] = ()

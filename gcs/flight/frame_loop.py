@@ -139,7 +139,7 @@ class FrameLoop:
 
     @property
     def frames_wait(self) -> bool:
-        """Whether frames wait for telemetry, so that the next turn should come soon."""
+        """True if frames wait for telemetry, so that the next turn should come soon."""
         return bool(self._looked_at)
 
     def close(self) -> None:
@@ -158,7 +158,7 @@ class FrameLoop:
         self._on_snapshot(snapshot)
 
     def _awaits(self, looked_at: _LookedAt, heard_us: int) -> bool:
-        """Whether a frame's telemetry is still to come; where nothing is heard at all the wall clock decides."""
+        """Tell whether a frame's telemetry is still to come; where nothing is heard at all the wall clock decides."""
         waits_us = self._now_us() - looked_at.since_us
         return 0 <= waits_us < self._pipeline.wait_us and self._pipeline.awaits_telemetry(
             looked_at.frame.t_us, heard_us

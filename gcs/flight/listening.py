@@ -183,7 +183,7 @@ class Listening:
 
     @property
     def hears_video(self) -> bool:
-        """Whether somebody sends what looks like video to the usual port."""
+        """True if somebody sends what looks like video to the usual port."""
         return self._datagrams >= _ENOUGH_DATAGRAMS
 
     @property

@@ -145,7 +145,7 @@ class Pipeline:
             self._events += self._throttle.admit(events)
 
     def awaits_telemetry(self, t_us: int, heard_us: int, *, most_us: int = MOST_WAIT_US) -> bool:
-        """Whether a frame should be kept back since reports of the UAV's pose after it are still to come.
+        """Tell whether a frame should be kept back since reports of the UAV's pose after it are still to come.
 
         Args:
             t_us: when the frame was taken, Unix µs on the video's clock.

@@ -171,7 +171,7 @@ class Statements:
         return events
 
     def _is_about_ours(self, statement: Statement) -> bool:
-        """Whether the vehicle is in the fleet now, or none of ours is meant."""
+        """Tell whether the vehicle is in the fleet now, or none of ours is meant."""
         return statement.system_id in (0, *self.mission.ugv_ids)
 
     def _end(self, track: int, identifier: Identifier) -> None:

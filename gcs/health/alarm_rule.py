@@ -38,7 +38,7 @@ class AlarmRule(Generic[Subject]):
     advice: str
     """What the operator does about it."""
     condition: Callable[[Subject, Snapshot], bool] | None = None
-    """Whether this is wrong now."""
+    """True if this is wrong now."""
     counter: Callable[[Subject, Snapshot], int] | None = None
     """A count that should not grow: this is wrong for ``GROWING_S`` after it grew."""
     detail: Callable[[Subject, Snapshot], str] | None = None
@@ -48,7 +48,7 @@ class AlarmRule(Generic[Subject]):
     on_and_off: str = ""
     """What is wrong when it keeps coming back; empty: ``again and again`` and the text."""
     each_detail: bool = False
-    """Whether each detail is an alarm of its own."""
+    """True if each detail is an alarm of its own."""
     kept_while: Callable[[Subject, Snapshot], bool] | None = None
     """While this holds, an alarm that was raised before is not over, and none is raised."""
     doubts_name: bool = False

@@ -70,7 +70,7 @@ class ReportedAlarm:
     key: str
     """The same whenever it is reported: that of the alarm; by its words alone, pairs have their names in it."""
     worked_out: bool
-    """Whether packets and frames alone raise it: then a recording raises it again."""
+    """True if packets and frames alone raise it: then a recording raises it again."""
 
 
 _WORKED_OUT = frozenset(

@@ -89,7 +89,7 @@ class _State:
             self.came.popleft()
 
     def is_calm(self, now_us: int) -> bool:
-        """Whether what came and went has been gone for long enough."""
+        """Tell whether what came and went has been gone for long enough."""
         return now_us - self.seen_us >= WORST_US << min(len(self.came), MOST_DOUBLINGS)
 
     def flapping(self) -> Finding:

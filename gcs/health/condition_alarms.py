@@ -104,7 +104,7 @@ def _may_be_over(row: VehicleRow, now: Snapshot) -> bool:
 
 
 def _not_back(row: VehicleRow, now: Snapshot) -> bool:
-    """Whether it is not known to be on the right side again."""
+    """Tell whether it is not known to be on the right side again."""
     return bool(row.fence) and not (_known_place(row) and row.fence_m > max(INSIDE_M, row.std_m))
 
 

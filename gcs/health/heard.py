@@ -1,4 +1,4 @@
-"""Whether a vehicle was heard at all, and why what came in its name was not accepted."""
+"""Vehicles that were heard or not, and why what came in their names was not accepted."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["is_heard", "refused_because"]
 
 
 def is_heard(row: VehicleRow | VehicleStatus) -> bool:
-    """Whether any of its packets was accepted so far."""
+    """Tell whether any of its packets was accepted so far."""
     condition = row.condition
     ages_s = (
         *(row.heartbeat_age_s, row.position_age_s, condition.power_age_s, condition.receiver_age_s),

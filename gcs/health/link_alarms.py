@@ -15,7 +15,7 @@ FIRST_PACKET_S = 10.0
 
 
 def is_silent(link: LinkHealth) -> bool:
-    """Whether nothing was received for ``SILENT_S`` or ever, or that is unknown."""
+    """Tell whether nothing was received for ``SILENT_S`` or ever, or that is unknown."""
     return not link.silent_s <= SILENT_S
 
 

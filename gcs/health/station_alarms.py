@@ -78,7 +78,7 @@ def _camera_off(health: Health, error: float, std: float, limit_deg: float) -> b
 
 
 def _unsure(health: Health, std: float) -> bool:
-    """Whether it is not known whether the camera still has that error."""
+    """Tell whether it is not known whether the camera still has that error."""
     return not (health.fit > 1.0 - FIT and math.degrees(std) < TURNED_STD_DEG)
 
 

@@ -86,7 +86,7 @@ class TextAlarms:
             )
 
     def _has_room(self, whose: str) -> bool:
-        """Whether a vehicle may have one more alarm of its own; the oldest that was seen makes room."""
+        """Tell whether a vehicle may have one more alarm of its own; the oldest that was seen makes room."""
         own = [key for key in self._texts if key.startswith(whose) and key != whose]
         if len(own) < MOST_TEXTS:
             return True

@@ -54,7 +54,7 @@ def _silent(row: VehicleRow) -> bool:
 
 
 def answers(row: VehicleRow) -> bool:
-    """Whether it was received before, and is now."""
+    """Tell whether it was received before, and is now."""
     return _ever_received(row) and not _silent(row)
 
 

@@ -49,7 +49,7 @@ class ChosenCamera:
     direction: str
     assumed: tuple[str, ...] = ()
     looks_known: bool = True
-    """Whether anything tells which way it looks."""
+    """True if anything tells which way it looks."""
 
     @property
     def stated(self) -> Camera | None:

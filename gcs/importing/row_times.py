@@ -93,7 +93,7 @@ def check_one_clock(t_us: Ints, source: str, *, blocks: bool = False) -> None:
 
 
 def _apart(blocks: Sequence[Ints]) -> bool:
-    """Whether no two blocks of times share more than a moment."""
+    """Tell whether no two blocks of times share more than a moment."""
     spans = sorted((int(block.min()), int(block.max())) for block in blocks)
     return all(last - first < _BACK_US for (_, last), (first, _) in pairwise(spans))
 
@@ -219,7 +219,7 @@ def _gap_words(times: Ints) -> tuple[str, ...]:
 
 
 def _differ(places: Floats, t_us: Ints) -> bool:
-    """Whether most neighbours with one time are at different places."""
+    """Tell whether most neighbours with one time are at different places."""
     same_time = np.diff(t_us) == 0
     moved = (np.diff(places, axis=0) != 0.0).any(axis=1)
     return bool(np.count_nonzero(moved & same_time) * 2 > np.count_nonzero(same_time))

@@ -33,7 +33,7 @@ class LogFormat:
     """In lower case, the usual one first."""
     read: Callable[[Path], list[VehicleLog]]
     begins: Callable[[bytes], bool] = lambda _: False
-    """Whether the beginning of a file is one of this format, whatever its suffix; never, where no beginning tells."""
+    """True if the beginning of a file is one of this format, whatever its suffix; never, where no beginning tells."""
     maker: str = ""
 
 

@@ -117,7 +117,7 @@ class Outlet:
         self._settings, self._report = settings, report
         self._throttle = Throttle(AGAIN_S)
         self._troubled = False
-        """Whether trouble was reported that is not over."""
+        """True if trouble was reported that is not over."""
         self.supervisor: Supervisor[ChildProcess[SinkReport]] = Supervisor(
             f"telling {settings.url.text}",
             start=self._start,

@@ -31,7 +31,7 @@ class SinkSettings(msgspec.Struct, kw_only=True, tag=True):
     memory: int
     """File descriptor of the newest snapshot."""
     images: bool
-    """Whether the memory holds pictures."""
+    """True if the memory holds pictures."""
 
 
 class SinkReport(msgspec.Struct, kw_only=True, tag=True):

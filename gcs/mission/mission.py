@@ -242,7 +242,7 @@ class Mission:
 
     @property
     def follows_gimbal(self) -> bool:
-        """Whether the camera's direction is the gimbal's reported one."""
+        """True if the camera's direction is the gimbal's reported one."""
         return self.camera is None or self.camera.mount == "gimbal"
 
     @property

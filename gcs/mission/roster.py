@@ -58,7 +58,7 @@ class HeardVehicle:
     auth: Auth = Auth.OPEN
     """What the signature of its last packet was worth; refused only where none was accepted so far."""
     signed: bool = False
-    """Whether that packet has one."""
+    """True if that packet has one."""
     packets: int = 0
     """That were accepted."""
     positions: deque[int] = field(default_factory=lambda: deque(maxlen=_RATE_OVER))
@@ -67,7 +67,7 @@ class HeardVehicle:
     lon_deg: float = math.nan
     """Its last position, NaN none."""
     camera: bool = False
-    """Whether it reports a camera or a gimbal."""
+    """True if it reports a camera or a gimbal."""
     video: VideoStreamInformation | None = None
     """The video that it offers."""
 
@@ -89,7 +89,7 @@ class HeardVehicle:
 
     @property
     def trust(self) -> str:
-        """Whether its packets are signed, in a word or two."""
+        """State of its packets' signatures, in a word or two."""
         if self.auth > Auth.GOOD:
             return f"refused: {self.auth.name.lower()}"
         return "signed" if self.auth is Auth.GOOD else "signed, no key" if self.signed else "unsigned"
@@ -149,7 +149,7 @@ class Roster:
 
 
 def _is_of_a_vehicle(sample: Heartbeat) -> bool:
-    """Whether a heartbeat tells what a vehicle is; its gimbal, its companion and stations send them too."""
+    """Tell whether a heartbeat tells what a vehicle is; its gimbal, its companion and stations send them too."""
     return is_aircraft(sample.type) or is_ground_vehicle(sample.type) or is_vehicle(sample.type, sample.autopilot)
 
 

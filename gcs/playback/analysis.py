@@ -95,7 +95,7 @@ class Analysis:
 
     @property
     def as_flown(self) -> bool:
-        """Whether the recording kept the order in which a flight folded it."""
+        """True if the recording kept the order in which a flight folded it."""
         return self._turns is not None
 
     def detector(self) -> Detector | None:

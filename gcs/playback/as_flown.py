@@ -50,7 +50,7 @@ class FlownAlarm:
     alarm: Alarm
     until_us: int
     worked_out: bool = True
-    """Whether a replay can find it at all."""
+    """True if a replay can find it at all."""
 
 
 class FlownReports:
@@ -249,7 +249,7 @@ class FlownReports:
         return event.kind, event.system_id, _SURE.sub("", text)
 
     def _was_seen(self, alarm: Alarm, t_us: int) -> bool:
-        """Whether the operator had acknowledged it."""
+        """Tell whether the operator had acknowledged it."""
         return any(
             alarm.since_us - SAME_US <= event.t_us <= t_us
             and (event.acknowledges == alarm.key or event.text == _SEEN + alarm.text)
@@ -258,7 +258,7 @@ class FlownReports:
 
 
 def _is_about(t_us: int, since_us: int, until_us: int) -> bool:
-    """Whether a moment lies within a time, or about."""
+    """Tell whether a moment lies within a time, or about."""
     return since_us - SAME_US <= t_us <= until_us + SAME_US
 
 

@@ -41,7 +41,7 @@ class Preview:
         self._ended = False
 
     def wants(self, t_us: int) -> bool:
-        """Whether something is to be worked out for a place, or beyond it."""
+        """Tell whether something is to be worked out for a place, or beyond it."""
         if not self._is_near(t_us):
             return True
         return not self._ended and (not len(self._found) or self._found.stop_us < t_us + AHEAD_US)

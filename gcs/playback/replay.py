@@ -131,7 +131,7 @@ class ReplayPlace(NamedTuple):
     frame: int
     """The newest one then, -1 before the first."""
     final: bool
-    """Whether all of the recording is analysed: what differs from the flight is known then."""
+    """True if all of the recording is analysed: what differs from the flight is known then."""
 
 
 class Replay:
@@ -225,7 +225,7 @@ class Replay:
 
     @property
     def playing(self) -> bool:
-        """Whether time runs."""
+        """True if time runs."""
         return self._playing
 
     @property

@@ -23,7 +23,7 @@ FARTHEST_PX: Final = 30_000.0
 
 
 def drawable(box: Box) -> bool:
-    """Whether a box has a place and a size that can be drawn."""
+    """Tell whether a box has a place and a size that can be drawn."""
     numbers = (box.cx, box.cy, box.w, box.h, box.angle)
     return box.w > 0 and box.h > 0 and all(abs(number) < FARTHEST_PX for number in numbers)
 

@@ -43,7 +43,7 @@ class Inset:
     part: tuple[float, float, float, float]
     """Left, top, width, height in the image, px; wholly inside it."""
     seen: bool
-    """Whether the vehicle has a box; else this is where it should be."""
+    """True if the vehicle has a box; else this is where it should be."""
 
 
 def inset_for(

@@ -57,7 +57,7 @@ def line_between(rect: Cells, anchor: Cells) -> tuple[float, float, float, float
 
 
 def needs_line(rect: Cells, anchor: Cells, step: tuple[int, int]) -> bool:
-    """Whether a text is so far from its mark that a line must tell whose it is."""
+    """Tell whether a text is so far from its mark that a line must tell whose it is."""
     left, top, width, height = rect
     _, _, x, y = line_between(rect, anchor)
     across, down = max(left - x, x - left - width, 0.0), max(top - y, y - top - height, 0.0)
@@ -107,7 +107,7 @@ class Occupied:
         return None
 
     def fits(self, rect: Cells, own: Cells | None = None, margin: int = 0) -> bool:
-        """Whether a text there is whole and covers no other text, and no mark where those must stay visible."""
+        """Tell whether a text there is whole and covers no other text, and no mark where those must stay visible."""
         left, top, width, height = rect
         if left < 0 or top < 0 or left + width > self.grid.columns or top + height > self.grid.rows:
             return False
@@ -139,7 +139,7 @@ class Occupied:
         return cost + CROSSING_COST if line and self._cuts_line(rect, anchor) else cost
 
     def _cuts_line(self, rect: Cells, anchor: Cells) -> bool:
-        """Whether the line from a label to its mark runs under another label or mark."""
+        """Tell whether the line from a label to its mark runs under another label or mark."""
         x, y, end_x, end_y = line_between(rect, anchor)
         count = 2 + int(max(abs(end_x - x), abs(end_y - y)))
         for at in range(1, count):

@@ -62,7 +62,7 @@ class Place:
     form: int = 0
     """Which of the label's texts it is."""
     leader: bool = False
-    """Whether a line to the mark is needed."""
+    """True if a line to the mark is needed."""
     anchor: Cells = (0, 0, 0, 0)
 
 

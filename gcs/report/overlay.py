@@ -104,7 +104,7 @@ def named_count(snapshot: Snapshot) -> tuple[int, int]:
 
 
 def is_picked(box: Box, selected: int, track: int) -> bool:
-    """Whether a box is of the picked vehicle, or is the picked box without a name; 0 none."""
+    """Tell whether a box is of the picked vehicle, or is the picked box without a name; 0 none."""
     return bool(selected and box.system_id == selected) or bool(track and box.track_id == track)
 
 

@@ -175,7 +175,7 @@ def _is_empty(path: Path) -> bool:
 
 
 def _any_beside(path: Path, *tables: TableFormat) -> bool:
-    """Whether one of these tables is beside a log."""
+    """Tell whether one of these tables is beside a log."""
     return any(segments(path.with_name(table.name)) for table in tables)
 
 

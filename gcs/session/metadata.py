@@ -61,7 +61,7 @@ class FlightNotes:
     """The notes of a recording; all empty for one that was not flown."""
 
     flown: bool = False
-    """Whether this program recorded it in flight."""
+    """True if this program recorded it in flight."""
     program: str = ""
     keys: Mapping[str, str] = field(default_factory=dict)
     """Fingerprints by system id, as text, or ``FLEET``."""
@@ -99,7 +99,7 @@ class FlightNotes:
         )
 
     def had_key_for(self, system_id: int) -> bool:
-        """Whether the flight had a key for a system."""
+        """Tell whether the flight had a key for a system."""
         return str(system_id) in self.keys or FLEET in self.keys
 
 
@@ -265,7 +265,7 @@ def recorded_folders(parent: Path) -> list[Path]:
 
 
 def in_flight(folder: Path) -> bool:
-    """Whether a process flies that records into this folder."""
+    """Tell whether a process flies that records into this folder."""
     try:
         fd = open_to_read(folder / METADATA)
     except OSError:

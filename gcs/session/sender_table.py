@@ -84,7 +84,7 @@ class RecordSenders:
 
 
 def _match_records(table: Ints, t_us: Ints, system_id: NDArray[np.uint8]) -> bool:
-    """Whether every row is about the record that has its number."""
+    """Tell whether every row is about the record that has its number."""
     number = table[:, 0]
     if not len(t_us) or (number >= len(t_us)).any():
         return False

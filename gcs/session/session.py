@@ -131,7 +131,7 @@ def _existing(path: Path) -> Path | None:
 
 
 def _has_rows(path: Path) -> bool:
-    """Whether a table has anything below its head; one that cannot be read may have."""
+    """Tell whether a table has anything below its head; one that cannot be read may have."""
     for part in segments(path):
         try:
             with os.fdopen(open_to_read(part), "rb") as file:

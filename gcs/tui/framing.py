@@ -106,7 +106,7 @@ def _inside(snapshot: Snapshot, x: float, y: float) -> bool:
 def _holds(
     frame: PictureRegion, low: NDArray[np.float64], high: NDArray[np.float64], around: float, snapshot: Snapshot
 ) -> bool:
-    """Whether a part of this image has all of it with some ground around, as far as the image goes."""
+    """Tell whether a part of this image has all of it with some ground around, as far as the image goes."""
     left, top, width, height = frame.rect
     if left + width > snapshot.width or top + height > snapshot.height:
         return False

@@ -55,7 +55,7 @@ class PaneArea(Widget):
         return arranged(size.width, size.height, self.state)
 
     def has_room(self, pane_id: str) -> bool:
-        """Whether a pane is on screen."""
+        """Tell whether a pane is on screen."""
         return pane_id in self.rects_in(self.size)
 
     def change(self, state: LayoutState) -> None:

@@ -164,7 +164,7 @@ class AppendFile:
 
     @property
     def has_waiting_rows(self) -> bool:
-        """Whether rows wait in memory for a disk that did not take them."""
+        """True if rows wait in memory for a disk that did not take them."""
         return bool(self._waiting)
 
     @property

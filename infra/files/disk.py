@@ -49,7 +49,7 @@ class Disk:
         os.ftruncate(fd, size)
 
     def named(self, fd: int, path: Path) -> bool:
-        """Whether the file is where it was made; False: deleted, moved, or gone with the disk that was mounted there.
+        """Tell whether the file is where it was made; False: deleted, moved, or gone with its disk.
 
         Any file of that name will do: not every file system numbers its files so that two answers can be compared.
         Where a link has taken the folder's place the file stays where it is.

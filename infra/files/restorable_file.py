@@ -41,7 +41,7 @@ class RestorableFile:
         return f"/dev/fd/{self._file.fileno()}"
 
     def is_gone(self) -> bool:
-        """Whether its name is; looked for twice a second."""
+        """Tell whether its name is; looked for twice a second."""
         now_s = time.monotonic()
         if now_s - self._looked_s < LOOK_S:
             return False

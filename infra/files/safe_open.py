@@ -111,7 +111,7 @@ def open_to_append(path: Path | str, *, links: bool = True) -> int:
 
 
 def is_shared(folder: Path) -> bool:
-    """Whether others than its owner, who is this user or root, may make and rename files in a folder.
+    """Tell whether others than its owner, who is this user or root, may make and rename files in a folder.
 
     A group of which this user is the only member, as many systems make for each user, is no other.
     """
@@ -123,7 +123,7 @@ def is_shared(folder: Path) -> bool:
 
 
 def _is_private(group_id: int) -> bool:
-    """Whether a group has no member but this user."""
+    """Tell whether a group has no member but this user."""
     try:
         user, group = pwd.getpwuid(os.geteuid()), grp.getgrgid(group_id)
     except KeyError:

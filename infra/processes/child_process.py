@@ -101,7 +101,7 @@ class ChildProcess(Generic[Report]):
 
     @property
     def ended(self) -> bool:
-        """Whether it is over."""
+        """True if it is over."""
         return self._process.poll() is not None
 
     @property
@@ -142,7 +142,7 @@ class ChildProcess(Generic[Report]):
 
     @property
     def waits_for_disk(self) -> bool:
-        """Whether a thread of it waits in the kernel, as for a disk that hangs: it cannot be ended then."""
+        """True if a thread of it waits in the kernel, as for a disk that hangs: it cannot be ended then."""
         with contextlib.suppress(psutil.Error):
             states = (psutil.Process(thread.id).status() for thread in self._status.threads())
             return psutil.STATUS_DISK_SLEEP in states

@@ -150,7 +150,7 @@ class Supervisor(Generic[Child]):
         return failure or f"died ({process.exit_reason})", alive_s
 
     def _is_left_alone(self, process: Child, silent_s: float, patience_s: float, before: ProcessorTime) -> bool:
-        """Whether a process is not replaced though it is silent."""
+        """Tell whether a process is not replaced though it is silent."""
         if self._stopping.is_set():
             return False
         starved = silent_s <= self._start_s and process.able_s(silent_s, before) <= patience_s

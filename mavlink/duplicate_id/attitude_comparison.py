@@ -50,7 +50,7 @@ class AttitudeComparison:
 
 
 def turned_too_far(one: Attitude | Pose, other: Attitude | Pose, dt_s: float) -> bool:
-    """Whether no vehicle turns this far in this time."""
+    """Tell whether no vehicle turns this far in this time."""
     return _largest_difference(one, other) > _GAP + _GAP_RATE * dt_s
 
 

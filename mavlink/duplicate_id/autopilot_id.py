@@ -23,7 +23,7 @@ class HardwareId(NamedTuple):
     uid2: bytes
 
     def differs(self, other: HardwareId) -> bool:
-        """Whether these are two boards for certain: a form that both report is different."""
+        """Tell whether these are two boards for certain: a form that both report is different."""
         if self.uid2 and other.uid2:
             return self.uid2 != other.uid2
         return bool(self.uid and other.uid) and self.uid != other.uid

@@ -113,22 +113,22 @@ class ClaimedPlaces:
         return found
 
     def is_faster_link(self, sender: SenderKey) -> bool:
-        """Whether a sender was found to be the same vehicle over a faster link."""
+        """Tell whether a sender was found to be the same vehicle over a faster link."""
         return self._faster is not None and same_channel(sender, self._faster)
 
     def trails(self, sender: SenderKey) -> bool:
-        """Whether a sender was found to be the same vehicle over a link that is a second or more later than another."""
+        """Tell whether a sender was found to be the same vehicle over a link a second or more later than another."""
         path = self._paths.get(sender)
         if path is not None:
             return path.late_us > 0
         return any(path.late_us > 0 for path in self._paths.values() if same_channel(path.sender, sender))
 
     def is_reporting(self, sender: SenderKey, t_us: int) -> bool:
-        """Whether places came from a sender in the last seconds."""
+        """Tell whether places came from a sender in the last seconds."""
         return any(t_us - p.newest_us < ALIVE_US and same_channel(p.sender, sender) for p in self._paths.values())
 
     def is_only_one(self, sender: SenderKey, t_us: int) -> bool:
-        """Whether places came from this sender alone in the last seconds."""
+        """Tell whether places came from this sender alone in the last seconds."""
         lately = [path.sender for path in self._paths.values() if t_us - path.newest_us < ALIVE_US]
         return bool(lately) and all(same_channel(other, sender) for other in lately)
 

@@ -106,7 +106,7 @@ class Components:
         return known
 
     def _is_autopilot(self, component: _Component, t_us: int) -> bool:
-        """Whether a component is the autopilot, which it becomes where it ranks higher or the other is silent."""
+        """Tell whether a component is the autopilot, which it becomes where it ranks higher or the other is silent."""
         autopilot = self._known.get(self.autopilot)
         if component is autopilot:
             return True

@@ -1,4 +1,4 @@
-"""Whether one system id has two senders.
+"""Conflicts of two senders over one system id.
 
 A vehicle has one kind, one mode, one clock, one place, one attitude and one hardware id at a time. Places are compared
 by :mod:`mavlink.duplicate_id.claimed_places`, attitudes by :mod:`mavlink.duplicate_id.attitude_comparison`. In all else
@@ -107,11 +107,11 @@ class _Alternation:
         return True
 
     def is_running(self, t_us: int) -> bool:
-        """Whether the last change of sides was in the last seconds."""
+        """Tell whether the last change of sides was in the last seconds."""
         return self._changes > 0 and 0 <= t_us - self._last_us < _PAUSE_US
 
     def is_established(self, changes: int, t_us: int) -> bool:
-        """Whether there were so many changes, over about a second."""
+        """Tell whether there were so many changes, over about a second."""
         return self._changes >= changes and self.is_running(t_us) and self._last_us - self._first_us >= _SPAN_US
 
 
@@ -125,11 +125,11 @@ class _Conflicts:
         self._hold_us = 0
 
     def is_active(self, t_us: int) -> bool:
-        """Whether two senders use the id at a Unix time in µs."""
+        """Tell whether two senders use the id at a Unix time in µs."""
         return abs(t_us - self._last_us) < self._hold_us
 
     def is_running(self, kind: ConflictKind, t_us: int) -> bool:
-        """Whether there was a contradiction in the last seconds, so that packets of the usual side count too."""
+        """Tell whether there was a contradiction in the last seconds, so that packets of the usual side count too."""
         alternation = self._alternations.get(kind)
         return alternation is not None and alternation.is_running(t_us)
 
@@ -211,11 +211,11 @@ class DuplicateIdDetector:
             self._addresses.add(sender.peer, sender, before, t_us)
 
     def several_senders(self, t_us: int) -> bool:
-        """Whether more than one sender was received in the last seconds: two radios, or two vehicles."""
+        """Tell whether more than one sender was received in the last seconds: two radios, or two vehicles."""
         return abs(t_us - self._changed_us) < _TOGETHER_US
 
     def in_conflict(self, t_us: int) -> bool:
-        """Whether two senders contradict each other."""
+        """Tell whether two senders contradict each other."""
         return self._conflicts.is_active(t_us)
 
     def compare_kind(self, sample: Heartbeat, sender: SenderKey) -> tuple[str, str] | None:
@@ -264,7 +264,7 @@ class DuplicateIdDetector:
         self._conflicts.add("clock", _OTHER_CLOCK, sender, t_us, detail, self._usual_clock)
 
     def _stays_ahead(self, sender: SenderKey, t_us: int) -> bool:
-        """Whether a sender that is seconds ahead has another's clock, and is not this vehicle over a faster link."""
+        """Tell whether a sender that is seconds ahead has another's clock, not this vehicle's over a faster link."""
         if self._places.is_reporting(sender, t_us):
             return False  # its places decide
         if self._leading[0] != sender:
@@ -285,13 +285,13 @@ class DuplicateIdDetector:
             self._conflicts.declare("place", detail, sender, conflict.other, sample.t_us)
 
     def is_faster_link(self, sender: SenderKey, t_us: int) -> bool:
-        """Whether a sender is the same vehicle over a faster link, or the only one that reports a place."""
+        """Tell whether a sender is the same vehicle over a faster link, or the only one that reports a place."""
         if self._places.is_faster_link(sender):
             return True
         return not same_channel(sender, self._usual_clock) and self._places.is_only_one(sender, t_us)
 
     def trails(self, sender: SenderKey) -> bool:
-        """Whether a sender is the same vehicle over a slower link."""
+        """Tell whether a sender is the same vehicle over a slower link."""
         return self._places.trails(sender)
 
     def compare_autopilots(self, t_us: int, sender: SenderKey, rival: int) -> None:

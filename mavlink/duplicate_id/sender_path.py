@@ -99,7 +99,7 @@ class SenderPath:
         self.sender, self.first_us, self.began_us = sender, first_us, place.t_us
         self._count, self.noise_m = 1, math.inf
         self.compared = False
-        """Whether another was compared with the newest place: it counts once, however often that other reports."""
+        """True if another was compared with the newest place: it counts once, however often that other reports."""
         self._score = self._conflict_since_us = self._conflict_us = 0
         self.boot_time_zero = False
         """The newest boot time was 0; twice in a row, the sender has no clock."""
@@ -177,12 +177,12 @@ class SenderPath:
 
     @property
     def established(self) -> bool:
-        """Whether it has reported for long enough that its silence means something."""
+        """True if it has reported for long enough that its silence means something."""
         return self._count >= _ESTABLISHED and self.newest_us - self.first_us >= _ESTABLISHED_US
 
 
 def same_channel(one: SenderKey, other: SenderKey) -> bool:
-    """Whether two are one component at one address; their runs of sequence numbers may differ."""
+    """Tell whether two are one component at one address; their runs of sequence numbers may differ."""
     return (one.link, one.peer, one.component) == (other.link, other.peer, other.component)
 
 

@@ -215,7 +215,7 @@ class VehicleClock:
 
     @property
     def started(self) -> bool:
-        """Whether any message has anchored it."""
+        """True if any message has anchored it."""
         return self._started
 
     @property
@@ -270,12 +270,12 @@ class VehicleClock:
 
     @property
     def drift_known(self) -> bool:
-        """Whether the drift was measured: for long enough, of a sender with a clock, and not cut to the limit."""
+        """True if the drift was measured: for long enough, of a sender with a clock, and not cut to the limit."""
         return self._measured and not self._by_arrival and abs(self._drift) != self.params.max_drift
 
     @property
     def drift_sure(self) -> bool:
-        """Whether both halves of what is remembered drift alike: a link that became slower looks like a drift too."""
+        """True if both halves of what is remembered drift alike: a link that became slower looks like a drift too."""
         return self.drift_known and self._halves_drift_by(self._drift)
 
     def _halves_drift_by(self, drift: float) -> bool:
@@ -326,7 +326,7 @@ class VehicleClock:
             self._offset = min(d + self.params.max_drift * (self._anchor - b) for b, d in points)
 
     def _is_steep(self, slope: float) -> bool:
-        """Whether a drift is so large that both halves show it though little is remembered."""
+        """Tell whether a drift is so large that both halves show it though little is remembered."""
         if not STEEP <= abs(slope) <= self.params.max_sure_drift:
             return False
         points = list(self._bins)

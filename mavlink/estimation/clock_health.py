@@ -1,4 +1,4 @@
-"""Whether a vehicle's clocks run right: their drift and their Unix time. No position depends on it.
+"""Health of a vehicle's clocks: their drift and their Unix time. No position depends on it.
 
 The round trip is measured by TIMESYNC: we ask with tc1 = 0, ts1 = s, our Unix time in ns; the vehicle answers tc1 = b,
 its boot time, ts1 = s; the answer arrives at a. With equal ways there and back b is our (s + a) / 2, and never off by

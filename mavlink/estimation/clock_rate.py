@@ -1,4 +1,4 @@
-"""Whether a vehicle's clock runs at another rate than ours, as that of a simulator on a busy computer does.
+"""Rate of a vehicle's clock where it is not ours, as that of a simulator on a busy computer.
 
 A crystal is off by some tens of ppm, an RC oscillator by 4 % at most; a simulator runs at any rate, and changes it.
 With b the boot time and a the arrival, the least a − b of each two seconds is what the link's delays leave; its slope
@@ -69,7 +69,7 @@ class ClockRate:
 
     @property
     def is_off(self) -> bool:
-        """Whether it runs at a rate that no clock has."""
+        """True if it runs at a rate that no clock has."""
         points = list(self._bins)[-BINS:]
         if len(points) < BINS:
             return False
@@ -81,7 +81,7 @@ class ClockRate:
 
     @property
     def is_real(self) -> bool:
-        """Whether it has run as ours for a minute."""
+        """True if it has run as ours for a minute."""
         points = list(self._bins)
         if len(points) < REAL_BINS:
             return False

@@ -70,7 +70,7 @@ _RANK = list(_NAMES)
 
 
 def turns_camera(packet: Packet) -> bool:
-    """Whether a packet acknowledges a command, of whatever sender, that turns the camera."""
+    """Tell whether a packet acknowledges a command, of whatever sender, that turns the camera."""
     if packet.message_id != _COMMAND_ACK:
         return False
     command, result = packet.payload.ljust(3, b"\0")[:2], packet.payload.ljust(3, b"\0")[2]
@@ -173,7 +173,7 @@ class Gimbals:
         return R if np.isfinite(R).all() else None
 
     def _is_ours(self, device: int) -> bool:
-        """Whether a gimbal device is the one in use: the first, unless another is chosen or carries the camera."""
+        """Tell whether a gimbal device is the one in use: the first, unless another is chosen or carries the camera."""
         if not self._chosen and (not self._device or (device == self._camera_gimbal and device != self._device)):
             self._device = device
             self._buffer.clear()

@@ -110,7 +110,7 @@ class SampleBuffer(Generic[Sample]):
         return Insertion.ADDED
 
     def has(self, time_us: int) -> bool:
-        """Whether there is a sample of exactly this time."""
+        """Tell whether there is a sample of exactly this time."""
         place = bisect_left(self._times, time_us)
         return place < len(self._times) and self._times[place] == time_us
 
@@ -170,7 +170,7 @@ class PositionEstimate(NamedTuple):
 
     @property
     def usable(self) -> bool:
-        """Whether a report is near enough in time for the place to be known."""
+        """True if a report is near enough in time for the place to be known."""
         return self.bracketed or self.age_s <= _EXTRAPOLATE_S
 
 
@@ -254,7 +254,7 @@ class _Angles(NamedTuple):
 
     @property
     def has_rates(self) -> bool:
-        """Whether rates were sent: many senders leave all of them at zero."""
+        """True if rates were sent: many senders leave all of them at zero."""
         return any(self[3:])
 
 
@@ -279,7 +279,7 @@ class Attitudes:
 
     @staticmethod
     def is_possible(sample: Attitude) -> bool:
-        """Whether the angles are numbers within a whole turn."""
+        """Tell whether the angles are numbers within a whole turn."""
         return abs(sample.roll) <= _MAX_ANGLE and abs(sample.pitch) <= _MAX_ANGLE and abs(sample.yaw) <= _MAX_ANGLE
 
     def add(self, boot_us: int, sample: Attitude) -> bool:

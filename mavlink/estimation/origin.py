@@ -54,7 +54,7 @@ class Origin:
         return separation_m(frame.lat_deg, frame.lon_deg, sample.lat_deg, sample.lon_deg) if frame else 0.0
 
     def near_majority(self, sample: GlobalPosition) -> bool | None:
-        """Whether a vehicle is near the majority of those that reported recently; None without such a majority."""
+        """Tell whether a vehicle is near the majority of those that reported recently; None without such a majority."""
         self._places = {i: row for i, row in self._places.items() if abs(sample.t_us - row[0]) < _CURRENT_US}
         places = [place for _, place in self._places.values()]
         here = (sample.lat_deg, sample.lon_deg)

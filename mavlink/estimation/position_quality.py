@@ -109,14 +109,14 @@ class JumpDetector:
             self._good_channel, self._good_fix, self._away_us = channel, fix, 0
 
     def is_jumping(self, t_us: int) -> bool:
-        """Whether it jumps to and fro at a Unix time, or did until a moment ago."""
+        """Tell whether it jumps to and fro at a Unix time, or did until a moment ago."""
         if not 0 <= t_us - self._last_us < _SETTLED_US:
             return False
         away = self._away_us > 0 and self._last_us - self._away_us >= _AWAY_US
         return away or (len(self._jumps_us) == _JUMPS and self._last_us - self._jumps_us[0] < _JUMPS_US)
 
     def _is_back(self, fix: Fix) -> bool:
-        """Whether a position continues from before a jump, and is not just a place within reach of where it led."""
+        """Tell whether a position continues from before a jump, not just from a place within reach of where it led."""
         if self._good_fix is None or self._away_fix is None:
             return False
         return horizontal_distance_m(fix, self._good_fix) < horizontal_distance_m(fix, self._away_fix)
@@ -260,7 +260,7 @@ class PositionDoubts:
         return Doubt(now[0].reason, max(self._largest_m, *(doubt.std_m for doubt in now)))
 
     def compass_doubted(self, t_us: int) -> bool:
-        """Whether its compass contradicts its filter, so that its heading is doubtful."""
+        """Tell whether its compass contradicts its filter, so that its heading is doubtful."""
         return t_us < self._compass_until_us
 
     def add_health(self, sample: FilterStatus | SensorHealth) -> None:

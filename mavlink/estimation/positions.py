@@ -153,22 +153,22 @@ def place_error(position: GlobalPosition, gps: GpsRaw | None) -> str:
 
 
 def altitude_known(alt_m: float) -> bool:
-    """Whether an altitude above sea level is possible at all."""
+    """Tell whether an altitude above sea level is possible at all."""
     return _ALTITUDE_M[0] < alt_m < _ALTITUDE_M[1]
 
 
 def speed_possible(position: GlobalPosition, limits: VehicleLimits) -> bool:
-    """Whether a reported velocity is one that this vehicle can have; True when none is given."""
+    """Tell whether a reported velocity is one that this vehicle can have; True when none is given."""
     return not math.hypot(position.v_east, position.v_north) > limits.max_speed
 
 
 def climbs_too_fast(gap_m: float, dt_s: float, limits: VehicleLimits) -> bool:
-    """Whether nothing that flies gets this far up or down in this time."""
+    """Tell whether nothing that flies gets this far up or down in this time."""
     return abs(gap_m) > limits.max_climb * max(dt_s, 0.0) + limits.climb_margin_m
 
 
 def too_far(gap_m: float, dt_s: float, std_m: float, limits: VehicleLimits) -> bool:
-    """Whether nothing that drives gets this far in this time."""
+    """Tell whether nothing that drives gets this far in this time."""
     return gap_m > limits.max_speed * max(dt_s, 0.0) + limits.jump_margin_m + _STDS * std_m
 
 
@@ -294,11 +294,11 @@ class Positions:
 
     @property
     def known(self) -> bool:
-        """Whether any position was accepted."""
+        """True if any position was accepted."""
         return len(self._fixes) > 0
 
     def has(self, boot_us: int) -> bool:
-        """Whether a position of exactly this time is known."""
+        """Tell whether a position of exactly this time is known."""
         return self._fixes.has(boot_us)
 
     @property
@@ -328,7 +328,7 @@ class Positions:
         return math.nan if contradicted or not self._heading_trusted else heading
 
     def check_altitude(self, alt_m: float) -> bool:
-        """Whether the altitudes that are reported follow from one another; a first one is believed.
+        """Tell whether the altitudes that are reported follow from one another; a first one is believed.
 
         Args:
             alt_m: one that is near the ground.
@@ -404,7 +404,7 @@ class Positions:
         return climbs_too_fast(fix.up - since[1].up, abs(boot_us - since[0]) * 1e-6, self._limits)
 
     def _settles(self, boot_us: int, fix: Fix, place: tuple[float, float]) -> bool:
-        """Whether the vehicle has stayed at a place too far away for long enough; then it starts again from there."""
+        """Tell whether the vehicle stayed too far away for long enough; then it starts again from there."""
         elsewhere = self._elsewhere
         if elsewhere and (
             boot_us <= elsewhere[-1][0]

@@ -225,7 +225,7 @@ class Fleet:
         return [clock.unix_of(t) for t in self._uav.attitudes.times(clock.boot_of(after_us), clock.boot_of(until_us))]
 
     def awaits(self, t_us: int) -> bool:
-        """Whether reports of the UAV's pose after a Unix time are still to come, between which it is interpolated."""
+        """Tell whether reports of its pose are still to come, between which that of a Unix time is interpolated."""
         return is_awaited(self._uav, self._gimbals, t_us)
 
     @property
@@ -296,7 +296,7 @@ class Fleet:
         return notices + self._keep_position(vehicle, report)
 
     def _is_outlying(self, vehicle: Vehicle, report: PositionReport, far: bool) -> bool:
-        """Whether a vehicle is too far from the others to be right.
+        """Tell whether a vehicle is too far from the others to be right.
 
         Where most agree on a place, one that is not there is wrong. Where they do not, the UAV is right: it may jump,
         and the origin moves with it, and a ground vehicle must be near.

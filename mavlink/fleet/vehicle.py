@@ -161,7 +161,7 @@ class Vehicle:
                 yield self._notice(t_us, "info", f"mode {self._components.mode}")
 
     def _note_component(self, component_id: int, t_us: int, *, heartbeat: bool) -> bool:
-        """Whether a component is the vehicle's autopilot; if it has become that, samples of the other are dropped."""
+        """Tell whether a component is the vehicle's autopilot; if it became that, the other's samples are dropped."""
         components = self._components
         before = components.autopilot
         note = components.add_heartbeat if heartbeat else components.add_report
@@ -294,7 +294,7 @@ class Vehicle:
         return reading
 
     def is_from_autopilot(self, sample: Attitude | GlobalPosition, arrival: Arrival) -> bool:
-        """Whether a position or an attitude is the vehicle's now: its autopilot's, and not over a late channel."""
+        """Tell whether a position or an attitude is the vehicle's now: its autopilot's, and not over a late channel."""
         if not self._note_component(sample.component_id, sample.t_us, heartbeat=False):
             return False
         if arrival.late:
@@ -390,11 +390,11 @@ class Vehicle:
         self._jumps = JumpDetector()
 
     def in_conflict(self, t_us: int) -> bool:
-        """Whether two senders use this system id at a Unix time."""
+        """Tell whether two senders use this system id at a Unix time."""
         return self._duplicate_id.in_conflict(t_us)
 
     def is_trusted(self, t_us: int) -> bool:
-        """Whether one sender alone reports its places, and they do not jump."""
+        """Tell whether one sender alone reports its places, and they do not jump."""
         return not (self.in_conflict(t_us) or self._jumps.is_jumping(t_us))
 
     def conflict_notices(self, t_us: int) -> Notices:

@@ -92,7 +92,7 @@ class Forwarder:
 
     @property
     def overdue(self) -> bool:
-        """Whether something may have come back though no descriptor is ready."""
+        """True if something may have come back though no descriptor is ready."""
         return any(output.link.overdue for output in self._outputs)
 
     def maintain(self) -> None:

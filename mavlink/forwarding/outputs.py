@@ -129,7 +129,7 @@ class Output:
         self._stopped += 1
 
     def is_echo(self, raw: bytes) -> bool:
-        """Whether a frame went out here a moment ago."""
+        """Tell whether a frame went out here a moment ago."""
         return self._recently_sent.has(raw)
 
     def note_inbound(self, raw: bytes, sender: str, target: int, refusal: str) -> None:

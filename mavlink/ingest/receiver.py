@@ -49,7 +49,7 @@ class Signatures:
 
     @property
     def on(self) -> bool:
-        """Whether there are keys."""
+        """True if there are keys."""
         return self._verifier is not None
 
     @property

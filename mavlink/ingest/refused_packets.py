@@ -76,7 +76,7 @@ class RefusedPacketLimiter:
         return replace(report, counts=counts, limits=(*report.limits, *limits))
 
     def _keeps(self, index: int, claim: Claim, now_s: float) -> bool:
-        """Whether one more refused packet of a sender is recorded."""
+        """Tell whether one more refused packet of a sender is recorded."""
         sender = self._senders.get((index, claim))
         if sender is None:
             sender = self._new(index, claim, now_s)

@@ -25,11 +25,11 @@ class LinkOptions:
     system_ids: Collection[int] = ()
     """System ids whose frames make a sender known; empty: all."""
     trusts_checksums: bool = True
-    """Whether a valid checksum makes a sender known; otherwise :meth:`Link.trust` does, after a check of signatures."""
+    """True if a valid checksum makes a sender known; otherwise :meth:`Link.trust` does, after a check of signatures."""
     waits_for_device: bool = False
-    """Whether a device that is not there now is waited for, and no error."""
+    """True if a device that is not there now is waited for, and no error."""
     is_output: bool = False
-    """Whether packets are forwarded over it: every client is sent all of them, few clients are accepted, and what a
+    """True if packets are forwarded over it: every client is sent all of them, few clients are accepted, and what a
     client cannot take at once is queued."""
 
 
@@ -49,10 +49,10 @@ class Link(ABC):
     example: ClassVar[str]
     """A URL of this kind, shown to who writes a wrong one."""
     has_kernel_stamps: ClassVar[bool] = False
-    """Whether the system notes when something arrived, so that it may lie a moment to be read with what follows."""
+    """True if the system notes when something arrived, so that it may lie a moment to be read with what follows."""
 
     waits_to_be_contacted: ClassVar[bool] = False
-    """Whether the other end may send only once it has received a frame: it is to be sent heartbeats, where allowed."""
+    """True if the other end may send only once it has received a frame: it is to be sent heartbeats, where allowed."""
 
     def __init__(self, url: LinkUrl, options: LinkOptions) -> None:
         del options
@@ -88,7 +88,7 @@ class Link(ABC):
 
     @property
     def overdue(self) -> bool:
-        """Whether :meth:`read_batch` may have something though no descriptor is ready."""
+        """True if :meth:`read_batch` may have something though no descriptor is ready."""
         return False
 
     @abstractmethod
@@ -126,7 +126,7 @@ class Link(ABC):
 
     @property
     def connected(self) -> bool:
-        """Whether the other end is there, as far as is known."""
+        """True if the other end is there, as far as is known."""
         return True
 
     @property

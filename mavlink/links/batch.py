@@ -77,7 +77,7 @@ class Batch:
 
 
 def is_one_frame(data: bytes) -> bool:
-    """Whether a datagram is exactly one good MAVLink 2 frame of a known message; nearly all are.
+    """Tell whether a datagram is exactly one good MAVLink 2 frame of a known message; nearly all are.
 
     What is not may still hold good frames, which :func:`mavlink.protocol.framing.split` finds.
     """
@@ -98,7 +98,7 @@ def system_of(raw: bytes) -> int:
 
 
 def looks_like_one_frame(data: bytes) -> bool:
-    """Whether a datagram has the size that its MAVLink header gives; its checksum may still be wrong."""
+    """Tell whether a datagram has the size that its MAVLink header gives; its checksum may still be wrong."""
     if len(data) < 8:
         return False
     if data[0] == MAGIC_V1:

@@ -59,7 +59,7 @@ class FrameStream:
 
     @property
     def overdue(self) -> bool:
-        """Whether :meth:`add` has something to look for though nothing may have come."""
+        """True if :meth:`add` has something to look for though nothing may have come."""
         waiting = self._framer.waiting
         return waiting > self._searched and self._clock_s() - self._since_s >= self.patience_s
 
@@ -135,7 +135,7 @@ class Connection:
         self.file = file
         self.frames = frames
         self.is_broken = False
-        """Whether nothing can be sent any more: what has come is read before it is closed."""
+        """True if nothing can be sent any more: what has come is read before it is closed."""
         self._receive = receive
         self._queue_bytes = queue_bytes
         self._unsent = b""
@@ -151,7 +151,7 @@ class Connection:
 
     @property
     def overdue(self) -> bool:
-        """Whether an unfinished frame has hidden others for too long, or it is to be closed."""
+        """True if an unfinished frame has hidden others for too long, or it is to be closed."""
         return self.is_broken or self.frames.overdue
 
     def read_into(self, batch: Batch) -> tuple[bool, int]:
@@ -168,7 +168,7 @@ class Connection:
         return data != b"", good
 
     def send(self, frame: bytes) -> bool:
-        """Whether a frame was taken: False where the other end is gone, or too much waits for it already."""
+        """Tell whether a frame was taken: False where the other end is gone, or too much waits for it already."""
         if len(self._unsent) > self._queue_bytes:
             self._flush()
         if self.is_broken or len(self._unsent) > self._queue_bytes:

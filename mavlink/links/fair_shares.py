@@ -123,7 +123,7 @@ class PassedTraffic:
     turned_away: int = 0
     """Datagrams that did not pass."""
     late: bool = False
-    """Whether many were queued."""
+    """True if many were queued."""
 
 
 class Shares:

@@ -45,7 +45,7 @@ class FloodLimit:
     turned_away: int
     """About how many of them were dropped by the filter."""
     refused: bool = False
-    """Whether their signatures are refused, and they are so many that not all are recorded."""
+    """True if their signatures are refused, and they are so many that not all are recorded."""
 
 
 class FloodLimiter:
@@ -63,7 +63,7 @@ class FloodLimiter:
         self.turned_away = 0
         """Datagrams that the filter dropped."""
         self.is_unsupported = False
-        """Whether the system has no such filters; then everything passes."""
+        """True if the system has no such filters; then everything passes."""
         self._since_s = self._now_s = 0.0
         self._attached: tuple[float, float, dict[Sender, float], int] | None = None
         self._fullest = 0.0
@@ -100,11 +100,11 @@ class FloodLimiter:
             self._fullest = max(self._fullest, memory[_QUEUED] / max(memory[_ROOM], 1))
 
     def due(self, now_s: float) -> bool:
-        """Whether it is time to adapt."""
+        """Tell whether it is time to adapt."""
         return now_s - self._since_s >= TICK_S
 
     def is_calm(self, datagrams: int, busiest: Callable[[], int], dt_s: float) -> bool:
-        """Whether so few came in a time that no known sender can be over its limit.
+        """Tell whether so few came in a time that no known sender can be over its limit.
 
         Args:
             datagrams: of all together.

@@ -188,7 +188,7 @@ class Peers:
         return "" if key is None else address_of(key)
 
     def trusts(self, sender: Sender) -> bool:
-        """Whether a sender is trusted with this class of datagrams."""
+        """Tell whether a sender is trusted with this class of datagrams."""
         number, kind = sender
         return sender in self.trusted or (kind == MIXED and number in self._mixed and number in self._known)
 

@@ -51,7 +51,7 @@ class _Header(ctypes.Structure):
 
 
 def available() -> bool:
-    """Whether this system has the call, in the layout that is written down here."""
+    """Tell whether this system has the call, in the layout that is written down here."""
     return sys.platform.startswith("linux") and ctypes.sizeof(_Header) == _HEADER_BYTES and hasattr(_libc(), "recvmmsg")
 
 

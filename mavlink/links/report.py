@@ -59,5 +59,5 @@ class LinkReport:
 
     @property
     def narrow(self) -> bool:
-        """Whether a sender floods it and only a share of it passes."""
+        """True if a sender floods it and only a share of it passes."""
         return bool(self.limits)

@@ -35,12 +35,12 @@ class StreamLink(Link):
 
     @property
     def connected(self) -> bool:
-        """Whether the stream is open, as far as is known."""
+        """True if the stream is open, as far as is known."""
         return self._connection is not None and not self._connection.is_broken
 
     @property
     def overdue(self) -> bool:
-        """Whether an unfinished frame has hidden others for too long, or the stream is to be closed."""
+        """True if an unfinished frame has hidden others for too long, or the stream is to be closed."""
         return self._connection is not None and self._connection.overdue
 
     @property

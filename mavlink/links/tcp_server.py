@@ -84,7 +84,7 @@ class TcpIn(Link):
 
     @property
     def overdue(self) -> bool:
-        """Whether a connection has an unfinished frame that has hidden others for too long, or is to be closed."""
+        """True if a connection has an unfinished frame that has hidden others for too long, or is to be closed."""
         return any(client.connection.overdue for client in self._clients.values())
 
     def read_batch(self) -> Batch:

@@ -64,7 +64,7 @@ class UdpLink(Link):
         self._newest_us = 0
         self._was_full = False
         self._is_refused = False
-        """Whether an earlier frame of ours found no listener."""
+        """True if an earlier frame of ours found no listener."""
 
     @property
     def counts(self) -> LinkCounts:

@@ -108,7 +108,7 @@ def _match_frame(data: bytes, pos: int) -> tuple[_FrameMatch, int]:
 
 
 def _holds_good(data: bytes, start: int, stop: int) -> _FrameMatch:
-    """Whether a good frame begins in [start, stop): GOOD, MORE (not known yet) or NOTHING."""
+    """Tell whether a good frame begins in [start, stop): GOOD, MORE (not known yet) or NOTHING."""
     found = _NOTHING
     for match in _MAGIC.finditer(data, start, stop):
         verdict, _ = _match_frame(data, match.start())
@@ -120,19 +120,19 @@ def _holds_good(data: bytes, start: int, stop: int) -> _FrameMatch:
 
 
 def _hides(data: bytes, pos: int) -> bool:
-    """Whether a good frame follows the magic byte of an unfinished one."""
+    """Tell whether a good frame follows the magic byte of an unfinished one."""
     return _holds_good(data, pos + 1, len(data)) is _GOOD
 
 
 def _cut_in_signature(data: bytes, pos: int, length: int) -> bool:
-    """Whether a good frame begins in a signed frame's signature, which no checksum covers."""
+    """Tell whether a good frame begins in a signed frame's signature, which no checksum covers."""
     end = pos + length
     signed = data[pos] == MAGIC_V2 and data[pos + 2]
     return bool(signed) and _holds_good(data, end - SIGNATURE_LENGTH, end) is _GOOD
 
 
 def _fits(data: bytes, pos: int, length: int, in_step: bool, final: bool) -> _FrameMatch:
-    """Whether an unknown frame is to be kept: UNKNOWN (keep), MORE (wait) or NOTHING."""
+    """Tell whether an unknown frame is to be kept: UNKNOWN (keep), MORE (wait) or NOTHING."""
     inside = _holds_good(data, pos + 1, pos + length)
     if inside is _GOOD:
         return _NOTHING

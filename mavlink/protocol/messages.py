@@ -58,7 +58,7 @@ class Heartbeat(_Sample):
 
     @property
     def armed(self) -> bool:
-        """Whether the motors may turn."""
+        """True if the motors may turn."""
         return bool(self.base_mode & 128)
 
 
@@ -165,7 +165,7 @@ class SensorHealth(_Sample):
     estimate: bool | None
     """Health of attitude and position (AHRS)."""
     arming: bool | None
-    """Whether it could be armed."""
+    """True if it could be armed."""
     unhealthy: tuple[str, ...]
     """Other sensors that are in use and not healthy, in words."""
     voltage_v: float

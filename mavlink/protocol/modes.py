@@ -46,7 +46,7 @@ _FIXES = {0: "none", 1: "none", 2: "2D", 3: "3D", 4: "DGPS", 5: "RTK float", 6: 
 
 
 def is_vehicle(mav_type: int, autopilot: int) -> bool:
-    """Whether a heartbeat is a vehicle's; stations, gimbals and cameras send them too, and relayed copies."""
+    """Tell whether a heartbeat is a vehicle's; stations, gimbals and cameras send them too, and relayed copies."""
     return autopilot != _NO_AUTOPILOT and mav_type not in _EQUIPMENT
 
 
@@ -56,12 +56,12 @@ def kind_name(mav_type: int) -> str:
 
 
 def is_aircraft(mav_type: int) -> bool:
-    """Whether a MAV_TYPE flies and can carry the camera."""
+    """Tell whether a MAV_TYPE flies and can carry the camera."""
     return kind_name(mav_type) in _FLYING
 
 
 def is_ground_vehicle(mav_type: int) -> bool:
-    """Whether a MAV_TYPE stays on the ground or on the water's surface."""
+    """Tell whether a MAV_TYPE stays on the ground or on the water's surface."""
     return kind_name(mav_type) in _DRIVING
 
 

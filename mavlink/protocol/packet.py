@@ -79,7 +79,7 @@ class Packet:
 
     @property
     def signed(self) -> bool:
-        """Whether a signature follows the checksum; ``auth`` is the result of verifying it."""
+        """True if a signature follows the checksum; ``auth`` is the result of verifying it."""
         return self.raw[0] == MAGIC_V2 and bool(self.raw[2] & 1)
 
     @property

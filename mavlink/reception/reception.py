@@ -273,7 +273,7 @@ class Reception:
         self._channel_of(sender.link, sender.peer).lag = lag
 
     def is_outdated(self, arrival: Arrival, t_us: int) -> bool:
-        """Whether a packet may describe the vehicle's past while another channel is up to date.
+        """Tell whether a packet may describe the vehicle's past while another channel is up to date.
 
         Args:
             arrival: of that packet, at most one for each time.

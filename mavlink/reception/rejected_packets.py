@@ -132,7 +132,7 @@ class PacketRejections:
         self._ages.add(packet)
 
     def is_recent(self, first_us: int, t_us: int) -> bool:
-        """Whether a packet whose first copy came at ``first_us`` may still be on its way over another link."""
+        """Tell whether a packet whose first copy came at ``first_us`` may still be on its way over another link."""
         return t_us - first_us < SLOWEST_LINK_US
 
     def add(self, packet: Packet, *, sender_last_us: int | None) -> tuple[Level, str]:
@@ -166,7 +166,7 @@ class PacketRejections:
         return "alarm", text + (self._replay_text(packet, sender_last_us) if packet.auth is Auth.REPLAYED else "")
 
     def signatures_good(self, t_us: int) -> bool:
-        """Whether packets were verified and none rejected in the seconds before a Unix time in µs."""
+        """Tell whether packets were verified and none rejected in the seconds before a Unix time in µs."""
         return t_us - self._verified_us < _AUTH_LASTS_US <= t_us - self._rejected_us
 
     def held_s(self, t_us: int) -> float:
@@ -175,7 +175,7 @@ class PacketRejections:
         return self._lag_s if held else math.nan
 
     def _is_reordered(self, packet: Packet) -> bool:
-        """Whether a packet that is not newer than others was overtaken, over a channel that replays no recordings."""
+        """Tell whether a packet that is not newer than others was overtaken, over a channel without recordings."""
         channel, age_us = (packet.link, packet.peer), self._ages.age_us(packet)
         recent = age_us is not None and age_us < SLOWEST_LINK_US
         if not recent:

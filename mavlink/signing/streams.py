@@ -142,7 +142,7 @@ class Streams:
     def admit(
         self, system_id: int, component_id: int, link_id: int, timestamp: int, now: int, frame: bytes = b""
     ) -> Auth:
-        """Whether a verified frame is accepted; if so, its timestamp is kept.
+        """Tell whether a verified frame is accepted; if so, its timestamp is kept.
 
         Args:
             system_id: of its stream, as the next two.
@@ -257,7 +257,7 @@ def times_in(frame: bytes) -> tuple[int, int]:
 
 
 def _made_now(known: _StreamState | None, timestamp: int, now: int, frame: bytes) -> bool:
-    """Whether one of a frame's own times proves that it was made in the last minute, and not before it could be."""
+    """Tell whether one of a frame's own times proves that it was made in the last minute, not before it could be."""
     unix, boot = times_in(frame) if frame else (0, -1)
     since = max(now - BEHIND, known.not_before) if known else now - BEHIND
     if timestamp >= since or since <= unix <= now + BEHIND:

@@ -69,7 +69,7 @@ class TlogCheck:
 
     @property
     def several_writers(self) -> bool:
-        """Whether several programs wrote into the file at once."""
+        """True if several programs wrote into the file at once."""
         return self.torn_by_others + self.times_crossed >= _LEAST_COLLISIONS and not self.sent_as_text
 
     @property
@@ -80,7 +80,7 @@ class TlogCheck:
 
     @property
     def whole(self) -> bool:
-        """Whether every byte belongs to a record with a usable time."""
+        """True if every byte belongs to a record with a usable time."""
         return not self.damage and not self.bad_times and self.records > 0
 
 
@@ -129,7 +129,7 @@ def _torn_by_others(tlog: Tlog) -> int:
 
 
 def _joins(one: bytes, other: bytes) -> bool:
-    """Whether a frame begins somewhere in one gap and ends where the next gap ends, behind a part of another's."""
+    """Tell whether a frame begins somewhere in one gap and ends where the next gap ends, behind a part of another's."""
     for at, byte in enumerate(one[:-1]):
         if byte not in (MAGIC_V1, MAGIC_V2):
             continue

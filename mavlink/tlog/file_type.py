@@ -34,7 +34,7 @@ def looks_like(data: Bytes) -> str:
 
 
 def sent_as_text(data: Bytes) -> bool:
-    """Whether each line feed follows a carriage return, as after a transfer that took the file for text."""
+    """Tell whether each line feed follows a carriage return, as after a transfer that took the file for text."""
     count = 0
     for start in range(0, data.size, _WINDOW):
         feeds = data[start : start + _WINDOW] == 0x0A

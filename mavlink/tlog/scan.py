@@ -215,7 +215,7 @@ def _unknown_at(data: Bytes, at: Ints, magic: int) -> Ints:
 
 
 def _has_magic(data: Bytes, start: int) -> bool:
-    """Whether a window has a byte as large as the smaller magic; a disk that was full leaves gigabytes without."""
+    """Tell whether a window has a byte as large as the smaller magic; a disk that was full leaves gigabytes without."""
     return bool(data[start : start + _WINDOW].max() >= MAGIC_V2)
 
 

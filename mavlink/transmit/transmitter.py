@@ -35,7 +35,7 @@ WriteFrame = Callable[[int, int, bytes], None]
 
 
 def only_to_uav(raw: bytes, uav: int) -> bool:
-    """Whether a frame may leave: addressed to the UAV, or one of the two broadcasts that carry no command.
+    """Tell whether a frame may leave: addressed to the UAV, or one of the two broadcasts that carry no command.
 
     Args:
         raw: one unsigned frame, MAVLink 2.
@@ -150,7 +150,7 @@ class Transmitter:
             return count + sum(self._send_to(raw, link, peer) for link, peer in announced.items())
 
     def _is_unaware_of_us(self, link: int, links: Collection[int]) -> bool:
-        """Whether the UAV may be behind a link and not know of this station; not where a ground vehicle answered."""
+        """Tell whether the UAV may be behind a link without knowing this station; not if a ground vehicle answered."""
         return link not in links and (link in self._addresses or link not in self._others)
 
     def _send_to(self, raw: bytes, link: int, peer: int) -> bool:

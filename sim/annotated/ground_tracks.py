@@ -51,7 +51,7 @@ class GroundTrack:
 
     @property
     def moved(self) -> bool:
-        """Whether it came away from where it began by more than labels err."""
+        """True if it came away from where it began by more than labels err."""
         away = np.linalg.norm(self.xy - self.xy[0], axis=1)
         return bool(np.median(np.sort(away)[-LEAST_FOR_SPLINE:]) > MOVED_LENGTHS * CAR_LENGTH_M)
 

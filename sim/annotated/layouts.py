@@ -167,7 +167,7 @@ def _told_by(rows: _Rows, path: Path) -> str:
 
 
 def _whole(row: Sequence[str], columns: slice) -> bool:
-    """Whether category, truncation and occlusion of VisDrone can stand there."""
+    """Tell whether category, truncation and occlusion of VisDrone can stand there."""
     try:
         category, truncation, occlusion = (_whole_number(number(cell)) for cell in row[columns])
     except ValueError:

@@ -59,7 +59,7 @@ class SimulatedSender:
         return int(since * 1000.0)
 
     def silent(self, t: float) -> bool:
-        """Whether it is rebooting."""
+        """Tell whether it is rebooting."""
         return self.reboot_s <= t < self.reboot_s + SILENT_S
 
 

@@ -42,7 +42,7 @@ class VideoSender:
         self._failure: BaseException | None = None
         self.sent, self.skipped = 0, 0
         self.lost = False
-        """Whether frames are drawn and not sent, as by a link that is lost; set by another thread."""
+        """True if frames are drawn and not sent, as by a link that is lost; set by another thread."""
 
     def start(self, start_us: int) -> None:
         """Begin; the first frame is exposed at that Unix time.

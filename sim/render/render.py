@@ -282,7 +282,7 @@ def _darken(image: Image, mask: Image, strength: float, blur_px: int) -> None:
 
 
 def _shaded(shade: Image, view: CameraView, bodies: Bodies, i: int, style: Style) -> bool:
-    """Whether the ground to the sun's side of a body, just beyond it, lies in shadow."""
+    """Tell whether the ground to the sun's side of a body, just beyond it, lies in shadow."""
     sun = style.sun()[:2] / max(float(np.linalg.norm(style.sun()[:2])), 1e-9)
     reach = 0.6 * float(np.hypot(bodies.length[i], bodies.width[i]))
     uv, ok = project(view, [bodies.x[i] + reach * sun[0], bodies.y[i] + reach * sun[1], 0.0])

@@ -68,7 +68,7 @@ def visible_share(view: CameraView, bodies: Bodies) -> FloatArray:
 
 
 def _below(points: FloatArray, eye: FloatArray, bodies: Bodies, k: int) -> NDArray[np.bool_]:
-    """Whether the line from each point to the eye passes through the top of occluder k."""
+    """Tell whether the line from each point to the eye passes through the top of occluder k."""
     top = bodies.height[k]
     rise = eye[2] - points[..., 2]
     part = (top - points[..., 2]) / np.where(rise == 0.0, np.inf, rise)

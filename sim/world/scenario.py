@@ -301,14 +301,14 @@ class ScenarioDeclared:
     """Where the mission is wrong about the camera: what ``session.toml`` says beside the truth."""
 
     camera: bool = True
-    """Whether the mission describes the camera at all."""
+    """True if the mission describes the camera at all."""
     focal_share: Annotated[float, Meta(ge=0.2, le=5.0)] = 1.0
     """Declared focal length over the true one."""
     yaw_deg: float = 0.0
     """Declared mount angles minus the true ones."""
     pitch_deg: float = 0.0
     distortion: bool = True
-    """Whether the lens's distortion is declared."""
+    """True if the lens's distortion is declared."""
     offset_s: float = 0.0
     """Declared ``video_offset_s`` minus the true one, where it is declared as a number."""
 

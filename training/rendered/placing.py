@@ -180,7 +180,7 @@ def _buildings(
 
 
 def _stands_behind(view: CameraView, x: float, y: float, size: tuple[float, float, float]) -> bool:
-    """Whether a house fills the background of a view from the side: beyond what the camera aims at, and clear of it."""
+    """Tell whether a house fills the background of a view from the side: beyond the camera's aim, and clear of it."""
     if -view.R_enu_cam[2, 2] > SIDE_VIEW:
         return False
     aim = ray_ground(view, [0.5 * view.width, 0.6 * view.height])[:2]

@@ -127,5 +127,5 @@ def _camera(numbers: dict[str, Any], lens: list[float]) -> Intrinsics:
 
 
 def _is_number(value: object) -> bool:
-    """Whether it is one that a float can be: TOML and YAML know whole numbers without end."""
+    """Tell whether it is one that a float can be: TOML and YAML know whole numbers without end."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= _LARGEST

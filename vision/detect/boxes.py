@@ -179,7 +179,7 @@ def _intersection(a: Floats, b: Floats) -> Floats:
 
 
 def _inside(points: Floats, box: Floats) -> NDArray[np.bool_]:
-    """Whether points (p, 4, 2) lie in the boxes (p, 5), edges included."""
+    """Tell whether points (p, 4, 2) lie in the boxes (p, 5), edges included."""
     d = points - box[:, None, :2]
     c, s = np.cos(box[:, None, 4]), np.sin(box[:, None, 4])
     along, across = np.abs(c * d[..., 0] + s * d[..., 1]), np.abs(-s * d[..., 0] + c * d[..., 1])

@@ -22,7 +22,7 @@ class ReportedRotation:
     R_enu_cam: FloatArray
     """(3, 3) at the frame's time and the filter's lag; without an attitude that of a level body."""
     known: bool
-    """Whether there is an attitude."""
+    """True if there is an attitude."""
     sample_us: tuple[int, ...] = ()
     """When samples were taken since the last frame, less the filter's lag, Unix µs."""
     samples_enu_cam: tuple[FloatArray, ...] = ()

@@ -79,7 +79,7 @@ def fit_plane(a: Floats, b: Floats, size: tuple[int, int], least: int) -> PlaneF
 
 
 def _possible(H: Floats, size: tuple[int, int]) -> bool:
-    """Whether it maps the picture to one of nearly its size that is not turned over."""
+    """Tell whether it maps the picture to one of nearly its size that is not turned over."""
     corners = _corners(size)
     if ((corners @ H[2, :2] + 1.0) <= 0.0).any():
         return False

@@ -34,7 +34,7 @@ _PARTS, _JPEG, _START_CODES = b"--", b"\xff\xd8\xff", (b"\0\0\1", b"\0\0\0\1")
 
 
 def has_no_stamps(container: av.container.InputContainer) -> bool:
-    """Whether the time stamps of a container's packets are FFmpeg's own."""
+    """Tell whether the time stamps of a container's packets are FFmpeg's own."""
     return Flags.no_timestamps in Flags(container.format.flags)
 
 
@@ -79,7 +79,7 @@ class ByteStream:
         self.arrivals = Arrivals()
 
     def begins_as_stream(self) -> bool:
-        """Whether the first bytes look like pictures one after the other, or like a transport stream."""
+        """Tell whether the first bytes look like pictures one after the other, or like a transport stream."""
         head = self._rest or self._receive()
         packets = head[::_TS_PACKET]
         as_pictures = head.lstrip(b"\r\n").startswith((_PARTS, _JPEG, *_START_CODES))

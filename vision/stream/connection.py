@@ -140,7 +140,7 @@ class Input:
     shown: Callable[[], None] = lambda: None
     """To be called when a frame was decoded, or was left out on purpose."""
     drains: bool = False
-    """Whether it ends by itself when it is time to stop, and hands out its last packet then."""
+    """True if it ends by itself when it is time to stop, and hands out its last packet then."""
     exposures: Exposures = field(default_factory=Exposures)
     """Exposure times that the stream itself carries."""
     line: ByteStream | None = None

@@ -29,7 +29,7 @@ class ArrivalClock:
 
     @property
     def known(self) -> bool:
-        """Whether a packet was seen."""
+        """True if a packet was seen."""
         return self._offset_s is not None
 
     def add(self, stamp_s: float, arrival_s: float) -> None:

@@ -126,7 +126,7 @@ class Port:
 
     @property
     def live(self) -> bool:
-        """Whether the connection is still open."""
+        """True if the connection is still open."""
         return self._open
 
     def read(self) -> bytes:

@@ -51,9 +51,9 @@ class Unit:
     time: int
     """90 kHz, grows over 32 bits."""
     key: bool
-    """Whether decoding may begin here."""
+    """True if decoding may begin here."""
     whole: bool
-    """Whether nothing of it was lost."""
+    """True if nothing of it was lost."""
 
 
 def parse(data: bytes) -> RtpPacket | None:
@@ -119,7 +119,7 @@ class _ReorderBuffer:
         return turn
 
     def far(self, datagram: RtpPacket) -> bool:
-        """Whether its number is none that could come now."""
+        """Tell whether its number is none that could come now."""
         return not -BACK <= self._ahead(datagram) <= AHEAD
 
     def _ahead(self, datagram: RtpPacket) -> int:

@@ -137,7 +137,7 @@ class Senders:
 
     @property
     def waited_in_vain(self) -> bool:
-        """Whether somebody has sent for a while, and nobody has shown a picture."""
+        """True if somebody has sent for a while, and nobody has shown a picture."""
         return self._unknown is not None and self._now_s - self._unknown[1] > PATIENCE_S
 
     def undecodable(self) -> tuple[Sender, bool] | None:
@@ -149,7 +149,7 @@ class Senders:
         return (seems[0], True) if seems else (sender, False)
 
     def _gives_way(self, other: Sender) -> bool:
-        """Whether the present sender is silent, or shows nothing any more."""
+        """Tell whether the present sender is silent, or shows nothing any more."""
         assert self.present is not None
         # an encoder that begins anew has another SSRC and no pause
         anew = (other.host, other.port) == (self.present.host, self.present.port)
@@ -166,7 +166,7 @@ class Senders:
         )
 
     def _may_come(self, sender: Sender, arrival_s: float) -> bool:
-        """Whether to hold what a sender sends beside the present one; a rival is only noted."""
+        """Tell whether to hold what a sender sends beside the present one; a rival is only noted."""
         assert self.present is not None
         known = sender in self.proven and sender not in self._trials
         if not known or self._rank(sender) < self._rank(self.present):

@@ -72,12 +72,12 @@ class Source:
 
     @property
     def waits(self) -> bool:
-        """Whether others connect to it."""
+        """True if others connect to it."""
         return self.options.get("listen") == "1"
 
     @property
     def paced(self) -> bool:
-        """Whether it has no pace of its own."""
+        """True if it has no pace of its own."""
         return self.kind == "file"
 
 

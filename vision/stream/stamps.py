@@ -73,7 +73,7 @@ class Stamps:
                 following = [packet.pts, *following[:1]]
 
     def begin_anew(self, packet: Coded, arrival_s: float) -> bool:
-        """Whether the sender's time stamps started again: they went back, or jumped while the wall clock did not."""
+        """Tell whether the sender's time stamps started again: they went back, or jumped and the wall clock did not."""
         stamp_s = ((packet.pts if packet.dts is None else packet.dts) or 0) * self._tick_s
         before, self._seen = self._seen, (stamp_s, arrival_s)
         if before is None:

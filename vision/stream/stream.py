@@ -141,17 +141,17 @@ class VideoStream:
 
     @property
     def connected(self) -> bool:
-        """Whether packets are coming in."""
+        """True if packets are coming in."""
         return self._progress.connected and not self.stalled
 
     @property
     def ended(self) -> bool:
-        """Whether a file came to its end."""
+        """True if a file came to its end."""
         return self._progress.ended
 
     @property
     def stalled(self) -> bool:
-        """Whether no frame has come for a second, or for some intervals of a slow stream."""
+        """True if no frame has come for a second, or for some intervals of a slow stream."""
         return not self.ended and time.monotonic() - self._heard_s > stall_after_s(tuple(self._times_us), self._stall_s)
 
     @property

@@ -1,4 +1,4 @@
-"""Whether what a sender sends is video: its datagrams are held until a picture comes out of them.
+"""Proof that what a sender sends is video: its datagrams are held until a picture comes out of them.
 
 A picture is asked for, not a header: whoever sends what looks like video and never decodes has shown nothing.
 """
@@ -165,7 +165,7 @@ class Trial:
 
 
 def _shows(container: InputContainer) -> bool:
-    """Whether a picture comes out of a container's first video."""
+    """Tell whether a picture comes out of a container's first video."""
     stream = container.streams.video[0]
     if stream.codec_context is None:  # coded in a way that FFmpeg does not know
         return False

@@ -1,4 +1,4 @@
-"""Whether a track is of a vehicle, from the scores and sizes of its boxes.
+"""Evidence that a track is of a vehicle, from the scores and sizes of its boxes.
 
 The vehicles of one film share its light, distance and slant, and so the scores that they get. What looks like one and
 is none gets lower ones, or one now and then, and is often smaller. With x = ln(s / (1 − s)) − ln(s₀ / (1 − s₀)) for a

@@ -29,7 +29,7 @@ class Pairs(NamedTuple):
         return Pairs(self.row[mask], self.column[mask], self.cost[mask])
 
     def undisputed(self, limit: float) -> bool:
-        """Whether all cost less than ``limit`` and no two share a track or a box, so that all are taken."""
+        """Tell whether all cost less than ``limit`` and no two share a track or a box, so that all are taken."""
         if not len(self.row):
             return True
         # sets of a few numbers are quicker than any array of them

@@ -90,7 +90,7 @@ class Parts:
         return np.asarray(np.bincount(_class_of(length_m), minlength=len(self._weight)) * dt, np.float64)
 
     def _makes_one(self, weight: Floats, length_m: Floats) -> bool:
-        """Whether a vehicle is rather as long as the first of three lengths than as the two parts of it."""
+        """Tell whether a vehicle is rather as long as the first of three lengths than as the two parts of it."""
         reach = round(ALIKE / BIN)
         whole, *parts = (float(np.sum(weight[max(k - reach, 0) : k + reach + 1])) for k in _class_of(length_m).tolist())
         return whole >= LEAST_SHARE * float(np.sum(weight)) and whole >= LEAST_AGAINST_PARTS * max(parts)

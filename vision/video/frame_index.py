@@ -268,7 +268,7 @@ class FrameReader:
         self._next = index
 
     def _ahead(self, index: int) -> bool:
-        """Whether decoding on is the shortest way: no key frame lies between here and there."""
+        """Tell whether decoding on is the shortest way: no key frame lies between here and there."""
         if index < self._next or self._next >= len(self._index.pts):
             return False
         keys, pts = self._index.key_pts, self._index.pts

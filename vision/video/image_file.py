@@ -39,7 +39,7 @@ def decoded(data: bytes, most_side_px: int = MOST_SIDE_PX) -> Image | None:
 
 
 def _is_whole_png(data: bytes) -> bool:
-    """Whether the pieces of a PNG are as long as they say: OpenCV makes room for what they say before it reads them."""
+    """Tell whether the pieces of a PNG are as long as they say: OpenCV makes room for that before it reads them."""
     at = len(PNG)
     while at + 12 <= len(data):  # length, name, bytes, checksum
         if data[at + 4 : at + 8] == PNG_END:

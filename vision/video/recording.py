@@ -80,7 +80,7 @@ class Recording:
         return self._error or (self._put_back.error if self._put_back else "")
 
     def wants_segment(self, stream: CodedStream, unix_s: float) -> bool:
-        """Whether a key frame of ``stream`` has to begin a new file."""
+        """Tell whether a key frame of ``stream`` has to begin a new file."""
         if self._container is None:
             return unix_s >= self._retry_s
         return self._format != _format(stream)
@@ -192,7 +192,7 @@ class DisplayOrder:
         return self._release(dts)
 
     def repeats(self, pts: int) -> bool:
-        """Whether this time stamp was there already or comes too late to have a place."""
+        """Tell whether this time stamp was there already or comes too late to have a place."""
         return pts <= self._last or pts in self._waiting
 
     def place(self, pts: int) -> int:

@@ -118,7 +118,7 @@ class AttachServer:
                 self._shown = False
 
     def taken_over(self) -> bool:
-        """Whether the screens are to end for another terminal."""
+        """Tell whether the screens are to end for another terminal."""
         return self._taken_over
 
     def close(self) -> None:
@@ -173,7 +173,7 @@ class AttachServer:
 
 
 def _is_ours(connection: socket.socket) -> bool:
-    """Whether the other end is this user's; on macOS the folder's mode has seen to that."""
+    """Tell whether the other end is this user's; on macOS the folder's mode has seen to that."""
     if not hasattr(socket, "SO_PEERCRED"):
         return True
     credentials = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12)

@@ -30,7 +30,7 @@ def time_utc(t_us: int) -> str:
 
 
 def placed(box: Box) -> bool:
-    """Whether it is known where a box is on the earth."""
+    """Tell whether it is known where a box is on the earth."""
     return math.isfinite(box.lat_deg) and math.isfinite(box.lon_deg)
 
 

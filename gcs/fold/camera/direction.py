@@ -41,12 +41,12 @@ class CameraDirection:
 
     @property
     def stabilized(self) -> bool:
-        """Whether a gimbal keeps the camera's horizon level."""
+        """True if a gimbal keeps the camera's horizon level."""
         return self._mount.kind == "stabilized"
 
     @property
     def follows_gimbal(self) -> bool:
-        """Whether the gimbal's reports take precedence over the mission; a camera fixed to the body has no gimbal."""
+        """True if the gimbal's reports take precedence over the mission; a camera fixed to the body has no gimbal."""
         return self._camera is None or self._camera.mount == "gimbal" or bool(self._turned_us)
 
     def use(self, camera: Camera) -> None:

@@ -65,7 +65,7 @@ class _SeenFrame:
     R_enu_base: FloatArray
     p_enu: FloatArray
     known: bool
-    """Whether the attitude is."""
+    """True if the attitude is."""
 
 
 class CameraFinder:
@@ -91,12 +91,12 @@ class CameraFinder:
 
     @property
     def describes_lens(self) -> bool:
-        """Whether the mission has the camera's numbers, so that there is nothing to search for."""
+        """True if the mission has the camera's numbers, so that there is nothing to search for."""
         return self._stated is not None and self._stated.intrinsics is not None
 
     @property
     def guesses(self) -> bool:
-        """Whether the camera is taken to look straight down as nobody says, while it may still be found otherwise."""
+        """True if the camera is taken to look straight down as nobody says, while it may still be found otherwise."""
         if self._stated is not None or self._fit is not None or self._gimbal or not self._looks:
             return False
         return self._looks[-1].t_us - self._first_us < GUESSED_FOR_US
@@ -144,7 +144,7 @@ class CameraFinder:
         return self._search(state.t_us, film) if self._fit is None else self._refine(state.t_us, film, self._fit)
 
     def _lacks(self, focal: float, gimbal: bool) -> bool:
-        """Whether the focal length is unknown, or the direction."""
+        """Tell whether the focal length is unknown, or the direction."""
         return math.isnan(focal) or (self._stated is None and not gimbal) or self._fit is not None
 
     def _keep(self, state: FleetState, boxes: Detections, tracks: Tracks) -> None:

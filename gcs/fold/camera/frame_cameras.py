@@ -74,7 +74,7 @@ class FrameCameras:
 
     @property
     def stabilized(self) -> bool:
-        """Whether a gimbal keeps the camera's horizon level."""
+        """True if a gimbal keeps the camera's horizon level."""
         return self._direction.stabilized
 
     @property
@@ -84,7 +84,7 @@ class FrameCameras:
 
     @property
     def guessed(self) -> bool:
-        """Whether the direction is a guess that may soon be replaced."""
+        """True if the direction is a guess that may soon be replaced."""
         return self._finder.guesses
 
     def find(

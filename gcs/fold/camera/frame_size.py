@@ -104,7 +104,7 @@ def fitting_size(mission: Mission, log: SessionLog, times_us: NDArray[np.int64],
 
 
 def holds(size: tuple[float, float], boxes: FrameDetections) -> bool:
-    """Whether frames of a width and height, px, can have had all these boxes in them."""
+    """Tell whether frames of a width and height, px, can have had all these boxes in them."""
     return all(reach <= BEYOND * side for reach, side in zip(boxes.extent, size, strict=True))
 
 

@@ -43,7 +43,7 @@ class HeightSource:
     std_m: float
 
     def contradicts(self, z: float, std_m: float) -> bool:
-        """Whether it cannot be right where another one gives the height z, metres, with a 1σ of ``std_m``."""
+        """Tell whether it cannot be right where another one gives the height z, metres, with a 1σ of ``std_m``."""
         return abs(self.z - z) > max(GAP_M, OUTLIER_STDS * math.hypot(self.std_m, std_m))
 
 
@@ -93,7 +93,7 @@ class GroundSurface:
         return tuple(others)
 
     def is_doubtful_below(self, camera_z: float) -> bool:
-        """Whether the sources leave open how far a camera is above the ground, by more than ``SURE_SHARE``."""
+        """Tell whether the sources leave open how far a camera is above the ground, by more than ``SURE_SHARE``."""
         above = camera_z - self.z
         heights = np.maximum([above, *(above + lower for lower in self.other_heights_m)], LEAST_HEIGHT_M)
         return bool((np.maximum(heights, heights[0]) > SURE_SHARE * np.minimum(heights, heights[0])).any())

@@ -96,7 +96,7 @@ def read_tables(path: Path, wanted: Collection[str]) -> DataflashTables:
 
 
 def is_dataflash(head: bytes) -> bool:
-    """Whether a file begins as a log, binary or as text."""
+    """Tell whether a file begins as a log, binary or as text."""
     return head.startswith(_HEAD) or _is_text(head)
 
 

@@ -184,7 +184,7 @@ def _value(tag: int, raw: bytes) -> float | None:
 
 
 def _sum_ok(data: bytes, told: float | None) -> bool:
-    """Whether the checksum is that of all before its value; sets without one are taken."""
+    """Tell whether the checksum is that of all before its value; sets without one are taken."""
     if told is None:
         return True
     return checksum(data[:-2]) == int(told)

@@ -31,7 +31,7 @@ _NAN2 = (math.nan, math.nan)
 
 
 def is_nmea(head: bytes) -> bool:
-    """Whether a file begins as one of a receiver; loggers may put something in front of each sentence."""
+    """Tell whether a file begins as one of a receiver; loggers may put something in front of each sentence."""
     return _FIRST.search(head) is not None
 
 

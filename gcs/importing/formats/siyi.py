@@ -38,7 +38,7 @@ _NOISE_M = 0.5
 
 
 def is_siyi(cues: Sequence[SubtitleCue]) -> bool:
-    """Whether subtitles are in this layout."""
+    """Tell whether subtitles are in this layout."""
     return any(_LAT.search(cue.text) for cue in cues[:100])
 
 

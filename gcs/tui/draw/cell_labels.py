@@ -20,7 +20,7 @@ def measure_cells(text: str) -> tuple[int, int]:
 
 
 def shows_in_cells(text: str) -> bool:
-    """Whether every letter takes just one cell."""
+    """Tell whether every letter takes just one cell."""
     return text.isascii() or all(cell_len(letter) == 1 for letter in text)
 
 

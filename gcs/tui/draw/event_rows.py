@@ -79,7 +79,7 @@ def rows_of(events: Sequence[Event]) -> list[EventRow]:
 
 
 def _is_on_its_way(event: Event) -> bool:
-    """Whether a vehicle says which waypoint it is at: one row for all of that, whatever else happens meanwhile."""
+    """Tell whether a vehicle says which waypoint it is at: one row for all of that, whatever else happens meanwhile."""
     return _is_chatter(event) and WAYPOINT in event.text.casefold()
 
 

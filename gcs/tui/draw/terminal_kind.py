@@ -44,7 +44,7 @@ def finest_grain(environ: Mapping[str, str], ask: Callable[[], str]) -> Grain:
 
 
 def is_in_multiplexer(environ: Mapping[str, str]) -> bool:
-    """Whether tmux or screen is between, which draws what it knows itself."""
+    """Tell whether tmux or screen is between, which draws what it knows itself."""
     return bool(environ.get("TMUX") or environ.get("STY")) or environ.get("TERM", "").startswith(("tmux", "screen"))
 
 
@@ -80,6 +80,6 @@ def ask_version(reads: int, writes: int) -> str:
 
 
 def has_terminal() -> bool:
-    """Whether input and output both are a terminal."""
+    """Tell whether input and output both are a terminal."""
     streams = (sys.__stdin__, sys.__stdout__)
     return all(stream is not None and not stream.closed and stream.isatty() for stream in streams)

@@ -35,7 +35,7 @@ class Alert:
     """``alarm`` is loud; ``calm`` is also what was acknowledged."""
     text: str = ""
     hinted: bool = False
-    """Whether the list of alarms has more about it."""
+    """True if the list of alarms has more about it."""
 
 
 def error_line(error: BaseException) -> str:

@@ -188,7 +188,7 @@ class EventPane(Pane):
         return rows[:height]
 
     def _is_unknown_now(self) -> bool:
-        """Whether the analysis of a recording has not come by yet."""
+        """Tell whether the analysis of a recording has not come by yet."""
         now = self.snapshot
         return not self._live and now is not None and (now.provisional or not now.analysed)
 

@@ -307,7 +307,7 @@ class FleetPane(Pane):
 
     label: ClassVar[str] = "FLEET"
     by_trouble: reactive[bool] = reactive(False, repaint=False)
-    """Whether those with the worst trouble come first."""
+    """True if those with the worst trouble come first."""
 
     def __init__(self, *, id: str) -> None:
         super().__init__(id=id)

@@ -322,7 +322,7 @@ def expected_place(snapshot: Snapshot, row: VehicleRow) -> str:
 
 
 def _covers(box: Box, x: float, y: float) -> bool:
-    """Whether a place is within a box's length of its middle."""
+    """Tell whether a place is within a box's length of its middle."""
     return math.hypot(box.cx - x, box.cy - y) <= max(box.w, box.h)
 
 
@@ -382,7 +382,7 @@ def _dated(name: str, text: str, age_s: float) -> Fact:
 
 
 def _doubts(row: VehicleRow, *, keyed: bool) -> list[Fact]:
-    """Whether its packets come from the vehicle itself, and what of them was rejected."""
+    """Tell whether its packets come from the vehicle itself, and what of them was rejected."""
     facts: list[Fact] = []
     if row.contested:
         facts.append(("sender", "SEVERAL with this id", ALARM))

@@ -39,7 +39,7 @@ class Pane(Widget, can_focus=True):
         self._rows: list[Strip] = []
         self._held = False
         self.maximised = False
-        """Whether it has the whole screen."""
+        """True if it has the whole screen."""
         self._owed = False
 
     def note(self) -> Sequence[Part]:

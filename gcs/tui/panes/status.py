@@ -134,7 +134,7 @@ def _alarms(snapshot: Snapshot) -> StatusSlot:
 
 
 def _recording(snapshot: Snapshot, room: Room) -> StatusSlot:
-    """Whether all is kept and for how long it was, or for how long the disk lasts once that is less than an hour."""
+    """Tell whether all is kept and for how long it was, or how long the disk lasts once that is below an hour."""
     health, cells = snapshot.health, (10, 14, 16)
     if trouble := _disk_trouble(health):
         ago = f" {age(health.write_failing_s or health.write_stalled_s)}" if room is not Room.TIGHT else ""
@@ -198,7 +198,7 @@ def _rates(health: Health) -> list[Part]:
 
 
 def _video(snapshot: Snapshot) -> StatusSlot:
-    """Whether what is shown is new; the pane has the figures."""
+    """Tell whether what is shown is new; the pane has the figures."""
     health = snapshot.health
     if health.video in ("none", "waiting", "ended"):
         colour, word = FAINT, {"none": "video none", "waiting": "video wait", "ended": "video end"}[health.video]

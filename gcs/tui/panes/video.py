@@ -39,7 +39,7 @@ class VideoPane(Pane):
     label: ClassVar[str] = "VIDEO"
     is_picture: ClassVar[bool] = True
     enlarged: reactive[bool] = reactive(False, repaint=False)
-    """Whether the picked vehicle is shown enlarged in a corner."""
+    """True if the picked vehicle is shown enlarged in a corner."""
 
     def __init__(self, *, id: str, pixels: Pixels | None = None, mode: PictureMode = HALF_BLOCKS) -> None:
         super().__init__(id=id)

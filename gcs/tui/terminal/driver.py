@@ -53,7 +53,7 @@ class TerminalDriver(LinuxDriver):
 
     @property
     def has_picture(self) -> bool:
-        """Whether a part of the last picture is still to be sent."""
+        """True if a part of the last picture is still to be sent."""
         return self._pending.has_picture
 
     def show(self, update: CompositorUpdate, cursor: Offset) -> None:

@@ -42,7 +42,7 @@ class _SentChunk(NamedTuple):
     shown_before: int
     """Bytes that were shown when it was sent."""
     full: bool
-    """Whether the window was in use, so that the time it takes shows what the line can do."""
+    """True if the window was in use, so that the time it takes shows what the line can do."""
 
 
 class Pacing:

@@ -31,7 +31,7 @@ class PendingCells:
 
     @property
     def has_picture(self) -> bool:
-        """Whether a part of a picture still waits."""
+        """True if a part of a picture still waits."""
         return any(map(_is_picture, self._pieces.values()))
 
     def clear(self) -> None:

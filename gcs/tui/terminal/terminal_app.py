@@ -93,7 +93,7 @@ class TerminalApp(App[None]):
         return {LinuxDriver: TerminalDriver, WebDriver: _BrowserDriver}.get(usual, usual)
 
     def picture_waits(self) -> bool:
-        """Whether the terminal does not have the last pictures yet, or has had as many as ``fps`` allows.
+        """Tell whether the terminal does not have the last pictures yet, or has had as many as ``fps`` allows.
 
         To be asked ``MOST_FPS`` times a second; a picture may be drawn whenever the answer is no.
         """
