@@ -74,7 +74,7 @@ class TrackHistory:
         self.px_rad = np.zeros(rows)
         """(R,) angle of one pixel, radians."""
         self.of_image_time = False
-        """Whether ``R`` is that of each frame's own moment, also where telemetry's clock is off."""
+        """True if ``R`` is that of each frame's own moment, also where telemetry's clock is off."""
         self.ray = np.full((rows, 0, 3), np.nan)
         """(R, T, 3) ray through each box's centre, camera frame, NaN unseen."""
         self.front = np.full((rows, 0, 3), np.nan)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 ROOMS = ("rollcall", "gcs", "mavlink", "vision", "assoc", "sim", "infra", "training")
-NO_BEGINNING = re.compile(r"(Of|So|And|Between|As)\b")
+NO_BEGINNING = re.compile(r"(Of|So|And|Between|As|Whether)\b")
 
 
 def docstrings(path):

@@ -143,7 +143,7 @@ def _start_of(fit: CameraFit) -> FloatArray:
 
 
 def _contradict(one: CameraFit, other: CameraFit) -> bool:
-    """Whether a track is another vehicle, or a vehicle other tracks."""
+    """Tell whether a track is another vehicle, or a vehicle other tracks."""
     a, b = one.vehicle, other.vehicle
     if np.any((a >= 0) & (b >= 0) & (a != b)):
         return True
@@ -151,7 +151,7 @@ def _contradict(one: CameraFit, other: CameraFit) -> bool:
 
 
 def _moves(film: FilmedFleet) -> bool:
-    """Whether at least two vehicles drive while something is tracked."""
+    """Tell whether at least two vehicles drive while something is tracked."""
     known = np.isfinite(film.vehicle_enu[..., 0])
     low = np.min(np.where(known[..., None], film.vehicle_enu, np.inf), axis=0)
     high = np.max(np.where(known[..., None], film.vehicle_enu, -np.inf), axis=0)

@@ -27,7 +27,7 @@ class SwayPrior:
     counted: float = 0.25
     """Share of the cost of its freedom that counts against the film: what each block can bring is bounded, too."""
     free: bool = False
-    """Whether nothing is reported that bounds it."""
+    """True if nothing is reported that bounds it."""
 
 
 TURNS = SwayPrior(axes=(YAW, PITCH, ROLL), std=float(np.deg2rad(0.4)), length_s=0.8)

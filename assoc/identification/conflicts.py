@@ -154,7 +154,7 @@ class ConflictMonitor:
         return double
 
     def _lasts(self, t: float, own: int, other: int) -> bool:
-        """Whether the two have been a double for long enough to be told."""
+        """Tell whether the two have been a double for long enough to be told."""
         double = self._double.get((min(own, other), max(own, other)))
         return double is not None and t - double.since >= _LASTING_S
 

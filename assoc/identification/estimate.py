@@ -158,7 +158,7 @@ class Estimator:
 
     @property
     def fits_otherwise(self) -> bool:
-        """Whether names are to be given by the other comparison: by place instead of course, or the other way round."""
+        """True if names are to be given by the other comparison: by place instead of course, or the other way round."""
         return self._other_errors.found
 
     @property
@@ -175,7 +175,7 @@ class Estimator:
 
     @property
     def locked(self) -> bool:
-        """Whether the search is locked: enough tracks have had certain answers for seconds."""
+        """True if the search is locked: enough tracks have had certain answers for seconds."""
         return self._lock.state is SearchState.LOCKED
 
     def begin_tracks(self, t: float, columns: IntArray) -> None:
@@ -481,7 +481,7 @@ class Estimator:
         return [self._thetas[0]] if alone else [self._thetas[0], others[k % len(others)]]
 
     def _is_large(self, context: UpdateContext) -> bool:
-        """Whether there are so many pairs that an update must do less."""
+        """Tell whether there are so many pairs that an update must do less."""
         return context.live * self._log.n_vehicles > MANY_PAIRS
 
     def _learn(self, t: float, context: UpdateContext, best: Hypothesis, p: FloatArray) -> None:

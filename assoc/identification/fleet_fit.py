@@ -242,12 +242,12 @@ class FleetFit:
 
     @property
     def clear(self) -> bool:
-        """Whether they fit so well that nothing else needs to be tried."""
+        """True if they fit so well that nothing else needs to be tried."""
         return self._evidence > _CLEAR
 
     @property
     def fits(self) -> bool:
-        """Whether they rather do than not."""
+        """True if they rather do than not."""
         return self.probability >= _FITS
 
     @property
@@ -322,7 +322,7 @@ class FleetFit:
             self._grown = self._evidence > self._by_place + _GROWTH or t - self._fits_since_s > _GROWN_S
 
     def is_surpassed(self, context: UpdateContext, best: Hypothesis, evidence: float, log_share: float) -> bool:
-        """Whether another camera than the mission's explains the boxes, clearly and far better.
+        """Tell whether another camera than the mission's explains the boxes, clearly and far better.
 
         Args:
             context: What the update worked on, with the other camera.

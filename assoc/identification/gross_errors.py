@@ -41,7 +41,7 @@ class GrossErrors:
         self._tried = 0
         self._misfits = 0
         self.mirror_found = False
-        """Whether left and right of the picture proved to be the other way round."""
+        """True if left and right of the picture proved to be the other way round."""
 
     def starts(self, prior: PosePrior, fit: FleetFit, *, at_once: bool) -> list[FloatArray]:
         """(9,) each, where this update also starts.
@@ -76,7 +76,7 @@ class GrossErrors:
 
 
 def _is_mirrored(context: UpdateContext, fit: FleetFit) -> bool:
-    """Whether reports and boxes agree in the mirrored picture, clearly and far better than in this one.
+    """Tell whether reports and boxes agree in the mirrored picture, clearly and far better than in this one.
 
     Args:
         context: What the update works on.

@@ -98,12 +98,12 @@ class Identifier:
 
     @property
     def mirrored(self) -> bool:
-        """Whether left and right of the picture were found to be exchanged."""
+        """True if left and right of the picture were found to be exchanged."""
         return self._mirrored
 
     @property
     def locked(self) -> bool:
-        """Whether the search is locked: nearly all tracks have had certain answers for seconds."""
+        """True if the search is locked: nearly all tracks have had certain answers for seconds."""
         return self._estimator.locked
 
     def add_reports(self, reports: VehicleReports) -> None:

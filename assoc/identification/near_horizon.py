@@ -152,7 +152,7 @@ class NearHorizon:
         """ln odds that film and telemetry belong together, NaN before anything was compared."""
 
     def looks_there(self, t: float, observation: Observation, camera: CameraState) -> bool:
-        """Whether most of the tracks of the last seconds were so near the horizon that angles tell who they are.
+        """Tell whether most of the tracks of the last seconds were so near the horizon that angles tell who they are.
 
         Args:
             t: Time of the frame, seconds.
@@ -169,7 +169,7 @@ class NearHorizon:
         return self._flat > _MOSTLY
 
     def is_due(self, t: float, observation: Observation) -> bool:
-        """Whether to compare tracks and reports again at a time, seconds: after half a second, or for a new track."""
+        """Tell whether to compare tracks and reports again at a time, s: after half a second, or for a new track."""
         return t - self._t >= _EVERY_S or not np.isin(observation.track_id, self._track_id).all()
 
     @property

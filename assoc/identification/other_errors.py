@@ -46,11 +46,11 @@ class OtherErrors:
         self._since_s = np.inf
         self._fast: bool | None = None
         self.found = False
-        """Whether names are to be given by it: film and telemetry have fitted by it for seconds."""
+        """True if names are to be given by it: film and telemetry have fitted by it for seconds."""
 
     @property
     def may_fit(self) -> bool:
-        """Whether film and telemetry fit by it, and nothing shows yet that this is by chance."""
+        """True if film and telemetry fit by it, and nothing shows yet that this is by chance."""
         return self._fit.fits and not (self._by_place and self._fast is False)
 
     def look(self, t: float, context: UpdateContext, camera: CameraState) -> None:
@@ -72,7 +72,7 @@ class OtherErrors:
 
 
 def _wander_fast(best: Hypothesis) -> bool | None:
-    """Whether the pairs' residuals have turned round some seconds later; None while there are too few."""
+    """Tell whether the pairs' residuals have turned round some seconds later; None while there are too few."""
     rows = np.flatnonzero(best.vehicle >= 0)
     blocks, pairs = best.blocks, (slice(None), rows, best.vehicle[rows])
     r = blocks.mean[pairs] + blocks.jacobian[:, rows] @ (best.theta - blocks.theta)

@@ -79,7 +79,7 @@ class MassCache:
         self._rows: dict[tuple[int, int], FloatArray] = {}
 
     def stale(self, t: float, track_id: IntArray, choice: IntArray) -> bool:
-        """Whether they must be computed again: after a while, or for a pair of track and vehicle that is new."""
+        """Tell whether they must be computed again: after a while, or for a pair of track and vehicle that is new."""
         named = zip(track_id.tolist(), choice.tolist(), strict=True)
         return t - self._t >= _MASSES_EVERY_S or any(k >= 0 and (track, k) not in self._rows for track, k in named)
 
@@ -106,7 +106,7 @@ class CandidateCache:
         self.found = Candidates.empty(0)
 
     def stale(self, t: float, track_id: IntArray, p: FloatArray) -> bool:
-        """Whether they must be found again: after a while, or with other tracks or probabilities."""
+        """Tell whether they must be found again: after a while, or with other tracks or probabilities."""
         same = np.array_equal(self._track_id, track_id) and np.array_equal(self._p, p)
         return not same or t - self._t >= _CANDIDATES_EVERY_S
 

@@ -1,4 +1,4 @@
-"""Whether an update searches many poses and assignments, or only refines the last solution."""
+"""Lock of the search: an update searches many poses and assignments, or only refines the last solution."""
 
 from __future__ import annotations
 

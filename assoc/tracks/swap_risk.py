@@ -90,7 +90,7 @@ class SwapRisk:
         return result
 
     def _leapt(self, t: float, column: int, place: FloatArray) -> bool:
-        """Whether the track moved as no vehicle does since it was last noted; remembers where it is."""
+        """Tell whether the track moved as no vehicle does since it was last noted; remembers where it is."""
         if not np.isfinite(place[0]):
             return False
         then, before = self._place.get(column, (t, place))

@@ -225,7 +225,7 @@ class Fleet:
         return [clock.unix_of(t) for t in self._uav.attitudes.times(clock.boot_of(after_us), clock.boot_of(until_us))]
 
     def awaits(self, t_us: int) -> bool:
-        """Tell whether reports of its pose are still to come, between which that of a Unix time is interpolated."""
+        """Tell whether reports of the UAV's pose about a Unix time, which is interpolated, are still to come."""
         return is_awaited(self._uav, self._gimbals, t_us)
 
     @property
