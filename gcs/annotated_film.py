@@ -91,7 +91,7 @@ class FilmOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilmReport:
-    """What was read, assumed and left out, a line each."""
+    """Account of what was read, assumed and left out, a line each."""
 
     lines: tuple[tuple[str, str], ...]
     """Subject and text."""
@@ -214,7 +214,7 @@ def session_from_film(
 
 
 def _doubts(tracks: AnnotatedTracks, told: tuple[int, int] | None) -> list[str]:
-    """What may be wrong with labels or film; told: steps whose motion is known, and all of them."""
+    """Warnings of what may be wrong with labels or film; told: steps whose motion is known, and all of them."""
     doubts = []
     outside = tracks.left_out.get(OUTSIDE, 0)
     if outside > MOST_OUTSIDE * (len(tracks) + outside):

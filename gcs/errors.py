@@ -1,4 +1,4 @@
-"""What can go wrong at the level of the application.
+"""Errors at the level of the application.
 
 GcsError
 ├── ConfigError     a mission or session file that cannot be used

@@ -58,7 +58,7 @@ def _nowhere() -> NDArray[np.float64]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Statement:
-    """What the operator stated about a box."""
+    """Statement of the operator about a box."""
 
     track_id: int
     system_id: int
@@ -74,12 +74,12 @@ class Statement:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FleetChange:
-    """What the operator changed about who is named: a vehicle taken in, left out, or called otherwise."""
+    """Change by the operator of who is named: a vehicle taken in, left out, or called otherwise."""
 
     what: Literal["added", "left out", "renamed"]
     system_id: int
     name: str = ""
-    """What it is called from then on; empty: as a vehicle without a name of its own."""
+    """Name from then on; empty: as a vehicle without a name of its own."""
     t_us: int = 0
     """Time of the turn of the fold from which on it counts, Unix µs, 0 not yet."""
     frame: int = -1
@@ -106,9 +106,9 @@ class Event:
     """That alarm is over."""
     reported: Reported = ""
     statement: Statement | None = None
-    """What the operator stated or withdrew with it; a replay does so at the same frame."""
+    """Statement that the operator made or withdrew with it; a replay does so at the same frame."""
     change: FleetChange | None = None
-    """What the operator changed about the fleet with it; a replay does so at the same time."""
+    """Change that the operator made to the fleet with it; a replay does so at the same time."""
 
     @property
     def acknowledges(self) -> str:
@@ -121,14 +121,14 @@ class Alarm:
     """Something that is wrong now, until it is over; it is reported once when it comes and once when it goes."""
 
     key: str
-    """What it is about: the same trouble of the same thing always has the same one."""
+    """Key of what it is about: the same trouble of the same thing always has the same one."""
     level: Level
     kind: str
     """Kind, as an event's."""
     text: str
-    """What is wrong, and with what: plain text, possibly with names and reasons from the air."""
+    """Text of what is wrong, and with what: plain text, possibly with names and reasons from the air."""
     advice: str
-    """What to do."""
+    """Advice on what to do."""
     since_us: int
     system_id: int = 0
     vehicles: tuple[int, ...] = ()
@@ -201,7 +201,7 @@ class VehicleRow:
     compass_doubted: bool = False
     """Its compass contradicts its filter."""
     clock_fault: str = ""
-    """What is wrong with its clocks, empty while nothing is."""
+    """Fault of its clocks in words, empty while nothing is."""
     condition: VehicleCondition = field(default_factory=VehicleCondition)
     fence: str = ""
     """Which fence of those that hold for it is nearest to be broken, or broken most; empty without one."""
@@ -219,7 +219,7 @@ class Candidate:
     distance_m: float = NAN
     """From the box to where the vehicle reports to be."""
     against: str = ""
-    """What speaks against it, in words; empty: nothing."""
+    """Reason against it, in words; empty: nothing."""
     missing: str = ""
     """Why its reports do not tell where it is, in words; empty: they do."""
 
@@ -370,7 +370,7 @@ class Snapshot:
     seen_us: int = 0
     """When the frame was taken that the boxes were found in, 0 before the first."""
     clock_us: int = 0
-    """What clocks show: the latest ``t_us`` so far, since the next frame may have been taken earlier; 0: ``t_us``."""
+    """Time on clocks: the latest ``t_us`` so far, since the next frame may have been taken earlier; 0: ``t_us``."""
     analysed: bool = True
     """False: a place of a recording that the analysis has not reached; there are no vehicles and no boxes."""
     provisional: bool = False
@@ -393,15 +393,15 @@ class Snapshot:
     camera: CameraAim | None = None
     """None while neither the UAV's place nor its attitude tells where it looked."""
     pose: Literal["known", "no attitude", "unknown"] = "unknown"
-    """What is known of where the camera was and how it looked."""
+    """Knowledge of where the camera was and how it looked."""
     events: tuple[Event, ...] = field(default=())
-    """What is new since the snapshot before."""
+    """Events that are new since the snapshot before."""
     origin: LocalFrame | None = None
     """Origin of the ENU metres here, None while no place is known; it moves when the UAV turns out to be elsewhere."""
     conflicts: frozenset[int] = frozenset()
     """System ids whose reports contradict the video."""
     alarms: tuple[Alarm, ...] = ()
-    """What is wrong now, the worst and newest first."""
+    """Alarms that are on now, the worst and newest first."""
     limits: Limits = field(default_factory=Limits)
     """Limits of the mission's alarms."""
     fence_enu: tuple[NDArray[np.float64], ...] = ()

@@ -1,4 +1,4 @@
-"""What a screen drives: a live flight and a replay look the same from here."""
+"""Station that a screen drives: a live flight and a replay look the same from here."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["Commands", "Gap", "Newcomer", "Practice", "Station", "Timeline"]
 
 
 class Commands(Protocol):
-    """What an operator may order of the UAV; both methods may be called from the screen's thread and return at once."""
+    """Orders of the operator to the UAV; both methods may be called from the screen's thread and return at once."""
 
     def orders(self, system_id: int) -> Sequence[tuple[str, str]]:
         """Orders that make sense while a vehicle is selected, 0 for none: a key for each, and words with its name."""
@@ -46,7 +46,7 @@ class Newcomer:
 
     @property
     def offer(self) -> str:
-        """What an operator is told of it."""
+        """Offer of it to the operator."""
         return f"{self.kind} {self.system_id} is heard, {self.away_m:.0f} m from the fleet: F takes it in"
 
 
@@ -76,7 +76,7 @@ class Timeline(Protocol):
 
     @property
     def analysed(self) -> Sequence[tuple[int, int]]:
-        """What was worked out so far: first and last moment of each part, in order."""
+        """Parts that were worked out so far: first and last moment of each, in order."""
 
     @property
     def gaps(self) -> Sequence[Gap]:
@@ -128,7 +128,7 @@ class Station(Protocol):
 
     @property
     def title(self) -> str:
-        """What flies or is replayed."""
+        """Title of what flies or is replayed."""
 
     @property
     def timeline(self) -> Timeline | None:
@@ -150,7 +150,7 @@ class Station(Protocol):
         """The newest snapshot, None before the first."""
 
     def events(self) -> Sequence[Event]:
-        """What happened so far, oldest first, bounded in number."""
+        """Events so far, oldest first, bounded in number."""
 
     @property
     def folder(self) -> Path | None:

@@ -23,7 +23,7 @@ _LOCAL = ("file", "local")
 _WEB = ("http", "https")
 _MAGIC = frozenset("*?[")
 _OF_THIS_PROCESS = ("memory",)
-"""What no other process can read."""
+"""Protocols that no other process can read."""
 
 
 def _protocol(address: str) -> str:

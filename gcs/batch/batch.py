@@ -50,7 +50,7 @@ class BatchWork:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatchCounts:
-    """What became of the flights of one run."""
+    """Outcome of the flights of one run."""
 
     done: int = 0
     """With a result, those that were skipped included."""

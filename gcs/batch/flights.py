@@ -28,7 +28,7 @@ class BatchFlight:
     """One flight of a batch."""
 
     name: str
-    """What its results are called; no other flight of the batch has it."""
+    """Name of its results; no other flight of the batch has it."""
     address: str
     """Absolute path of a session folder or telemetry log, or where fsspec finds it."""
 

@@ -1,4 +1,4 @@
-"""What a result depends on: the files of a recording, and a hash over them that tells whether they are the same."""
+"""Inputs that a result depends on: the files of a recording, and a hash that tells whether they are the same."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def _remote_listing(address: str) -> Iterator[tuple[str, str]]:
 
 
 def remote_stamp(address: str) -> str:
-    """What a store says of a recording's files, such as their ETags: the same while none is changed.
+    """Stamp of a recording's files by its store, such as their ETags: the same while none is changed.
 
     Raises:
         StoreError: it cannot be listed.

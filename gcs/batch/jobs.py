@@ -1,4 +1,4 @@
-"""What goes to a worker and what comes back: plain values, so that pipes and clusters carry them."""
+"""Jobs for a worker and what comes back: plain values, so that pipes and clusters carry them."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ SCRATCH_LOG = "flight.log"
 
 
 def program_version() -> str:
-    """What is compared to tell whether a result is of this program."""
+    """Version that is compared to tell whether a result is of this program."""
     return version("rollcall-gcs")
 
 
 class BatchOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """What a result depends on besides the recording and the program."""
+    """Options that a result depends on besides the recording and the program."""
 
     detect: bool = False
     """Look at the video even where detections were kept."""
@@ -91,7 +91,7 @@ class FlightFailed(msgspec.Struct, frozen=True, tag=True):
 
 
 class VehicleCall(msgspec.Struct, frozen=True, kw_only=True):
-    """What was seen of one vehicle: a row of the roll call, null where it was never named."""
+    """Row of the roll call: what was seen of one vehicle, null where it was never named."""
 
     system_id: int
     name: str
@@ -104,7 +104,7 @@ class VehicleCall(msgspec.Struct, frozen=True, kw_only=True):
     """Share of the frames in view in which a box had its name."""
     confidence: float | None
     outcome: str = ""
-    """What became of it, in the roll call's words; empty in results of earlier versions."""
+    """Outcome, in the roll call's words; empty in results of earlier versions."""
     why: str = ""
     longest_silence_s: float | None = None
 
@@ -139,7 +139,7 @@ class FlightRecord(msgspec.Struct, frozen=True, kw_only=True):
     inputs: str | None = None
     """SHA-256 of all files that the result depends on."""
     stamp: str | None = None
-    """What the store said of the input's files; null for those of a disk."""
+    """Stamp of the input's files by their store; null for those of a disk."""
     frames: int | None = None
     skipped_frames: int | None = None
     span_s: float | None = None
@@ -172,7 +172,7 @@ class FlightDone(msgspec.Struct, frozen=True, tag=True):
     skipped: bool
     """It was there before."""
     worker_bytes: int
-    """What the worker holds now."""
+    """Memory that the worker holds now."""
 
 
 def file_name(flight: str) -> str:

@@ -47,7 +47,7 @@ def share_of_memory(workers: int) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunLimits:
-    """What a flight may cost."""
+    """Limits of what a flight may cost."""
 
     retries: int = 1
     """Further attempts where the first was killed, took too long, or met a fault; none for input that is of no use."""
@@ -157,7 +157,7 @@ class FlightRunner:
             return self._kill(f"its worker died ({child.exit_reason})")
 
     def _excess(self, child: ChildProcess[_Told], deadline_s: float) -> str:
-        """What is too much of a flight; empty for nothing."""
+        """Limit that a flight exceeds, in words; empty for nothing."""
         if self.stopping:
             return "was broken off"
         if time.monotonic() > deadline_s:

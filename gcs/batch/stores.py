@@ -58,7 +58,7 @@ class ResultStore(Protocol):
         """Put bytes into place."""
 
     def read(self, name: str) -> bytes | None:
-        """What is there, None for nothing."""
+        """Content of a file, None where there is none."""
 
     def size(self, name: str) -> int | None:
         """Bytes of what is there, None for nothing."""

@@ -79,7 +79,7 @@ _MODULES = {
 }
 """In ``gcs.cli``, of commands whose module has another name; the function has the module's last one."""
 _MOVED = {"bench": "benchmarks are run in a checkout now: python -m bench.{rest}"}
-"""What earlier releases had, with what to type now."""
+"""Commands that earlier releases had, with what to type now."""
 _RENAMED = {
     "fly": {"--out": "--forward", "--tell": "--publish", "--show": "--stream"},
     "replay": {"--tell": "--publish", "--show": "--stream"},

@@ -1,4 +1,4 @@
-"""What other users see of this program's command line."""
+"""Command line of this program as other users see it."""
 
 from __future__ import annotations
 

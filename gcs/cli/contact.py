@@ -1,4 +1,4 @@
-"""What a flight begins with: a mission file, or else who is heard, told while it is listened to."""
+"""First contact, which a flight begins with: a mission file, or else who is heard, told while it is listened to."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ TELL_S = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wanted:
-    """What the command line says of a flight without a mission file."""
+    """Wishes of the command line for a flight without a mission file."""
 
     links: tuple[str, ...]
     """Empty: the usual ports."""
@@ -72,7 +72,7 @@ class Wanted:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ready:
-    """What a flight begins with, from a mission file or from what was heard."""
+    """Beginning of a flight, from a mission file or from what was heard."""
 
     mission: Mission
     links: tuple[str, ...]

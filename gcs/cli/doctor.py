@@ -29,7 +29,7 @@ __all__ = ["doctor"]
 NOT_READY = 2
 LOOK_S = 0.5
 SETTLED_S = 8.0
-"""What is well after so long stays so: rates are measured over three seconds, and low ones told after five."""
+"""Time after which what is well stays so: rates are measured over three seconds, and low ones told after five."""
 _SMALLEST = (80, 24)
 _MARKS = {"ok": "ok", "short": "short", "bad": "BAD"}
 

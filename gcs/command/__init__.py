@@ -1,4 +1,4 @@
-"""What an operator may command, through MAVSDK: the UAV and its camera, never a ground vehicle.
+"""Orders that an operator may give, through MAVSDK: the UAV and its camera, never a ground vehicle.
 
 Nothing here is imported while the station only listens.
 """

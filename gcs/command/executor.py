@@ -61,7 +61,7 @@ class PointingMonitor:
     _best_rad: float = math.inf
 
     def update(self, off_rad: float, now_s: float) -> Verdict:
-        """What is known now.
+        """Verdict by what is known now.
 
         Args:
             off_rad: between the optical axis and the goal, NaN unknown.

@@ -1,4 +1,4 @@
-"""What an operator may order, in words. The table is all of it."""
+"""Orders that an operator may give, in words. The table is all of it."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ class Order:
     words: str
     """With ``{uav}`` and, when it is about a ground vehicle, ``{ugv}``."""
     about: Literal["ugv", "uav"]
-    """What it needs: a ground vehicle, or the UAV alone."""
+    """Target that it needs: a ground vehicle, or the UAV alone."""
     job: Literal["camera", "flight", ""] = ""
-    """What it takes over from an order before; empty: from none."""
+    """Job that it takes over from an order before; empty: from none."""
 
     def words_with(self, uav: str, ugv: str) -> str:
         """In words, with names."""

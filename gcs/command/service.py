@@ -121,7 +121,7 @@ class CommandService:
         self.rates.set_ground(self._ground)
 
     def orders(self, system_id: int) -> Sequence[tuple[str, str]]:
-        """What may be ordered about a selected vehicle: keys and words."""
+        """Orders that may be given about a selected vehicle: keys and words."""
         about = system_id in self._ground
         return [(order.key, self._words_of(order, system_id)) for order in orders_about(ugv=about)]
 

@@ -1,4 +1,4 @@
-"""What commands need to know of the UAV, by its own packets."""
+"""State of the UAV that commands need to know, by its own packets."""
 
 from __future__ import annotations
 

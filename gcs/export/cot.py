@@ -55,7 +55,7 @@ def cot_boxes(snapshot: Snapshot) -> Iterator[Box]:
 
 
 def cot_uid(box: Box, source: str) -> str:
-    """What an event is about, the same for one vehicle all through a flight, live and exported.
+    """Identifier of what an event is about, the same for one vehicle all through a flight, live and exported.
 
     Args:
         box: named or tracked.
@@ -110,7 +110,7 @@ def cot_event(snapshot: Snapshot, box: Box, *, source: str, t_us: int | None = N
 
 
 def _evidence(snapshot: Snapshot, box: Box) -> dict[str, str]:
-    """What a name rests on; what is unknown is left out."""
+    """Evidence that a name rests on; what is unknown is left out."""
     told = {"frame": str(snapshot.frame), "track": str(box.track_id)}
     if not box.system_id:
         told |= {"may_be": words} if (words := plain(may_be(snapshot, box))) else {}

@@ -25,7 +25,7 @@ class ExportFormat:
     suffix: str
     """Ending of its file with the dot; empty: it is a folder, and has to be asked for by name."""
     contents: str
-    """What is in it."""
+    """Content of the files."""
     opened_by: str
     """Programs that open it."""
     writer: str

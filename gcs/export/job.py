@@ -1,4 +1,4 @@
-"""What an export gets besides snapshots: where to write, and what the recording is."""
+"""Job of an export, which it gets besides snapshots: where to write, and what the recording is."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class ExportJob:
     path: Path
     """File or folder to write; it does not exist yet."""
     name: str = ""
-    """What the recording is called; plain text."""
+    """Name of the recording; plain text."""
     video: Path | None = None
     """Its film; None without one."""
     truth: Path | None = None

@@ -62,7 +62,7 @@ LOOK_THREADS = min(os.cpu_count() or 1, 2)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightPlan:
-    """What to listen to, and where to keep it."""
+    """Plan of what to listen to, and where to keep it."""
 
     mission: Mission
     links: tuple[str, ...]
@@ -203,7 +203,7 @@ class Flight:
 
     @property
     def error(self) -> FlightError | None:
-        """What does not work any more, None while all is well."""
+        """Error of what does not work any more, None while all is well."""
         why = self._faults.persistent
         return FlightError(f"{why}; telemetry and video are recorded all the same") if why else None
 
@@ -229,7 +229,7 @@ class Flight:
         return self._loop.latest
 
     def events(self) -> Sequence[Event]:
-        """What happened so far."""
+        """Events so far."""
         return self._loop.events()
 
     def add_event(self, event: Event) -> None:

@@ -105,7 +105,7 @@ class FrameLoop:
         self._new_events.append(event)
 
     def events(self) -> Sequence[Event]:
-        """What happened so far, oldest first, bounded in number."""
+        """Events so far, oldest first, bounded in number."""
         return tuple(self._events)
 
     @property

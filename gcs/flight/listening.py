@@ -162,7 +162,7 @@ class Listening:
 
     @property
     def where(self) -> str:
-        """What is listened to, in a few words: ports that any address may send to together."""
+        """Links that are listened to, in a few words: ports that any address may send to together."""
         usual = [link.rpartition(":")[2] for link in self.links if link in USUAL_LINKS]
         others = [name for link, name in zip(self.links, self.ingest.names, strict=True) if link not in USUAL_LINKS]
         return ", ".join([f"UDP {', '.join(usual)}"] * bool(usual) + others)

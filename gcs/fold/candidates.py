@@ -41,7 +41,7 @@ _WORDS = {
 
 
 def doubt_words(identities: Identities) -> list[str]:
-    """What took most from the probability of each answer that is not sure, in words; empty: nothing."""
+    """Reasons that took most from the probability of each answer that is not sure, in words; empty: nothing."""
     columns = identities.doubt.tolist(), identities.confidence.tolist()
     return ["" if sure >= CONFIRMED else _WORDS[AnswerDoubt(doubt)] for doubt, sure in zip(*columns, strict=True)]
 
@@ -140,7 +140,7 @@ def missing_because(status: VehicleRow | VehicleStatus | None, age_s: float, *, 
 
 
 def _of_its_reports(status: VehicleStatus | None, deviation: float) -> Iterator[str]:
-    """What is wrong with where a vehicle's reports put it."""
+    """Fault of the place where a vehicle's reports put it."""
     if deviation > FAR_DEVIATIONS:
         yield f"too far: {min(deviation, 99):.0f} σ"
     if status is not None and status.doubted_for:
@@ -150,7 +150,7 @@ def _of_its_reports(status: VehicleStatus | None, deviation: float) -> Iterator[
 def _of_its_rivals(
     confidence: float, none_of_ours: float, threshold: float, better: int, better_confidence: float
 ) -> Iterator[str]:
-    """What is likelier than that the box is this vehicle."""
+    """Answer that is likelier than that the box is this vehicle."""
     if better:
         yield f"track {better} fits it better ({certainty(better_confidence)})"
     if none_of_ours > confidence and none_of_ours >= LEAST_SHOWN:

@@ -1,4 +1,4 @@
-"""What finds vehicles in an image, as the mission file chooses it.
+"""Detector that finds vehicles in an image, as the mission file chooses it.
 
 By default one network finds boxes and their fronts; with ``[detector] front`` a second one finds the fronts of boxes
 that come without, as a YOLO-OBB export's do.

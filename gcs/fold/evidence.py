@@ -1,4 +1,4 @@
-"""What the tracker, the fleet and the camera know, as the identifier takes it: plain arrays."""
+"""Evidence of the tracker, the fleet and the camera, as the identifier takes it: plain arrays."""
 
 from __future__ import annotations
 

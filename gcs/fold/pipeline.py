@@ -64,7 +64,7 @@ CLOCK_SET_US = 10_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Look:
-    """What was found in the last frame that was looked at."""
+    """Boxes that were found in the last frame that was looked at."""
 
     t_us: int
     detections: Detections

@@ -21,7 +21,7 @@ class _Lasting(Generic[Value]):
     value: Value
     since_us: int
     before: Value
-    """What it was before that, and since when."""
+    """State before that, and since when."""
     before_us: int
 
 

@@ -1,4 +1,4 @@
-"""What a frame shows, put into the snapshot's words: boxes with their names, vehicles with their standing."""
+"""Rows of the snapshot for what a frame shows: boxes with their names, vehicles with their standing."""
 
 from __future__ import annotations
 

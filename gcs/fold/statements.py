@@ -1,4 +1,4 @@
-"""What the operator states about boxes: made, withdrawn, contradicted or ended with its track, each an event."""
+"""Statements of the operator about boxes: made, withdrawn, contradicted or ended with its track, each an event."""
 
 from __future__ import annotations
 
@@ -183,7 +183,7 @@ class Statements:
         return f"stated: track {statement.track_id} is {name}"
 
     def _against(self, identities: Identities, row: int) -> str:
-        """What the reports say instead."""
+        """Name that the reports say instead."""
         sure, other = certainty(float(identities.confidence[row])), int(identities.system_id[row])
         if other:
             return f"by its reports it is {self.mission.name_of(other)} ({sure})"

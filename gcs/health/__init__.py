@@ -1,1 +1,1 @@
-"""What is wrong now: snapshots in, alarms and events out."""
+"""Health: what is wrong now: snapshots in, alarms and events out."""

@@ -1,4 +1,4 @@
-"""What an alarm is: one entry of the tables in this folder."""
+"""Rule of an alarm: one entry of the tables in this folder."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ class AlarmRule(Generic[Subject]):
     kind: str
     """Kind, as an event's."""
     text: str
-    """What is wrong; on the screen after the name of the vehicle or the link."""
+    """Text of what is wrong; on the screen after the name of the vehicle or the link."""
     meaning: str
     """When it is raised, with the limit, as the operator's page has it."""
     advice: str
-    """What the operator does about it."""
+    """Advice to the operator."""
     condition: Callable[[Subject, Snapshot], bool] | None = None
     """True if this is wrong now."""
     counter: Callable[[Subject, Snapshot], int] | None = None
@@ -46,7 +46,7 @@ class AlarmRule(Generic[Subject]):
     vehicles: Callable[[Subject, Snapshot], Sequence[int]] | None = None
     """System ids of all that it is about, where it is not one vehicle's."""
     on_and_off: str = ""
-    """What is wrong when it keeps coming back; empty: ``again and again`` and the text."""
+    """Text when it keeps coming back; empty: ``again and again`` and the text."""
     each_detail: bool = False
     """True if each detail is an alarm of its own."""
     kept_while: Callable[[Subject, Snapshot], bool] | None = None

@@ -25,7 +25,7 @@ ON_AND_OFF = " on and off"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """What one rule finds for one vehicle, for two, for one link, or for the station."""
+    """Finding of one rule for one vehicle, for two, for one link, or for the station."""
 
     rule: AlarmRule[Any]
     key: str

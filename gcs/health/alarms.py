@@ -25,7 +25,7 @@ GROWING_US = round(GROWING_S * 1e6)
 LATELY_US = 300_000_000
 """How often a trouble came is counted over so long."""
 BREAK_US = 500_000
-"""What was gone for less has not come again."""
+"""Shortest break: what was gone for less has not come again."""
 FLAPS, MOST_COUNTED = 3, 1_000
 """From so many times on it comes and goes."""
 STAYS_US = 10_000_000
@@ -84,7 +84,7 @@ class _State:
         return len(self.came) >= FLAPS
 
     def forget(self, now_us: int) -> None:
-        """What was long ago does not count."""
+        """Forget what was long ago."""
         while self.came and now_us - self.came[0] >= LATELY_US:
             self.came.popleft()
 
@@ -93,7 +93,7 @@ class _State:
         return now_us - self.seen_us >= WORST_US << min(len(self.came), MOST_DOUBLINGS)
 
     def flapping(self) -> Finding:
-        """What is wrong with what comes and goes: how often it came, in how long."""
+        """Finding about what comes and goes: how often it came, in how long."""
         within_s = (self.seen_us - min(self.came, default=self.seen_us)) * 1e-6
         within = f"{within_s:.0f} s" if within_s < MINUTES_FROM_S else f"{within_s / 60:.0f} min"
         return self.finding.on_and_off(f"{len(self.came)} times in {within}")

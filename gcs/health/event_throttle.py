@@ -59,7 +59,7 @@ class EventThrottle:
         self._now_us = 0
 
     def admit(self, events: Iterable[Event]) -> list[Event]:
-        """What of these is to be reported now, with what has been held back for a second."""
+        """Events of these that are to be reported now, with what has been held back for a second."""
         admitted: list[Event] = []
         for event in events:
             sender = self._sender(event)
@@ -72,7 +72,7 @@ class EventThrottle:
         return admitted
 
     def overdue(self, t_us: int) -> list[Event]:
-        """What was held back for a second, although its sender has fallen silent."""
+        """Events that were held back for a second, although their sender has fallen silent."""
         waiting = [sender for sender in self._senders.values() if sender.held and t_us - sender.since_us >= SUM_UP_US]
         return [sender.sum_up(t_us) for sender in waiting]
 

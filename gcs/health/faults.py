@@ -26,7 +26,7 @@ _WAIT_S = 0.2
 
 
 class Faults:
-    """What failed in a flight's jobs; its methods may be called from any thread.
+    """Faults in a flight's jobs; its methods may be called from any thread.
 
     Args:
         path: where tracebacks go, each place in the program once; made with the first.

@@ -1,4 +1,4 @@
-"""What this machine brings to a flight, and what to do where it falls short. Each check has what it found."""
+"""Checks of what this machine brings to a flight, and what to do where it falls short. Each check has what it found."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ GSD_M = 0.033
 """Metres per pixel 40 m up with a usual lens: decides at which scale the detector looks."""
 CAMERA_DELAY = "not measured here, see docs/operations.md; a flight shows its estimate from 0.1 s on"
 _TIME_ERROR = 5
-"""What adjtimex(2) returns while the clock is not synchronised."""
+"""Answer of adjtimex(2) while the clock is not synchronised."""
 _TIMEX_BYTES = 512
 """More than struct timex has on any architecture; its first field, 0, asks without setting."""
 

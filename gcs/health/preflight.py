@@ -1,4 +1,4 @@
-"""What a flight needs, gone through while its vehicles are heard: each is well, or what to do. Pure."""
+"""Checks of what a flight needs, gone through while its vehicles are heard: each is well, or what to do. Pure."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ ADVICE = "these are the vehicle's own words, not this program's: check the vehic
 
 @dataclass(slots=True)
 class _Text:
-    """What one vehicle said."""
+    """Texts of one vehicle."""
 
     event: Event
     """The first, or of those that share an alarm the newest."""

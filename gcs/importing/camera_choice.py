@@ -29,7 +29,7 @@ _SEARCHED = "gcs identify searches for it in the film, once three vehicles drive
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraOptions:
-    """What the user knows of the camera; None: as found."""
+    """Camera as the user knows it; None: as found."""
 
     fov_deg: float | None = None
     lens: Path | None = None

@@ -22,7 +22,7 @@ _MOST_WORDS = 60
 _HDR = {16: "PQ", 18: "HLG"}
 """Transfer characteristics of ITU-T H.273 that stand for more than a screen shows."""
 _SLANT_DEG = 3
-"""What a picture is turned by less than this is rounding."""
+"""Largest turn of a picture that is rounding."""
 _LEAST_YEAR = 2005
 """Cameras whose clock was never set begin in 1904, 1970 or 2000."""
 
@@ -45,7 +45,7 @@ class ImportedFilm:
     created_us: int
     """Unix µs as the container has it, 0 unknown."""
     model: str
-    """What the container calls the camera, perhaps only its encoder; empty unknown."""
+    """Name of the camera in the container, perhaps only its encoder; empty unknown."""
 
 
 def open_film(path: Path) -> ImportedFilm:

@@ -59,7 +59,7 @@ LONGEST_TEXT_S = 1e7
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FilmBoxes:
-    """What was seen in some frames of a film."""
+    """Boxes that were seen in some frames of a film."""
 
     t_us: Ints
     """(F,) on the clock of the film's files, increasing."""

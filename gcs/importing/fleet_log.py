@@ -136,7 +136,7 @@ def _with_tracks(fleet: FleetTlog) -> FleetTlog:
 
 
 def _track(fleet: FleetTlog, system_id: int) -> PlaceTrack:
-    """What a vehicle reports, in the order of the file."""
+    """Reports of a vehicle, in the order of the file."""
     t_us, wire = fleet.columns(_GLOBAL_POSITION, system_id)
     v = np.column_stack([wire[name].astype(np.float64) for name in ("vx", "vy", "vz")])
     heading = np.radians(wire["hdg"] * 0.01)

@@ -55,7 +55,7 @@ class GroundVehicles:
 
     @property
     def assumed(self) -> tuple[str, ...]:
-        """What was assumed of them, with the file where there is one for each."""
+        """Assumptions about them, with the file where there is one for each."""
         of_tlog = self.tlog.assumed if self.tlog is not None else ()
         of_logs = (f"{log.source}: {words}" for log in self.logs.values() for words in log.notes.assumed)
         return (*of_tlog, *of_logs, *self.told)

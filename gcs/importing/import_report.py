@@ -1,4 +1,4 @@
-"""What an import found, assumed and left out: in all, and of each of the flight's files."""
+"""Account of what an import found, assumed and left out: in all, and of each of the flight's files."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _CLOCKS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceAccount:
-    """What was made of a file."""
+    """Account of a file."""
 
     role: str
     """Such as ``uav`` or ``ugv 11``."""
@@ -53,7 +53,7 @@ class SourceAccount:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportReport:
-    """What was found, assumed and left out."""
+    """Account of what was found, assumed and left out."""
 
     found: tuple[tuple[str, str], ...]
     """Subject and text."""
@@ -77,12 +77,12 @@ class ImportReport:
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """What and how, in short."""
+        """Account in short."""
         rows = [*self.found, *(("assumed", text) for text in self.assumed)]
         return rows + [("left out", f"{count} of {reason}") for reason, count in self.left_out.items()]
 
     def explained(self) -> Iterator[tuple[str, str]]:
-        """What and how, file by file."""
+        """Account file by file."""
         roles = {each.role for each in self.sources}
         for what, text in import_rows(self.table()):
             yield what if what in roles else f"  {what}", text

@@ -125,7 +125,7 @@ def _uav_clock(uav: VehicleLog | None, fleet: GroundVehicles) -> list[str]:
 def _uav_records(
     uav: VehicleLog | None, uav_id: int, fleet: GroundVehicles, timeline: FilmTimes
 ) -> Iterable[TlogRecord]:
-    """What the UAV sends, by its log or else by the fleet's."""
+    """Packets of the UAV, by its log or else by the fleet's."""
     if uav is not None:
         return vehicle_records(uav, uav_id, timeline.uav_shift_us, flies=True, home_m=_home_m(uav, fleet))
     assert fleet.tlog is not None
@@ -135,7 +135,7 @@ def _uav_records(
 def _uav_span(
     uav: VehicleLog | None, uav_id: int, fleet: GroundVehicles, timeline: FilmTimes
 ) -> tuple[str, tuple[int, int]]:
-    """What tells where the UAV was, and its first and last position, Unix µs.
+    """Source that tells where the UAV was, and its first and last position, Unix µs.
 
     Raises:
         ImportFileError: nothing does.

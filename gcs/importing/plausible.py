@@ -1,4 +1,4 @@
-"""What of a vehicle's log can be, whatever its format: no damaged times, places or angles, no unset heights."""
+"""Plausible parts of a vehicle's log, whatever its format: no damaged times, places or angles, no unset heights."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a log says of one vehicle, whatever its format: arrays over time, NaN where it does not say.
+"""Log of one vehicle, whatever its format: arrays over time, NaN where it does not say.
 
 Times are whole µs on the log's own clock: since the video's first frame ("video"), Unix time ("utc"), or since an
 unknown moment ("own"); or they are the video's frames, from 0 ("frame"). Angles are radians: roll, pitch, yaw, yaw
@@ -149,7 +149,7 @@ class ViewTrack:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportNotes:
-    """What was found in a file, assumed of it, and left out."""
+    """Findings in a file: what was found, assumed of it, and left out."""
 
     found: tuple[str, ...] = ()
     assumed: tuple[str, ...] = ()

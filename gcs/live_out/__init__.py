@@ -1,2 +1,2 @@
-"""What others are told while it flies or is replayed: the newest snapshot goes to a process for each address, and from
+"""Live output of flights and replays for others: the newest snapshot goes to a process for each address, and from
 there out as lines, events or pictures. A process that hangs or dies costs the flight nothing and is replaced."""

@@ -114,7 +114,7 @@ class JsonTcp(Sink):
         self._server = socket.create_server((url.host, url.port), backlog=MOST_CLIENTS)
         self._server.setblocking(False)
         self._waiting: dict[socket.socket, bytearray] = {}
-        """What each client has not taken yet."""
+        """Bytes that each client has not taken yet."""
         self._took_s: dict[socket.socket, float] = {}
         """When each took something, or there was nothing for it to take."""
 

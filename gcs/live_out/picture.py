@@ -103,7 +103,7 @@ class RtpPicture(_Picture):
 
 
 def sdp(url: SinkUrl) -> str:
-    """What a receiver of an RTP stream has to know (RFC 8866, RFC 6184); parameter sets come with the stream.
+    """Description of an RTP stream for its receiver (RFC 8866, RFC 6184); parameter sets come with the stream.
 
     Raises:
         OSError: no such host.

@@ -1,4 +1,4 @@
-"""What every sink is, and what passes between its process and the station."""
+"""Base of every sink, and what passes between its process and the station."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Sink", "SinkReport", "SinkSettings", "SinkSource", "open_sink"]
 
 
 class SinkSource(msgspec.Struct, frozen=True, kw_only=True):
-    """What is told of."""
+    """Flight or replay that is told of."""
 
     name: str
     """The session's name."""

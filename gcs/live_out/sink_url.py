@@ -33,7 +33,7 @@ FILES = ("cert", "key", "ca")
 
 @dataclass(frozen=True, slots=True)
 class SinkScheme:
-    """What may be behind one scheme."""
+    """Scheme of addresses, and what may be behind it."""
 
     example: str
     sink: str
@@ -43,7 +43,7 @@ class SinkScheme:
     """It listens at the address: others come and read."""
     images: bool = False
     library: str = ""
-    """What it is made with that is not always installed; the extra has the same name."""
+    """Package it is made with that is not always installed; the extra has the same name."""
 
 
 TELL_SCHEMES = {
@@ -82,7 +82,7 @@ class SinkUrl:
 
     @property
     def kind(self) -> SinkScheme:
-        """What its scheme stands for."""
+        """Kind that its scheme stands for."""
         return (TELL_SCHEMES | SHOW_SCHEMES)[self.scheme]
 
 

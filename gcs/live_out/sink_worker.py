@@ -39,7 +39,7 @@ class _SinkWorker:
         self._sink: Sink | None = None
         self._report = SinkReport()
         self._before = SinkReport()
-        """What sinks that are closed now did."""
+        """Sums of sinks that are closed now."""
         self._report_due_s = 0.0
 
     def run(self) -> None:

@@ -22,7 +22,7 @@ class Fence:
     """A polygon or a circle that vehicles must not leave, or must not enter."""
 
     name: str = "fence"
-    """What operators call it."""
+    """Name that operators use."""
     keep: Literal["in", "out"] = "in"
     """On which side vehicles stay."""
     polygon: Annotated[

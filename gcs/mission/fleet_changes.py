@@ -53,7 +53,7 @@ def with_all(mission: Mission, changes: Iterable[FleetChange]) -> Mission:
 
 
 def words_of(change: FleetChange, before: Mission, after: Mission) -> str:
-    """What a change was, in words.
+    """Words for a change.
 
     Args:
         change: that was made.

@@ -72,7 +72,7 @@ class MissionVehicle:
     system_id: SystemId
     """MAVLink system id, 1..255."""
     name: str = ""
-    """What operators call it; ``UAV`` or ``UGV-<id>`` when empty."""
+    """Name that operators use; ``UAV`` or ``UGV-<id>`` when empty."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +83,7 @@ class Camera:
     lens: str = ""
     """Path of a lens file, relative to the mission file, instead of the numbers below."""
     name: str = ""
-    """What it is called; a lens file's name when empty."""
+    """Name of the camera; a lens file's name when empty."""
     width: Pixels | None = None
     height: Pixels | None = None
     fx: FocalPx | None = None
@@ -121,7 +121,7 @@ class Camera:
 
     @property
     def intrinsics(self) -> Intrinsics | None:
-        """What the numbers describe, None without numbers."""
+        """Intrinsics that the numbers describe, None without numbers."""
         width, height, fx, fy, cx, cy = (getattr(self, name) for name in _NUMBERS)
         if width is None:
             return None
@@ -189,7 +189,7 @@ class SigningChoice:
     unsigned: tuple[MessageId, ...] = (109,)
     """Ids of messages that may come unsigned, 109 is a modem's RADIO_STATUS; none about a vehicle can be."""
     keyless: Literal["refused", "open"] = "refused"
-    """What happens to systems that have no key while others have."""
+    """Treatment of systems that have no key while others have."""
 
     @property
     def folder(self) -> Path | None:
@@ -199,7 +199,7 @@ class SigningChoice:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapChoice:
-    """What is under the map."""
+    """Choice of what is under the map."""
 
     tiles: str = ""
     """Path of an MBTiles file, relative to the mission file; empty: nothing."""
@@ -353,7 +353,7 @@ def user_keys() -> Path:
 
 
 def keys_folder(text: str = "", folder: Path = Path()) -> str:
-    """What ``[signing] keys`` of a file in a folder means: a path, the user's own where there is one, or none."""
+    """Folder that ``[signing] keys`` of a file in a folder means: a path, the user's own if there is one, or none."""
     if text == NO_KEYS:
         return text
     if not text:

@@ -39,14 +39,14 @@ _OF_A_CAMERA = (
     *(CameraFov, CameraInformation, CameraSettings, VideoStreamInformation),
     *(GimbalAttitude, MountOrientation, MountStatus),
 )
-"""What only a vehicle with a camera sends."""
+"""Messages that only a vehicle with a camera sends."""
 _RATE_OVER = 20
 """Positions over which their rate is taken."""
 
 
 @dataclass(slots=True, kw_only=True)
 class HeardVehicle:
-    """What is known of one sender of vehicle telemetry so far."""
+    """Record of one sender of vehicle telemetry so far."""
 
     system_id: int
     link: int
@@ -56,7 +56,7 @@ class HeardVehicle:
     autopilot: int = -1
     """MAV_AUTOPILOT."""
     auth: Auth = Auth.OPEN
-    """What the signature of its last packet was worth; refused only where none was accepted so far."""
+    """Verdict on the signature of its last packet; refused only where none was accepted so far."""
     signed: bool = False
     """True if that packet has one."""
     packets: int = 0

@@ -28,7 +28,7 @@ class _TiffQuestion(msgspec.Struct):
 
 
 class TiffGrid(msgspec.Struct, tag=True):
-    """What was found."""
+    """Grid that was found."""
 
     rows: int
     columns: int

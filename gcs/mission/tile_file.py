@@ -36,7 +36,7 @@ MOST_READ_S: Final = 1.0
 MOST_SLOW: Final = 3
 """Tiles that were given up for taking longer, after which the file is left alone."""
 FAULTS = (sqlite3.Error, UnicodeDecodeError)
-"""What SQLite raises; the second where it quotes a file's words that are no text."""
+"""Errors that SQLite raises; the second where it quotes a file's words that are no text."""
 MOST_HEAP_BYTES: Final = 256 << 20
 STEPS: Final = 10_000
 """Steps of SQLite's machine between two looks at the clock."""

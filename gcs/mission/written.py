@@ -22,7 +22,7 @@ _DEFAULTS = Mission(uav=MissionVehicle(system_id=1), ugv=())
 
 
 def mission_tables(mission: Mission) -> dict[str, Any]:
-    """What a mission says, as TOML has it; without addresses and without folders of keys, which are of one computer."""
+    """Tables of a mission, as TOML has them; without addresses and folders of keys, which are of one computer."""
     table: dict[str, Any] = {"uav": _vehicle(mission, mission.uav.system_id)}
     table["ugv"] = [_vehicle(mission, i) for i in mission.ugv_ids]
     for name in _PARTS:
@@ -96,7 +96,7 @@ def save_mission(mission: Mission, origins: Mapping[str, str], folder: Path) -> 
 
 
 def _values(part: Any) -> dict[str, Any]:  # noqa: ANN401 - any part of a mission
-    """What a part of a mission says; what it leaves open is left out."""
+    """Values of a part of a mission; what it leaves open is left out."""
     return {
         name: list(value) if isinstance(value, tuple) else value
         for name in part.__slots__

@@ -1,4 +1,4 @@
-"""What a flight itself reported, from its ``events.jsonl``, beside what a replay works out again.
+"""Reports of a flight itself, from its ``events.jsonl``, beside what a replay works out again.
 
 Both are shown where they differ. An event of either counts as the other's when it says the same of the same vehicle at
 about the same time; an alarm, when both have it at about the same time.
@@ -125,7 +125,7 @@ class FlownReports:
 
     @property
     def flown(self) -> Sequence[Event]:
-        """What the flight reported, in order of time."""
+        """Events that the flight reported, in order of time."""
         return self._flown
 
     def add(self, t_us: int, events: Iterable[Event], alarms: Iterable[Alarm]) -> None:
@@ -164,7 +164,7 @@ class FlownReports:
         del self._now[:-MOST_EVENTS]
 
     def events(self) -> tuple[Event, ...]:
-        """What the flight reported, and what is worked out besides; in order of time."""
+        """Events that the flight reported, and what is worked out besides; in order of time."""
         if self._shown is None:
             passed_us = self._worked_out_us - SAME_US
             then = (
@@ -240,7 +240,7 @@ class FlownReports:
         return known.key if known else alarm.key
 
     def _gist(self, event: Event) -> tuple[str, int, str]:
-        """What an event says, without how sure it is, or how often or how long an alarm was on."""
+        """Text of an event, without how sure it is, or how often or how long an alarm was on."""
         text = event.text
         if event.alarm_level and self._has_keys:
             return event.kind, event.system_id, f"{event.alarm} {event.alarm_level} {event.over}"

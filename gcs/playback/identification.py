@@ -212,7 +212,7 @@ def _frames(
 
 
 def _doubts(last: Snapshot, calls: RollCall, *, blind: bool, seen: bool) -> list[str]:
-    """What an operator should know about inputs that were lacking.
+    """Warnings for the operator about inputs that were lacking.
 
     Args:
         last: what was known in the end.

@@ -1,4 +1,4 @@
-"""What was seen in the frames of a recording: as the flight kept it, or found by looking at the video again.
+"""Boxes seen in the frames of a recording: as the flight kept it, or found by looking at the video again.
 
 The detector and OpenCV are imported when a video is looked at: to load them takes longer than many a fold.
 """
@@ -40,11 +40,11 @@ class LookedFrame:
     motion: ImageMotion | None
     """How the camera moved since the last frame that was looked at; None: not known."""
     news: str = ""
-    """What was found out about the film's scale until this frame, one line."""
+    """Findings about the film's scale until this frame, one line."""
 
 
 class RecordedLooks:
-    """What a session kept of what was seen.
+    """Boxes that a session kept.
 
     Attributes:
         boxes: by frame.

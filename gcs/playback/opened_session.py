@@ -45,7 +45,7 @@ class OpenedSession:
     """Frame times of ``frames.csv``."""
     video: VideoFile | None
     looks: RecordedLooks | None
-    """What was seen in the frames; None: nothing was kept, or it is to be looked at again."""
+    """Boxes seen in the frames; None: nothing was kept, or it is to be looked at again."""
     turns: RecordedTurns | None
     """The turns of the flight's fold, where it kept them."""
     times_us: NDArray[np.int64]

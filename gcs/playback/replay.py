@@ -122,7 +122,7 @@ class ConfidenceHistory:
 
 
 class ReplayPlace(NamedTuple):
-    """What is shown at a time."""
+    """Snapshot that is shown at a time."""
 
     store: SnapshotStore | None
     """None: nothing is worked out."""
@@ -243,7 +243,7 @@ class Replay:
         return self._latest
 
     def events(self) -> Sequence[Event]:
-        """What the flight reported and what was found so far, also ahead of the place on show."""
+        """Events that the flight reported or that were found so far, also ahead of the place on show."""
         with self._lock:
             reported = self._reports.events()
             if reported is not self._reported or len(self._events) != len(reported) + len(self._added):
@@ -391,7 +391,7 @@ class Replay:
                 shown = place
 
     def _place(self) -> ReplayPlace:
-        """What is to be shown now."""
+        """Snapshot that is to be shown now."""
         t_us = self.now_us
         frame = self._frame_at(t_us)
         if len(self._done) and t_us <= self._reached_us:

@@ -1,4 +1,4 @@
-"""What an analyst should know of a session before names are trusted: what it lacks, and what of it cannot be used."""
+"""Warnings of a session before names are trusted: what it lacks, and what of it cannot be used."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def _of_times(opened: OpenedSession) -> Iterator[str]:
 
 
 def _of_a_flight(opened: OpenedSession) -> Iterator[str]:
-    """What a flight used and its recording lacks."""
+    """Inputs that a flight used and its recording lacks."""
     session, log = opened.session, opened.log
     notes, folder = session.notes, session.tlog.parent
     if not notes.flown or session.path.is_file():

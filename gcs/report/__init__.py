@@ -1,1 +1,1 @@
-"""What a flight amounted to: snapshots and truth in, roll call, score and marked images out."""
+"""Results of a flight: snapshots and truth in, roll call, score and marked images out."""

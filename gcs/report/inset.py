@@ -143,7 +143,7 @@ def moved_boxes(boxes: Sequence[Box], inset: Inset) -> list[Box]:
 
 
 def title_of(label: str, magnification: float, *, seen: bool, shows: Callable[[str], bool]) -> str:
-    """What is written over an inset: as much as finds room, never a part of a name.
+    """Text over an inset: as much as finds room, never a part of a name.
 
     Args:
         label: as beside the box; of a vehicle without one, its name.

@@ -26,7 +26,7 @@ MARK_GAP: Final = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Grid:
-    """What labels are placed in and what they must keep clear of."""
+    """Grid that labels are placed in, with what they must keep clear of."""
 
     columns: int
     rows: int
@@ -133,7 +133,7 @@ class Occupied:
         return sum((self._marks[row] & bits).bit_count() for row in range(top, top + height)) / (width * height)
 
     def nuisance(self, rect: Cells, anchor: Cells) -> float:
-        """What a place costs beside its distance: what it covers, and whether the line to its mark is cut."""
+        """Cost of a place beside its distance: what it covers, and whether the line to its mark is cut."""
         cost = COVER_COST * self._share_covered(rect) if self.grid.covered else 0.0
         line = needs_line(rect, anchor, self.grid.step)
         return cost + CROSSING_COST if line and self._cuts_line(rect, anchor) else cost

@@ -37,7 +37,7 @@ COUNT_KEY: Final = -1_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Label:
-    """What is to be written beside a mark."""
+    """Label to be written beside a mark."""
 
     key: int
     """Whose it is, the same from frame to frame."""
@@ -75,7 +75,7 @@ class Labelling:
     counts: tuple[Place, ...] = ()
     """``+3``: so many labels found none here."""
     legend: tuple[Place, ...] = ()
-    """What the shorter texts mean."""
+    """Meanings of the shorter texts."""
     former: Mapping[int, tuple[int, int, int]] = field(default_factory=dict)
     """Form and offset from the mark, by key."""
     turn: int = 0

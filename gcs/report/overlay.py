@@ -117,7 +117,7 @@ def boxes_in_order(snapshot: Snapshot, selected: int, track: int) -> list[Box]:
 
 
 def box_texts(snapshot: Snapshot, box: Box, shown: ShownName | None) -> tuple[str, ...]:
-    """What may be written beside a box, the best first: as ``label_of``, then without certainty, then with the id."""
+    """Texts that may stand beside a box, the best first: as ``label_of``, then without certainty, then with the id."""
     if shown is None:
         return (label_of(snapshot, box),)
     texts = (_label(snapshot, box, name, certain=each) for name in (shown.name, shown.short) for each in (True, False))
@@ -279,7 +279,7 @@ def draw(
 
 
 def inset_label(snapshot: Snapshot, boxes: Sequence[Box], inset: Inset, selected: int) -> str:
-    """What the vehicle in an inset is called: as beside its box, which is the first of those in order."""
+    """Name of the vehicle in an inset: as beside its box, which is the first of those in order."""
     return label_of(snapshot, boxes[0]) if inset.seen else snapshot.name_of(selected)
 
 

@@ -29,7 +29,7 @@ Outcome = Literal[
     "all refused",
     "never heard",
 ]
-"""What became of a vehicle."""
+"""Outcome for a vehicle."""
 _MANY = 0.02
 """Share of frames for which it is worth a remark that nobody knows whether a vehicle was in view."""
 WITHOUT_POSITION: Final[frozenset[Outcome]] = frozenset({"no position", "all refused", "never heard"})
@@ -38,7 +38,7 @@ WITHOUT_POSITION: Final[frozenset[Outcome]] = frozenset({"no position", "all ref
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RollCallRow:
-    """What was seen of one vehicle."""
+    """Row of the roll call: what was seen of one vehicle."""
 
     system_id: int
     name: str
@@ -56,13 +56,13 @@ class RollCallRow:
     """Mean over its boxes; NaN: never named."""
     outcome: Outcome
     why: str
-    """What there is to say about the outcome, plain text, possibly from the air; empty for nothing."""
+    """Reason for the outcome, plain text, possibly from the air; empty for nothing."""
     longest_silence_s: float
     """Longest time without a position, from the flight's begin to its end."""
 
     @property
     def remark(self) -> str:
-        """What an operator should know besides the figures, empty for nothing."""
+        """Notes for the operator besides the figures, empty for nothing."""
         parts = [] if self.outcome == "named" else [f"{self.outcome}: {self.why}" if self.why else self.outcome]
         if self.longest_silence_s > SILENT_S and self.outcome not in WITHOUT_POSITION:
             parts.append(f"no position for {self.longest_silence_s:.1f} s")

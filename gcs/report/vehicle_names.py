@@ -22,18 +22,18 @@ SUMMED_UP: Final = r"(\d+ more, most often: )"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShownName:
-    """What may be written for a vehicle."""
+    """Names that may be written for a vehicle."""
 
     short: str
     """Its system id, ``UAV`` for the UAV: never the same for two."""
     name: str
     """Its name, else the same as ``short``."""
     legend: str
-    """What ``short`` means, empty where that is clear from the name itself, or the name cannot be shown."""
+    """Meaning of ``short``, empty where that is clear from the name itself, or the name cannot be shown."""
 
 
 def shown_names(snapshot: Snapshot, shows: Callable[[str], bool]) -> Mapping[int, ShownName]:
-    """What may be written for every vehicle of the table and every named box.
+    """Names that may be written for every vehicle of the table and every named box.
 
     Args:
         snapshot: Names may be words from a mission file, of any length and in any writing.

@@ -1,1 +1,1 @@
-"""What a session has on disk: snapshots, packets and events in, a folder out; a folder in, its tables out."""
+"""Sessions on disk: snapshots, packets and events in, a folder out; a folder in, its tables out."""

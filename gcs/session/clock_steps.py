@@ -38,7 +38,7 @@ NOTICED_US = 2_000_000
 FAR_BACK_US, FAR_AHEAD_US = 1_800_000_000, 86_400_000_000
 """Leaps beyond half an hour back and a day ahead are closed up."""
 CLOSED_UP_US = 1_000_000
-"""What is left of such a leap."""
+"""Rest of such a leap."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -88,7 +88,7 @@ _Pixel = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]
 
 
 class _StatementRow(msgspec.Struct, frozen=True):
-    """What the operator stated, as it is read."""
+    """Statement of the operator, as it is read."""
 
     track_id: _Track
     frame: _Frame
@@ -109,7 +109,7 @@ class _StatementRow(msgspec.Struct, frozen=True):
 
 
 class _ChangeRow(msgspec.Struct, frozen=True):
-    """What the operator changed about the fleet, as it is read."""
+    """Change by the operator about the fleet, as it is read."""
 
     what: Literal["added", "left out", "renamed"]
     system_id: _SystemId
@@ -176,7 +176,7 @@ def read_events(path: Path) -> tuple[list[Event], int]:
 
 
 def read_statements(folder: Path, ugv_ids: Collection[int]) -> list[Statement]:
-    """What the operator stated about boxes and a mission's ground vehicles, in all segments of ``events.jsonl``.
+    """Statements of the operator about boxes and a mission's ground vehicles, in all segments of ``events.jsonl``.
 
     Segments that cannot be read are passed over, as bad lines are: a replay reports both where it shows the events.
     """
@@ -185,7 +185,7 @@ def read_statements(folder: Path, ugv_ids: Collection[int]) -> list[Statement]:
 
 
 def read_changes(folder: Path) -> tuple[FleetChange, ...]:
-    """What the operator changed about the fleet, as :func:`read_statements` reads."""
+    """Changes by the operator about the fleet, as :func:`read_statements` reads."""
     return tuple(event.change for event in _all_events(folder) if event.change is not None)
 
 

@@ -102,7 +102,7 @@ class FrameDetections:
         self.skipped = table.skipped
 
     def at(self, frame: int) -> Detections:
-        """What was seen in a frame, perhaps nothing."""
+        """Boxes seen in a frame, perhaps nothing."""
         start, stop = np.searchsorted(self._frame, (frame, frame + 1))
         return Detections(**{name: column[start:stop] for name, column in self._columns.items()})
 

@@ -72,7 +72,7 @@ class FlightNotes:
     refused: int | None = None
     """Records that were rejected; None: the flight was not ended in order."""
     imported: tuple[tuple[str, str], ...] = ()
-    """What and how, of each file that an import read."""
+    """Account of each file that an import read."""
     spans: tuple[tuple[str, tuple[tuple[float, float], ...]], ...] = ()
     """Vehicles of which such a file tells, and from and to which seconds of the film."""
     started_us: int = 0
@@ -124,7 +124,7 @@ def _values_of(kind: type[Kind], table: object) -> dict[str, Kind]:
 
 
 def import_rows(table: object) -> Iterator[tuple[str, str]]:
-    """What and how, file by file, of the account that an import has written; of anything else nothing."""
+    """Rows of the account that an import has written, file by file; of anything else nothing."""
     for each in _sources(table):
         yield str(each.get("role", "")), str(each.get("name", ""))
         for what in ("clock", "read", "assumed"):

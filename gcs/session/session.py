@@ -32,7 +32,7 @@ VIDEO_SUFFIXES = (".mkv", ".mp4", ".ts", ".mov", ".avi")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Session:
-    """What a recording consists of; every path exists."""
+    """Parts that a recording consists of; every path exists."""
 
     path: Path
     mission: Mission | None
@@ -41,7 +41,7 @@ class Session:
     began: Mission | None = None
     """Who flew at its begin, where the operator changed that in flight; None: it is ``mission`` throughout."""
     changes: tuple[FleetChange, ...] = ()
-    """What the operator changed, in order."""
+    """Changes by the operator, in order."""
     video: Path | None = None
     video_start_s: float = 0.0
     """When a video without frames.csv begins, seconds after the log's first message."""
@@ -59,7 +59,7 @@ class Session:
 
     @property
     def name(self) -> str:
-        """What to call it on a screen."""
+        """Name on a screen."""
         return self.path.stem if self.path.is_file() else self.path.resolve().name
 
 

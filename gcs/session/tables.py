@@ -36,7 +36,7 @@ _FAR, _FAR_RAD = 1e6, 1e3
 
 @dataclass(frozen=True, slots=True)
 class _Range:
-    """What a column's numbers can be."""
+    """Range that a column's numbers can have."""
 
     least: float
     most: float

@@ -51,7 +51,7 @@ Finding = tuple[float, str]
 
 
 def judge(record: FlightRecord) -> FlightJudgement:
-    """What a flight's record says of its names."""
+    """Judge what a flight's record says of its names."""
     found = [(rank, finding) for rank, look in enumerate(_LOOKS) if (finding := look(record)) is not None]
     rank, amount = (found[0][0], found[0][1][0]) if found else (len(_LOOKS), 0.0)
     return FlightJudgement(record=record, rank=rank, amount=amount, reasons=tuple(text for _, (_, text) in found))

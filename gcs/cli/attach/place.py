@@ -23,7 +23,7 @@ VARIABLES = (
     *("TERM", "COLORTERM", "TERM_PROGRAM", "TERM_PROGRAM_VERSION", "LC_TERMINAL", "VTE_VERSION", "NO_COLOR"),
     *("TMUX", "STY", "SSH_CONNECTION", "COLUMNS", "LINES"),
 )
-"""What a terminal says of itself in the environment: the flight has those of another one, or none."""
+"""Variables in which a terminal describes itself: the flight has those of another one, or none."""
 
 
 Variable = Annotated[str, msgspec.Meta(max_length=1024, pattern=r"\A[^\x00-\x1f\x7f]*\Z")]
@@ -48,7 +48,7 @@ class ScreenOptions(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Wish(msgspec.Struct, frozen=True, kw_only=True):
-    """What a terminal asks for; its pseudo terminal comes along."""
+    """Request of a terminal; its pseudo terminal comes along."""
 
     variables: dict[str, Variable]
     options: ScreenOptions

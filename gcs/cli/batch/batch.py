@@ -111,7 +111,7 @@ def batch(
 
 
 class _Shown:
-    """What is told of a batch while it runs."""
+    """Progress of a batch while it runs."""
 
     def __init__(self, flights: int, as_json: bool) -> None:
         self.began_s = time.monotonic()

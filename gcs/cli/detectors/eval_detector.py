@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 __all__ = ["BUNDLED", "GSD_M", "detect_in_all", "eval_detector", "open_images", "open_model", "plain_classes"]
 
 RESULTS = ("eval.json", "eval.md", "worst.png", "apart.png")
-"""What is written into the folder of the results."""
+"""Files that are written into the folder of the results."""
 BUNDLED = "bundled"
 """In place of a file's name, Rollcall's own model."""
 GSD_M = (1e-4, 100.0)

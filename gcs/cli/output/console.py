@@ -1,4 +1,4 @@
-"""What commands print, and the one place where errors become exit codes.
+"""Output of commands, and the one place where errors become exit codes.
 
 Exit codes: 0 done; 1 a fault of the program; 2 input that cannot be used; 3 a link, port, disk or camera that is not
 to be had, or a flight of which something could not be recorded; 4 done, but no box could be named; 5 a log that is

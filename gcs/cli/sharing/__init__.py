@@ -1,1 +1,1 @@
-"""What others than the operator get of a flight or a replay: programs that are told, browsers that are served."""
+"""Flights and replays for others than the operator: programs that are told, browsers that are served."""

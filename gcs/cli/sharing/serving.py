@@ -27,7 +27,7 @@ TOKEN_BYTES = 24
 DOWNLOADS = "download"
 """Where textual-serve's pages ask for pictures, behind no token: each has a random name of its own, once."""
 FOREIGN = re.compile(r"<link[^>]*https?://[^>]*>", re.DOTALL)
-"""What textual-serve's page would have a browser fetch from elsewhere."""
+"""Addresses that textual-serve's page would have a browser fetch from elsewhere."""
 TAKES_KEYS = """<script>
 new MutationObserver((_, observer) => {
   const keys = document.querySelector(".xterm-helper-textarea");

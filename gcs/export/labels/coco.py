@@ -74,7 +74,7 @@ def _annotation(frame: LabelledFrame, image: int, one: LabelledBox) -> dict[str,
 
 
 def _in_image(points: NDArray[np.float64], width: int, height: int) -> NDArray[np.float64]:
-    """What of a convex outline (n, 2) lies in the image; its middle does."""
+    """Part of a convex outline (n, 2) that lies in the image; its middle does."""
     image = np.array([(0, 0), (width, 0), (width, height), (0, height)], dtype=np.float32)
     _, inside = cv2.intersectConvexConvex(points.astype(np.float32), image)
     return np.asarray(inside, dtype=np.float64).reshape(-1, 2)

@@ -73,7 +73,7 @@ class Way:
 
     @property
     def title(self) -> str:
-        """What to call it on a map."""
+        """Name on a map."""
         return self.name if self.system_id else f"unknown {self.track_id}"
 
     def summary(self) -> WaySummary:

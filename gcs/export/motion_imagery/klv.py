@@ -93,7 +93,7 @@ class KlvExport:
 
 
 def sight_of(snapshot: Snapshot) -> dict[int, float]:
-    """What ST 0601 tells of a frame, by tag: platform, sensor, and the picture on the ground; NaN unknown."""
+    """Values of ST 0601 for a frame, by tag: platform, sensor, and the picture on the ground; NaN unknown."""
     values: dict[int, float] = {}
     origin = snapshot.origin
     if origin is None or not np.isfinite(snapshot.uav_enu).all():

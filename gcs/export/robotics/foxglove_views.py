@@ -1,4 +1,4 @@
-"""What Foxglove draws of one frame: boxes on the picture, vehicles in space, fixes on the map. Pure.
+"""Views of one frame that Foxglove draws: boxes on the picture, vehicles in space, fixes on the map. Pure.
 
 Colours are those of the film that ``gcs export -o film.mp4`` makes.
 """

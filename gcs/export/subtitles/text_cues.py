@@ -50,7 +50,7 @@ class TextCues(ABC):
 
     @abstractmethod
     def text_of(self, cue: Cue) -> str:
-        """What the file has of a cue."""
+        """Text of a cue in the file."""
 
 
 class SrtExport(TextCues):

@@ -72,7 +72,7 @@ class CameraDirection:
         return camera_pose(mount, p_enu, R_enu_body, _gimbal(uav) if self.follows_gimbal else None)
 
     def check(self, t_us: int, uav: UavState) -> Iterator[Event]:
-        """What an operator should know of the direction, each once.
+        """News for the operator about the direction, each once.
 
         Args:
             t_us: now.

@@ -44,7 +44,7 @@ CORRECTED_FOCAL, CORRECTED_RAD, CORRECTED_STDS = 0.06, math.radians(4.0), 3.0
 """ln of a focal length, and a pitch, that a longer look must differ by to be used, and by how many σ. Names then
 begin anew."""
 NAME = "the film"
-"""What a camera that was found is called."""
+"""Name of a camera that was found."""
 _WHY_NOT = {
     CameraVerdict.STANDING: "the fleet stands still: vehicles in view have to drive by 4 m and more",
     CameraVerdict.AMBIGUOUS: "more than one camera explains what is seen: it takes vehicles that turn or brake",
@@ -171,7 +171,7 @@ class CameraFinder:
         )
 
     def _base(self, state: FleetState) -> FloatArray:
-        """What the camera hangs on: the gimbal where that reports, else the body."""
+        """Mount that the camera hangs on: the gimbal where that reports, else the body."""
         uav = state.uav
         if not self._gimbal or uav.R_enu_gimbal is None:
             return uav.R_enu_body

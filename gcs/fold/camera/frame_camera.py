@@ -68,7 +68,7 @@ class FrameCamera:
 
 
 def camera_aim(view: FrameCamera, uav: UavState) -> CameraAim:
-    """What snapshots tell of the camera."""
+    """Aim of the camera, as snapshots tell it."""
     lens = view.intrinsics
     return CameraAim(
         R_enu_cam=view.pose.R_enu_cam,

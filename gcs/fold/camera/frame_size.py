@@ -48,14 +48,14 @@ ALIKE = 0.03
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameSize:
-    """What is known of the size of frames without an image."""
+    """Knowledge of the size of frames without an image."""
 
     size: tuple[int, int] | None = None
     """Width and height, px; None: of the size that the camera is described for."""
     known: bool = True
     """False: unknown, and nothing can be named."""
     doubt: str = ""
-    """What an analyst should know."""
+    """Warning for an analyst."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

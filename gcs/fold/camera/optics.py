@@ -56,7 +56,7 @@ class Optics:
         return self._size or ((self._base.width, self._base.height) if self._base else None)
 
     def take_events(self) -> list[Event]:
-        """What is new since the last call: the camera used, its zoom, why there is none."""
+        """News since the last call: the camera used, its zoom, why there is none."""
         events, self._events = self._events, []
         return events
 

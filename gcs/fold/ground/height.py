@@ -63,7 +63,7 @@ UNKNOWN_VAR = 1e8
 MEMORY_S = 20.0
 """Samples count less with age: the ground where the fleet was before is not where it is now."""
 LONGEST_SAMPLE_S = 1.0
-"""What the first sample of a vehicle counts for, and one after a gap."""
+"""Time that the first sample of a vehicle counts for, and one after a gap."""
 FIND_EVERY_US = 300_000
 """The plane is fitted no more often: reports come a few times a second."""
 SMOOTHING_S = 2.0
@@ -73,7 +73,7 @@ OUTLIER_M = 15.0
 FLYING_M, LEAST_HEIGHT_M = 10.0, 3.0
 """A UAV this far above its home is at least that far above the ground where it is, metres."""
 DATUMS_M = (36.0, -36.0)
-"""What altitudes that nothing else confirms may be off by: in most places the geoid is up to 60 m from the ellipsoid.
+"""Offsets of altitudes that nothing else confirms: in most places the geoid is up to 60 m from the ellipsoid.
 The identifier tries 12 and 24 m beside each."""
 GUESS_M, GUESS_STD_M = 50.0, 25.0
 """A UAV's height above the ground where the only altitudes put it into the ground, and 1σ."""
@@ -95,7 +95,7 @@ class GroundHeight:
         """By how much it rose at once, with the last update."""
         self._found: GroundSurface | None = None
         self._found_us = 0
-        """What was found last, and when; ``ground`` follows it."""
+        """Height that was found last, and when; ``ground`` follows it."""
         self._relief: Relief | None = None
         self._bumps = VehicleRelief(0)
         self._outside_told = False

@@ -35,7 +35,7 @@ STEPS = 6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeightSource:
-    """What one source makes of the ground's height."""
+    """Height of the ground by one source."""
 
     name: str
     z: float
@@ -63,7 +63,7 @@ class Relief:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroundSurface:
-    """What the vehicles drive on: a plane, with the relief of a terrain file upon it where there is one."""
+    """Surface that the vehicles drive on: a plane, with the relief of a terrain file upon it where there is one."""
 
     at: FloatArray
     """(2,) a point on it, east and north, metres."""

@@ -49,7 +49,7 @@ _AROUND = " \t\r\n\"'"
 _MOST_NAMED, _MOST_NAME = 8, 40
 _NO_NUMBER = "cells that are no numbers"
 _UNKNOWN = ("", "nan", "null", "none", "n/a", "na", "-", "--")
-"""What stands in a cell where nothing is known."""
+"""Words in a cell where nothing is known."""
 
 
 def read_csv(path: Path) -> list[VehicleLog]:

@@ -55,7 +55,7 @@ _TYPES_BEFORE_2015 = {"EKF1": "NKF1"}
 
 @dataclass(frozen=True, slots=True)
 class _RecordLayout:
-    """What FMT says of a type."""
+    """Layout of a type by FMT."""
 
     name: str
     size: int
@@ -72,7 +72,7 @@ class DataflashTables:
     what: str
     """In words, what was read."""
     left_out: dict[str, int]
-    """What belongs to no record, and records beyond what is kept of a type, by reason."""
+    """Counts of what belongs to no record, and of records beyond what is kept of a type, by reason."""
 
     def rows(self, name: str, *columns: str) -> NDArray[np.void] | None:
         """Records of a type, None where there are none or a column is missing."""

@@ -63,7 +63,7 @@ class DjiCue:
 
 
 def read_cue(text: str) -> DjiCue | None:
-    """What a subtitle says; None without a position."""
+    """Sample of a subtitle; None without a position."""
     keyed = {name.lower(): value for name, value in _KEYED.findall(text)}
     for whose, angles in _BLOCK.findall(text):
         keyed |= {f"{whose.lower()}_{name.lower()}": value for name, value in _KEYED.findall(angles)}

@@ -1,4 +1,4 @@
-"""What a video file carries beside its pictures: subtitles, KLV, and messages (SEI) among the coded pictures.
+"""Streams that a video file carries beside its pictures: subtitles, KLV, and messages (SEI) among the coded pictures.
 
 The file is read through once without decoding. Times are µs since the video's first frame.
 """
@@ -32,7 +32,7 @@ _DJI_NAMES = ("DJI meta", "djmd")
 
 @dataclass(slots=True)
 class FilmStreams:
-    """What was found."""
+    """Streams that were found."""
 
     cues: list[SubtitleCue] = field(default_factory=list)
     klv: list[TimedBytes] = field(default_factory=list)
@@ -83,7 +83,7 @@ def _unread(streams: Iterable[Any]) -> Iterator[str]:
 
 
 def _parts(stream: Any, data: bytes) -> Iterator[tuple[str, bytes]]:  # noqa: ANN401 - untyped streams
-    """What counts of a packet, by its kind."""
+    """Parts of a packet that count, with their kind."""
     # there is none for what FFmpeg has no decoder of
     codec = stream.codec_context.name if stream.codec_context is not None else ""
     if stream.type == "video":

@@ -36,7 +36,7 @@ def is_nmea(head: bytes) -> bool:
 
 
 class _NmeaFix:
-    """What sentences of one time tell."""
+    """Fix that sentences of one time tell."""
 
     def __init__(self, time_s: float) -> None:
         self.time_s = time_s

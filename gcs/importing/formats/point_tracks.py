@@ -54,7 +54,7 @@ class PointTracks:
         return sum(len(track.columns) for track in (*self._tracks, self._open)) // _COLUMNS
 
     def name(self, text: str) -> None:
-        """What the track that is read is called."""
+        """Take the name of the track that is read."""
         self._open.name = plain(text.strip()[:_MOST_NAME])
 
     def add(

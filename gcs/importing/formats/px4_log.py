@@ -88,7 +88,7 @@ class _UlogQuestion(msgspec.Struct):
 
 
 class UlogTopics(msgspec.Struct, tag=True):
-    """What was found."""
+    """Topics that were found."""
 
     topics: list[_UlogTopic]
     """Those with rows, instances of one name by their numbers."""

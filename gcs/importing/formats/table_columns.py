@@ -29,7 +29,7 @@ _ALIASES = {
         "yaw", "pitch", "roll", "heading", "gimbal_yaw", "gimbal_pitch", "gimbal_roll"
     )},
 }  # fmt: skip
-"""What else columns are called."""
+"""Other names of columns."""
 KNOWN = frozenset(_ALIASES.values()) | {"frame", "hfov_deg", "vn_mps", "ve_mps", "vd_mps", "id"}
 _SCALED = {"_rad": ("_deg", math.degrees(1.0)), "_cdeg": ("_deg", 0.01), "_e7": ("", 1e-7), "_mm": ("_m", 1e-3)}
 """Endings of other units, and the factor."""

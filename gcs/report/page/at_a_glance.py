@@ -1,4 +1,4 @@
-"""What a report answers first: who was named, how surely and for how long; what went wrong; how far to trust it."""
+"""Answers first: who was named, how surely and for how long; what went wrong; how far to trust it."""
 
 from __future__ import annotations
 

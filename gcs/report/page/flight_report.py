@@ -35,18 +35,18 @@ _LEVELS: Final = MappingProxyType({"level": MappingProxyType({"alarm": "bad", "w
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance:
-    """What a report was made of."""
+    """Sources that a report was made of."""
 
     name: str
     """Name of the recording."""
     lacks: Sequence[str] = ()
-    """What the recording does not have, and what that costs, a line each."""
+    """Gaps of the recording, and what they cost, a line each."""
     settings: Mapping[str, str] = field(default_factory=dict)
     """Programs, options and networks, by what they are."""
     files: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 of each file that was read, by name."""
     imported: Sequence[tuple[str, str]] = ()
-    """What and how, of the files of others that the recording was made from."""
+    """Account of the files of others that the recording was made from."""
     spans: Sequence[tuple[str, Sequence[tuple[float, float]]]] = ()
     """Vehicles that these tell of, each with the seconds of the film from which and to which."""
 

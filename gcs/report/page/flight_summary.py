@@ -1,4 +1,4 @@
-"""What a report needs to know of a flight, added up from its snapshots in memory that does not grow with it."""
+"""Summary of a flight for a report, added up from its snapshots in memory that does not grow with it."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ __all__ = [
 ]
 
 POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
-"""What a browser may do with the page: show it."""
+"""Policy for browsers: they may show the page, no more."""
 CHART_WIDTH: Final = 1000
 MOST_LINES: Final = 5
 """Most lines of one kind on a card."""
@@ -53,7 +53,7 @@ class Section:
 
     @property
     def anchor(self) -> str:
-        """What a link to it says."""
+        """Name of the part for links to it."""
         return "-".join(re.findall(r"[a-z]+", self.title.lower()))
 
 
@@ -141,7 +141,7 @@ def _kind(*kinds: str | None) -> str:
 
 
 def card(title: str, sum_up: tuple[str, str], lines: Iterable[Line], kind: str = "") -> str:
-    """What there is to know first of one question.
+    """Card with what there is to know first of one question.
 
     Args:
         title: plain words, the question.

@@ -27,7 +27,7 @@ LIGHT: Final[Mapping[str, Rgb]] = MappingProxyType(
         "no position": (127, 6, 2),
     }
 )
-"""What a colour is for, and how it looks: as on the light screens."""
+"""Colours by what each is for, as on the light screens."""
 DARK: Final[Mapping[str, Rgb]] = MappingProxyType(
     {
         "panel": PICTURE_PAPER,

@@ -1,4 +1,4 @@
-"""What there is to know of each vehicle: when it was named, how surely, why, and how good its own reports were."""
+"""Parts of the page about each vehicle: when it was named, how surely, why, and how good its own reports were."""
 
 from __future__ import annotations
 
