@@ -9,8 +9,6 @@ from typing import Any
 
 from gcs.cli.output.console import print_json
 
-__all__ = ["count", "parser_of", "print_results"]
-
 RESULTS = Path("bench-results")
 """In the working folder: what was measured and kept in bench/results is never written over."""
 

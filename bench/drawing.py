@@ -7,8 +7,6 @@ import importlib
 from pathlib import Path
 from typing import Any
 
-__all__ = ["MISSING", "pyplot", "read_rows"]
-
 MISSING = "no figure: matplotlib is not installed; pip install 'rollcall-gcs[bench]' and run again, or draw the csv"
 
 

@@ -22,8 +22,6 @@ from mavlink.protocol.decode import decode
 from mavlink.protocol.messages import FilterStatus, GlobalPosition, GpsRaw, Sample, StatusText
 from mavlink.tlog.log import Tlog
 
-__all__ = ["Fault", "FaultRow", "Raised", "compare", "main", "page", "read_faults"]
-
 _LINE = re.compile(r"(?P<t>[\d.]+)\s+(?P<what>BEGIN|END)\s+(?P<kind>\S+)\s+(?P<name>.+)\((?P<id>\d+)\)\s*$")
 SOON_S, OVER_S = 3.0, 5.0
 """An alarm comes so soon after its fault can be known, and is over so soon after that is over."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 import random
 import socket
 
-__all__ = ["free_port"]
-
 _PORTS = iter(random.sample(range(20_000, 32_000), 12_000))
 """Below those that systems hand out by themselves: what is found free stays free until it is bound a while later."""
 

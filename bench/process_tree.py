@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 import psutil
 
-__all__ = ["Cost", "cost_of", "family"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cost:

@@ -33,8 +33,6 @@ from vision.motion.estimator import MotionEstimator
 from vision.video.image_file import read_image
 from vision.video.video import VideoFile
 
-__all__ = ["FilmOptions", "FilmReport", "NumberedImages", "session_from_film"]
-
 FloatArray = NDArray[np.float64]
 Image = NDArray[np.uint8]
 Report = Callable[[int, int], None]

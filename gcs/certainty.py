@@ -8,8 +8,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-__all__ = ["CONFIRMED", "certainty", "named"]
-
 CONFIRMED: Final = 0.9
 """Confidence from which a name counts as confirmed; below, it is tentative."""
 _MOST_PERCENT: Final = 99

@@ -7,8 +7,6 @@ from typing import Annotated
 
 from msgspec import Meta
 
-__all__ = ["Limits"]
-
 Share = Annotated[float, Meta(ge=0.0, le=1.0)]
 
 

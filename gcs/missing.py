@@ -6,8 +6,6 @@ from typing import Final
 
 from gcs.snapshot import Box, Snapshot
 
-__all__ = ["may_be"]
-
 LEAST: Final = 0.1
 """Probability from which it is told: a missing vehicle has a larger share in every box that it may be."""
 ALIKE: Final = 0.05

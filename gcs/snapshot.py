@@ -18,23 +18,6 @@ from gcs.limits import Limits
 from mavlink.geodesy import LocalFrame
 from mavlink.state import Level, VehicleCondition
 
-__all__ = [
-    "Alarm",
-    "Box",
-    "Candidate",
-    "Event",
-    "FleetChange",
-    "Health",
-    "Level",
-    "LinkHealth",
-    "Reported",
-    "Snapshot",
-    "Standing",
-    "Statement",
-    "VehicleCondition",
-    "VehicleRow",
-]
-
 NAN, NEVER = float("nan"), float("inf")
 HELD_SHOWN_S = 0.5
 """Names older than this are shown with their age: streams of two frames a second and faster pass in this time."""

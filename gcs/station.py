@@ -15,8 +15,6 @@ from gcs.trails import Trail
 from mavlink.geodesy import LocalFrame
 from mavlink.transmit.message_rates import Rate
 
-__all__ = ["Commands", "Gap", "Newcomer", "Practice", "Station", "Timeline"]
-
 
 class Commands(Protocol):
     """Orders of the operator to the UAV; both methods may be called from the screen's thread and return at once."""

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from gcs.snapshot import Snapshot
 from mavlink.geodesy import LocalFrame
 
-__all__ = ["Trail", "Trails"]
-
 EVERY_US: Final = 500_000
 """Interval between two samples: a vehicle of 10 m/s is 5 m further."""
 MOST_SAMPLES: Final = 14_400

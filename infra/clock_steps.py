@@ -8,8 +8,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["level_steps", "restarts"]
-
 Ints = NDArray[np.int64]
 
 _NEXT = 8

@@ -6,8 +6,6 @@ characters that turn the direction of writing or end a line.
 
 from __future__ import annotations
 
-__all__ = ["from_cell", "plain", "to_cell"]
-
 _FORMULA = tuple("=+-@＝＋－＠")
 """A cell that begins so is run by spreadsheets; those that count wide letters as their narrow twins too."""
 _AS_TEXT = "'"

@@ -25,16 +25,6 @@ from infra.files.safe_open import open_to_append
 from infra.plain_text import plain
 from infra.secrets import conceal
 
-__all__ = [
-    "LogFile",
-    "PlainFormatter",
-    "child_environment",
-    "least_level",
-    "log_as_parent",
-    "log_to_stream",
-    "log_uncaught",
-]
-
 PACKAGES = ("gcs", "mavlink", "vision", "assoc", "sim", "infra")
 """Whose records are written: libraries may put a password into theirs."""
 MOST_BYTES = 16 << 20

@@ -8,8 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Hashable, Iterable, Sequence
 
-__all__ = ["Backoff", "Hysteresis", "ReportGrowth", "ReportOnce", "Throttle", "TokenBucket"]
-
 
 class ReportOnce:
     """Texts that are reported once each.

@@ -14,8 +14,6 @@ import re
 from bisect import insort
 from urllib.parse import unquote
 
-__all__ = ["conceal", "conceal_in", "concealed", "hide", "secrets_of"]
-
 _MARK = "***"
 _SCHEME = re.compile(r"(?:[A-Za-z][A-Za-z0-9+.-]*::)*[A-Za-z][A-Za-z0-9+.-]*://")
 _STORES = ("s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "adl", "oci", "memory", "file", "local")

@@ -19,8 +19,6 @@ import struct
 import tempfile
 from zlib import crc32
 
-__all__ = ["NewestValue", "Ring", "make_memory", "map_memory"]
-
 _HEAD = struct.Struct("=II")
 """Before each record or value: its length and its checksum."""
 _CURSORS_BYTES = 16

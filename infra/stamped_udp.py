@@ -9,8 +9,6 @@ import sys
 
 from infra.wall_clock import now_us
 
-__all__ = ["LARGEST_DATAGRAM", "STAMP", "open_stamped_udp", "receive_stamped"]
-
 LARGEST_DATAGRAM = 65536
 _LINUX = sys.platform == "linux"
 _SO_TIMESTAMPNS = 35

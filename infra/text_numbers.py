@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["number", "number_or_nan"]
-
 _LONGEST, _MOST_TOLD = 40, 60
 
 

@@ -17,8 +17,6 @@ import msgspec
 import tomli_w
 from msgspec import inspect
 
-__all__ = ["MOST_TOML_BYTES", "build", "check_limits", "parse_toml", "toml_text"]
-
 Kind = TypeVar("Kind")
 
 MOST_TOML_BYTES = 256 << 10

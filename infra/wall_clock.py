@@ -5,8 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-__all__ = ["STEP_US", "ClockWatch", "now_us"]
-
 STEP_US = 50_000
 """A clock that is set by less is taken for one that is slewed."""
 _READ_NS = 5_000_000

@@ -6,8 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import BinaryIO
 from xml.parsers import expat
 
-__all__ = ["MOST_DEPTH", "ElementHandler", "XmlRefusedError", "read_elements"]
-
 MOST_DEPTH = 64
 _CHUNK = 1 << 16
 

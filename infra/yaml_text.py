@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["MOST_YAML_BYTES", "parse_yaml"]
-
 MOST_YAML_BYTES = 256 << 10
 """Descriptions of cameras and lists of class names take some thousand; PyYAML reads a million a second at best."""
 

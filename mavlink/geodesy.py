@@ -15,17 +15,6 @@ from pyproj import Transformer
 
 from mavlink.errors import GeodesyError
 
-__all__ = [
-    "R_ENU_NED",
-    "LocalFrame",
-    "euler_from_quaternion",
-    "quaternion_from_euler",
-    "rotation_from_euler",
-    "rotation_from_quaternion",
-    "separation_m",
-    "wrap_pi",
-]
-
 Array = NDArray[np.float64]
 
 _EARTH_RADIUS_M = 6_371_009.0  # mean; good to half a percent anywhere

@@ -9,21 +9,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "ARMING_FAILURES",
-    "SILENT_S",
-    "CameraReport",
-    "ChannelStatus",
-    "FleetState",
-    "Level",
-    "Notice",
-    "PositionState",
-    "Reports",
-    "UavState",
-    "VehicleCondition",
-    "VehicleStatus",
-]
-
 Array = NDArray[np.float64]
 Level = Literal["info", "warning", "alarm"]
 ARMING_FAILURES = ("PreArm: ", "Arm: ", "Preflight Fail: ")

@@ -26,8 +26,6 @@ from sim.errors import PlayError
 from sim.faults.fault_traffic import FaultTraffic, traffic
 from sim.faults.fleet_faults import LIES, SimulatedFleet, SimulatedSender
 
-__all__ = ["SendCounts", "fleet_of", "main", "read_keys", "send", "system_ids"]
-
 UAV_ID, FIRST_UGV_ID, MOST = 1, 11, 245
 """System ids of the UAV and of the first ground vehicle; with so many vehicles the last id is 254, as 255 is that of
 most ground stations."""

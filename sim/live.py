@@ -24,8 +24,6 @@ from sim.telemetry.vehicle_telemetry import TELEMETRY_FROM_S, TelemetryPacket, f
 from sim.world.scenario import UAV_ID, Scenario
 from sim.world.world import World
 
-__all__ = ["PlaybackCounts", "play"]
-
 TICK_S = 0.2
 """Interval of ``on_tick``, and longest time until ``stop`` is noticed."""
 LEAD_S, LEAD_PER_VEHICLE_SECOND = 0.3, 1e-4

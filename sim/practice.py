@@ -13,8 +13,6 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from sim.errors import PlayError
 
-__all__ = ["TROUBLES", "VIDEO", "Troubles", "parse_trouble"]
-
 VIDEO = "video"
 TROUBLES: Mapping[str, str] = MappingProxyType(
     {

@@ -21,16 +21,6 @@ from sim.world.scenario import UAV_ID, Scenario
 from sim.world.scenario_file import save_scenario
 from sim.world.world import World, random_stream
 
-__all__ = [
-    "frame_times",
-    "new_session",
-    "session_toml",
-    "write_frames",
-    "write_session",
-    "write_tlog",
-    "write_visible_truth",
-]
-
 FloatArray = NDArray[np.float64]
 
 NO_DISTORTION = (0.0,) * 5

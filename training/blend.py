@@ -18,8 +18,6 @@ from onnx import numpy_helper
 from training.export import SCORE, score_shift
 from vision.errors import ModelError
 
-__all__ = ["blend"]
-
 
 def blend(old: Path, new: Path, share: float, score: float = SCORE) -> onnx.ModelProto:
     """The model (1 − share) old + share new, weight by weight, with the metadata of the new one.

@@ -21,8 +21,6 @@ from vision.detect.decode_heatmap import decode
 from vision.detect.detections import Detections
 from vision.detect.onnx_model import metadata, open_session
 
-__all__ = ["HeldOut", "by_condition", "detect", "read_held_out"]
-
 FloatArray = NDArray[np.float64]
 SIZES = ((10.0, 16.0), (16.0, 24.0), (24.0, 48.0), (48.0, 120.0))
 """Ranges of a vehicle's length, px, that are reported apart; the edges are a choice."""

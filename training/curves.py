@@ -9,8 +9,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["draw_curves", "plot", "read_columns"]
-
 FloatArray = NDArray[np.float64]
 WIDTH, HEIGHT, MARGIN = 560, 320, 44
 """Sizes of one plot and of the margin around it, px."""

@@ -13,8 +13,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SIDE", "Known", "TrainingSample", "cut", "rendered_sample", "worsen"]
-
 SIDE = 256
 """Side of the images that training sees, cut from larger ones."""
 SCALES = (0.68, 1.6)

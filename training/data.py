@@ -22,8 +22,6 @@ from training.cuts import SIDE, Known, TrainingSample, cut, rendered_sample, wor
 from training.net import STRIDE
 from training.photographs import Photographs
 
-__all__ = ["Mixture", "Pool", "TrainingBatch", "batch_samples"]
-
 SWAPPED_SHARE, GREY_SHARE, NEGATIVE_SHARE = 0.12, 0.12, 0.5
 """Shares of images: colours that change places, colours that are lost and, of these, negatives: cameras for daylight
 may see but grey, and for warmth what is warm either dark or light. A choice."""

@@ -23,8 +23,6 @@ from training.net import JUDGED, STRIDE, ConvNorm, Grow, Judge, Net, Residual
 from vision.detect.onnx_model import open_session
 from vision.errors import ModelError
 
-__all__ = ["SCORE", "export", "read_weights", "restore_statistics", "score_shift", "to_onnx"]
-
 OPSET = 17
 """ONNX operator set of the file; ONNX Runtime reads it from 1.12 on."""
 NOMINAL_LENGTH_PX = 29.0

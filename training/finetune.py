@@ -35,8 +35,6 @@ from vision.evaluation.matching import ASIDE
 from vision.evaluation.measures import FLOOR
 from vision.evaluation.precision import balanced_score
 
-__all__ = ["FineTuning", "TrainingOptions"]
-
 Report = Callable[[int, int], None]
 """Is told how much is done, and of how much."""
 RENDERED_CROPS, RENDERED_SHARD = 500, 50

@@ -21,8 +21,6 @@ from training.data import TrainingBatch
 from training.net import CHANNELS, STRIDE, scores
 from vision.detect.boxes import prob_iou_pairs
 
-__all__ = ["Losses", "losses"]
-
 WIDTH_SHARE, SIGMA_CELLS = 0.16, (0.5, 2.0)
 """σ of a centre's target across a vehicle: a share of its width, within bounds; a choice."""
 CAR_ASPECT, MOST_SPREAD = 2.5, 2.5

@@ -15,8 +15,6 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-__all__ = ["CHANNELS", "JUDGED", "STRIDE", "ConvNorm", "Grow", "Judge", "Net", "Residual", "scores"]
-
 STRIDE = 4
 """Pixels of the input for each cell of the map, on a side."""
 CHANNELS = 9

@@ -26,8 +26,6 @@ from vision.errors import LabelError
 from vision.evaluation import LabelledImage, Truth
 from vision.evaluation.matching import overlap
 
-__all__ = ["MINING_SCORE", "Photograph", "Photographs", "label_rows", "mine", "open_photographs", "part"]
-
 log = logging.getLogger(__name__)
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float64]

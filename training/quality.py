@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from vision.detect.boxes import rotated_iou
 from vision.detect.detections import Detections
 
-__all__ = ["Quality", "measure", "score_at_precision"]
-
 FloatArray = NDArray[np.float64]
 
 

@@ -15,8 +15,6 @@ from vision.detect.onnx_model import metadata, open_session
 from vision.errors import TrainingError
 from vision.evaluation import LabelledImage
 
-__all__ = ["begin", "continued", "finish", "sha256", "write_record"]
-
 NAME = "run.json"
 SAME = ("options", "labels sha256", "begins with sha256", "trained on", "watched", "kept apart")
 """What a run that is continued must have in common with its beginning."""

@@ -16,8 +16,6 @@ import numpy as np
 from vision.errors import LabelError
 from vision.evaluation import LabelledImage
 
-__all__ = ["Split", "split"]
-
 KEPT_FOLDERS = frozenset(("val", "valid", "validation", "test"))
 """Folders that are never trained on, as data sets have them."""
 TRIES = 500

@@ -45,8 +45,6 @@ from vision.detect.detections import Detections
 from vision.detect.detector import open_detector
 from vision.evaluation import choose_in_all, open_folder
 
-__all__ = ["BATCH", "STATISTICS_IMAGES", "Trainer", "append_row", "batches", "best_device", "render_crops"]
-
 log = logging.getLogger(__name__)
 BATCH = 16
 """Images of one step, unless another number is given; a choice."""

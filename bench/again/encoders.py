@@ -13,8 +13,6 @@ from mavlink.protocol.packet import Packet
 from mavlink.signing.keys import Key
 from mavlink.signing.streams import ticks_of
 
-__all__ = ["FIRST_BOOT_MS", "SECRET", "RebootedEncoder", "ScriptedSigner"]
-
 FIRST_BOOT_MS = 1500
 """Of a vehicle that was just switched on, at its first message."""
 SECRET = bytes(range(32))

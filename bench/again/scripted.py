@@ -43,8 +43,6 @@ from sim.world.world import World
 from vision.detect.detections import Detections
 from vision.video.video import Frame
 
-__all__ = ["CAMERA", "InjectedFaults", "ScriptedDetector", "ScriptedFlight", "fly", "within"]
-
 S = 1_000_000
 BATCH_US = 4_000
 """Datagrams of one link that arrive within this time are received as one batch."""

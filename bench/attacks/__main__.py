@@ -38,8 +38,6 @@ from bench.attacks.handed import files, folders
 from bench.attacks.report import AttackRow, page, read_rows, write_rows
 from bench.attacks.run import Attack, Options
 
-__all__ = ["ATTACKS", "main"]
-
 ATTACKS: Final[dict[str, Attack]] = {
     "components": takeover.components,
     "duplicates": contests.duplicates,

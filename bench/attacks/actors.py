@@ -10,8 +10,6 @@ from dataclasses import dataclass, replace
 from bench.attacks.stage import TRUE, PacketSchedule, Party, Send
 from bench.attacks.wire import AUTOPILOT, COPTER, ROVER, ComponentEncoder
 
-__all__ = ["DATED", "FULL", "HOME", "UAV_ID", "Body", "geodetic_position", "rover", "uav", "vehicle_schedules"]
-
 HOME = (47.0, 8.0)
 """Latitude and longitude, degrees, of the hovering UAV: the origin of all positions here."""
 ALTITUDE_M, UAV_HEIGHT_M = 500.0, 40.0

@@ -20,8 +20,6 @@ from bench.attacks.takeover import CONTEST
 from bench.attacks.wire import ComponentEncoder
 from bench.ports import free_port
 
-__all__ = ["duplicates", "jammed", "late_links"]
-
 BEGIN_S = 5.0
 """When second senders begin: the true ones are known by then."""
 FROM_BOOT = -BEGIN_S

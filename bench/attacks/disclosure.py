@@ -20,8 +20,6 @@ from bench.attacks.wire import ComponentEncoder
 from bench.ports import free_port
 from bench.process_tree import family
 
-__all__ = ["behind_an_output", "video_password"]
-
 PASSWORD = "Hush0xBEEF77"
 FLY_S, TRY_S = 6.0, 30.0
 OPERATOR = 255

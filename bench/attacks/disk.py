@@ -20,8 +20,6 @@ from bench.attacks.station import AttackedStation
 from bench.attacks.wire import ComponentEncoder
 from bench.process_tree import family
 
-__all__ = ["frozen_disk", "stopped_processes"]
-
 IDS = tuple(range(11, 23))
 FREEZES_S = ((4.0, 2.0), (9.0, 5.0), (16.0, 1.0))
 """When, and for how long, the file system is frozen."""

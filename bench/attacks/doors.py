@@ -23,8 +23,6 @@ from bench.attacks.station import AttackedStation, mission_text
 from bench.attacks.wire import ComponentEncoder
 from bench.ports import free_port
 
-__all__ = ["doors_of_a_flight"]
-
 FLY_S = 4.0
 MUTE, PATIENCE_S = 16, 90.0
 MOST_SIGNALS = 300

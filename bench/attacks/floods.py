@@ -14,8 +14,6 @@ from bench.attacks.stage import FALSE, TRUE, Flood, PacketSchedule, Party, Sende
 from bench.attacks.station import AttackedStation, key_of, write_keys
 from bench.attacks.wire import ComponentEncoder, ticks_now
 
-__all__ = ["known_id", "spoofed_junk"]
-
 UNKNOWN_SENDER = 0
 """System id under which packets without one are counted."""
 BEGIN_S = 4.0

@@ -16,8 +16,6 @@ from bench.attacks.station import AttackedStation
 from bench.attacks.wire import ComponentEncoder, redated
 from bench.ports import free_port
 
-__all__ = ["healthy_fleet", "played_recording"]
-
 FLEET = tuple(range(11, 23))
 EXPECTED = r"nothing is authenticated"
 """True of every flight without keys."""

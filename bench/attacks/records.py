@@ -13,18 +13,6 @@ from typing import Any
 
 from bench.attacks.stage import Party, StageCounts
 
-__all__ = [
-    "LoggedEvent",
-    "VehicleEstimate",
-    "estimates_of",
-    "first_warning",
-    "fold_recording",
-    "frames",
-    "read_events",
-    "recorded",
-    "sender_of",
-]
-
 FOLD_TIMEOUT_S = 900.0
 """Longest time for the replay of a recording."""
 _OVERHEAD = {0xFD: 12, 0xFE: 8}

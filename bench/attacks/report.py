@@ -10,8 +10,6 @@ from pathlib import Path
 
 from infra.markdown import markdown_table
 
-__all__ = ["AttackRow", "page", "read_rows", "write_rows"]
-
 NAN = math.nan
 MOST_TEXT = 110
 

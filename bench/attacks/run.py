@@ -19,8 +19,6 @@ from bench.attacks.stage import FALSE, TRUE, PacketSchedule, Party, SenderFactor
 from bench.attacks.station import AttackedStation, mission_text
 from bench.ports import free_port
 
-__all__ = ["Attack", "Flown", "Options", "false_position_s", "fly"]
-
 SETTLE_S = 1.0
 """What was sent last is on its way to the disk for as long."""
 PROMISE_S = 2.0

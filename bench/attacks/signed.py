@@ -28,8 +28,6 @@ from bench.attacks.station import AttackedStation, StationError, key_of, mission
 from bench.attacks.wire import ComponentEncoder, ticks_now
 from bench.ports import free_port
 
-__all__ = ["late_start", "replayed", "restarts"]
-
 DAY_S = 86_400.0
 LATE_S = 20.0
 FLY_S = 8.0

@@ -15,19 +15,6 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-__all__ = [
-    "FALSE",
-    "TRUE",
-    "Flood",
-    "PacketSchedule",
-    "Party",
-    "Send",
-    "SenderFactory",
-    "Stage",
-    "StageCounts",
-    "udp_to",
-]
-
 Send = Callable[[bytes], object]
 Party = tuple[str, int]
 """A role and a system id: whose packets are counted together."""

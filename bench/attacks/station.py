@@ -13,8 +13,6 @@ from pathlib import Path
 
 from bench.process_tree import family
 
-__all__ = ["AttackedStation", "StationError", "key_of", "mission_text", "write_keys"]
-
 START_S, END_S = 40.0, 40.0
 """Patience with a flight that begins, and with one that seals its recording."""
 _BEGUN = re.compile(r"recording in (.*): stop with")

@@ -18,8 +18,6 @@ from bench.attacks.station import AttackedStation, mission_text
 from bench.attacks.wire import ComponentEncoder
 from bench.ports import free_port
 
-__all__ = ["over_serial", "over_tcp", "poison", "swallowed_frames"]
-
 POISON = b"\xfd\xff\x00"
 GOOD = 3
 WAIT_S = 2.0

@@ -12,8 +12,6 @@ from bench.attacks.run import PROMISE_S, SLACK_S, Flown, Options, false_position
 from bench.attacks.stage import FALSE, TRUE, PacketSchedule, SenderFactory
 from bench.attacks.wire import AUTOPILOT, NO_AUTOPILOT, ROVER, ComponentEncoder
 
-__all__ = ["CASES", "CONTEST", "components", "first_position", "judge"]
-
 CONTEST = r"senders? |two addresses|contest|another component|also (sent|reported)|imposs?tor"
 """Words in alarms about a second sender."""
 COMPANION_TYPE = 18  # MAV_TYPE_ONBOARD_CONTROLLER

@@ -23,8 +23,6 @@ from bench.attacks.station import AttackedStation, mission_text
 from bench.ports import free_port
 from infra.session_format import FRAMES
 
-__all__ = ["DARK", "coded_film", "others_at_the_port"]
-
 FPS, GOP, FILM_S = 10, 10, 14.0
 WIDTH, HEIGHT, PIECE = 160, 96, 7 * 188
 DARK, LIGHT = 20, 235

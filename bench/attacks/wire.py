@@ -7,17 +7,6 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-__all__ = [
-    "AUTOPILOT",
-    "COPTER",
-    "NO_AUTOPILOT",
-    "ROVER",
-    "SIGNING_EPOCH_S",
-    "ComponentEncoder",
-    "redated",
-    "ticks_now",
-]
-
 ROVER: Final = 10
 COPTER: Final = 2
 AUTOPILOT: Final = 3

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from bench.field.draws import gnss, road, session, signed, slight
+from bench.field.draws import road, session
+from sim.world.error_draws import gnss, signed, slight
 from sim.world.scenario import (
     Scenario,
     ScenarioCamera,
@@ -16,29 +17,6 @@ from sim.world.scenario import (
     ScenarioFlight,
     ScenarioTiming,
 )
-
-__all__ = [
-    "ALTITUDES",
-    "ALTITUDES_HARD",
-    "HILLS",
-    "HILLS_HARD",
-    "SHAKING",
-    "SHAKING_HARD",
-    "UNKNOWN",
-    "UNKNOWN_HARD",
-    "WRONG_CAMERAS",
-    "WRONG_CAMERAS_HARD",
-    "altitudes",
-    "altitudes_hard",
-    "hill",
-    "hill_hard",
-    "shaking",
-    "shaking_hard",
-    "unknown",
-    "unknown_hard",
-    "wrong_camera",
-    "wrong_camera_hard",
-]
 
 SHAKING = (
     "nadir, 50 Hz, rates",

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sim.world.error_draws import gnss, signed, slight
 from sim.world.scenario import Scenario, ScenarioGround
-
-__all__ = ["FROM_THE_START_S", "gnss", "road", "session", "signed", "slight"]
 
 DURATION_S = 36.0
 FROM_THE_START_S = -60.0

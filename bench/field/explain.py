@@ -20,8 +20,6 @@ from gcs.report.score import Matched
 from sim.session import write_session
 from sim.world.scenario import FIRST_UGV_ID, Scenario
 
-__all__ = ["explain", "spans"]
-
 BRIDGE_S = 0.35
 """Spans of the same kind on the same track are one when no more than this lies between them."""
 

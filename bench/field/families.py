@@ -15,19 +15,6 @@ from bench.field import camera_trouble, messy, other_trouble, standard
 from bench.field import hard as harder
 from sim.world.scenario import Scenario
 
-__all__ = [
-    "FAMILIES",
-    "UNRELATED",
-    "Family",
-    "Split",
-    "Version",
-    "film_of",
-    "has_pixels",
-    "label_of",
-    "scenario_of",
-    "seeds_of",
-]
-
 Split = Literal["tune", "report"]
 REPORT_FROM = 200
 UNRELATED = 18

@@ -11,8 +11,6 @@ import numpy as np
 from bench.field.families import FAMILIES, UNRELATED
 from bench.field.summary import NAN, Outcome, Summary, summarise
 
-__all__ = ["ALL", "GOALS", "Goal", "GoalResult", "judge"]
-
 ALL = 0
 
 

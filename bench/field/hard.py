@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.field.draws import gnss, road, session, signed, slight
-from sim.world.error_draws import hard_errors
+from bench.field.draws import road, session
+from sim.world.error_draws import gnss, hard_errors, signed, slight
 from sim.world.scenario import (
     Blackout,
     Scenario,
@@ -17,24 +17,6 @@ from sim.world.scenario import (
     ScenarioTiming,
     Targets,
 )
-
-__all__ = [
-    "attitude",
-    "bad_telemetry",
-    "corr_gnss",
-    "false_positives",
-    "hard_geometry",
-    "in_out",
-    "no_heading",
-    "nominal",
-    "oblique",
-    "occlusion",
-    "paper_noise",
-    "pose_free",
-    "scale",
-    "timing",
-    "unmodelled",
-]
 
 DENSE = ("straight 4 m", "curved 4 m", "curved 6 m")
 CLOSE = (("8, 3 m", 8, 3.0), ("10, 3.5 m", 10, 3.5), ("12, 4 m", 12, 4.0))

@@ -16,8 +16,6 @@ from bench.field.scene import SessionFrames
 from bench.field.windows import UNANSWERED
 from gcs.report.score import Matched, score
 
-__all__ = ["EDGES", "BoxCounts", "delays", "matched_names", "tally"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.field.draws import FROM_THE_START_S, gnss, road, session, signed, slight
+from bench.field.draws import FROM_THE_START_S, road, session
+from sim.world.error_draws import gnss, signed, slight
 from sim.world.scenario import (
     Scenario,
     ScenarioCamera,
@@ -16,25 +17,6 @@ from sim.world.scenario import (
     ScenarioTiming,
     Targets,
 )
-
-__all__ = [
-    "CROWDED",
-    "CROWDED_HARD",
-    "LATE",
-    "LATE_HARD",
-    "MESSY",
-    "MESSY_HARD",
-    "MISSING",
-    "MISSING_HARD",
-    "crowded",
-    "crowded_hard",
-    "late",
-    "late_hard",
-    "messy",
-    "messy_hard",
-    "missing",
-    "missing_hard",
-]
 
 MESSY = ("straight down", "-60°", "-45°")
 MESSY_HARD = ("four lanes", "four lanes, -60°", "-35°")

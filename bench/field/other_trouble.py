@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from bench.field.draws import FROM_THE_START_S, gnss, road, session, slight
+from bench.field.draws import FROM_THE_START_S, road, session
+from sim.world.error_draws import gnss, slight
 from sim.world.scenario import (
     Gnss,
     Scenario,
@@ -19,27 +20,6 @@ from sim.world.scenario import (
     ScenarioTiming,
     Targets,
 )
-
-__all__ = [
-    "FILMS",
-    "FILMS_HARD",
-    "OTHER_ERRORS",
-    "OTHER_ERRORS_HARD",
-    "SMOOTH",
-    "SMOOTH_HARD",
-    "SPOOFERS",
-    "SPOOFERS_HARD",
-    "other_errors",
-    "other_errors_hard",
-    "smooth",
-    "smooth_hard",
-    "spoofers",
-    "spoofers_hard",
-    "unrelated",
-    "unrelated_film",
-    "unrelated_film_hard",
-    "unrelated_hard",
-]
 
 SMOOTH = ("1 Hz", "2 Hz", "5 Hz", "10 Hz", "20 Hz", "50 Hz", "mixed")
 SMOOTH_HARD = (

@@ -12,8 +12,6 @@ from sim.world.scenario import Scenario
 from sim.world.world import World
 from vision.motion.estimator import MotionEstimator
 
-__all__ = ["write_motion"]
-
 
 def write_motion(scenario: Scenario, session: Path) -> None:
     """Write ``motion.csv`` beside the detections of a session, as a flight does that sees the frames.

@@ -21,8 +21,6 @@ from gcs.session.session import open_session
 from gcs.session.tables import Table
 from gcs.snapshot import Snapshot
 
-__all__ = ["ProductRun", "identify"]
-
 MISMATCH = "do not match"
 """In the text of the alarm that video and telemetry do not belong together."""
 

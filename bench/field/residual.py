@@ -14,8 +14,6 @@ from scipy.optimize import linear_sum_assignment
 
 from bench.field.scene import SessionFrame, SessionFrames
 
-__all__ = ["mean_residual"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

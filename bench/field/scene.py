@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 
 from gcs.fold.camera.direction import mount_of
 from gcs.mission.mission import Mission, parse_mission
-from mavlink.fleet.fleet import Fleet, FleetState
+from mavlink.fleet.fleet import Fleet
 from mavlink.protocol.packet import Packet
+from mavlink.state import FleetState
 from sim.session import frame_times, session_toml
 from sim.telemetry.detections import DetectedRows, DetectorModel
 from sim.telemetry.vehicle_telemetry import fleet_telemetry
 from sim.world.scenario import Scenario
 from sim.world.world import World
-from vision.camera.camera import Intrinsics, camera_pose, ground
-
-__all__ = ["SessionFrame", "SessionFrames", "scene_of"]
+from vision.camera.camera import camera_pose, ground
+from vision.camera.intrinsics import Intrinsics
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

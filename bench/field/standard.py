@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.field.draws import gnss, road, session, signed, slight
-from sim.world.error_draws import standard_errors
+from bench.field.draws import road, session
+from sim.world.error_draws import gnss, signed, slight, standard_errors
 from sim.world.scenario import (
     Scenario,
     ScenarioCamera,
@@ -19,24 +19,6 @@ from sim.world.scenario import (
     ScenarioTiming,
     Targets,
 )
-
-__all__ = [
-    "attitude",
-    "bad_telemetry",
-    "corr_gnss",
-    "false_positives",
-    "hard_geometry",
-    "in_out",
-    "no_heading",
-    "nominal",
-    "oblique",
-    "occlusion",
-    "paper_noise",
-    "pose_free",
-    "scale",
-    "timing",
-    "unmodelled",
-]
 
 GROUNDS = ("straight", "curved", "open", "straight 2", "curved 2", "open 2")
 VIEWS = (

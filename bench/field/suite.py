@@ -25,8 +25,6 @@ from bench.field.windows import by_windows
 from sim.session import write_session
 from sim.world.scenario import FIRST_UGV_ID, Scenario
 
-__all__ = ["Task", "play", "run", "tasks_of"]
-
 WORKERS = 2
 QUICK_S = 20.0
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")

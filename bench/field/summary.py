@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from bench.field.measure import EDGES, BoxCounts
 
-__all__ = ["NAN", "Outcome", "Summary", "ece_of", "percentile", "summarise"]
-
 FloatArray = NDArray[np.float64]
 
 NAN = float("nan")

@@ -15,8 +15,6 @@ from bench.field.measure import EDGES, BoxCounts
 from bench.field.summary import Outcome, Summary, summarise
 from infra.markdown import markdown_table
 
-__all__ = ["RIVALS", "number", "report", "write_reliability", "write_sessions"]
-
 RIVALS = ("projection", "topology", "fused", "TTS", "mean residual")
 _HEAD = (
     *("family", "sessions", "precision", "right", "coverage", "FPER", "false strangers"),

@@ -22,8 +22,6 @@ from bench.field.scene import SessionFrame, SessionFrames
 from bench.paper.projection import Projection, associate_by_projection, reprojection_errors
 from bench.paper.tts import associate_by_tts
 
-__all__ = ["METHODS", "UNANSWERED", "Method", "by_windows"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Method = Literal["projection", "topology", "fused", "TTS"]

@@ -9,8 +9,6 @@ import numpy as np
 
 from bench.fuzz.marked import Marked, joined
 
-__all__ = ["DAMAGES", "HEADER_FIELDS", "interleaved"]
-
 HEADER_FIELDS = ("stamp", "magic", "length", "incompat", "compat", "seq", "system", "component", "id", "payload", "end")
 _OFFSETS_V2 = {"magic": 0, "length": 1, "incompat": 2, "compat": 3, "seq": 4, "system": 5, "component": 6}
 

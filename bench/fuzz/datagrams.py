@@ -17,8 +17,6 @@ from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.framing import checksum, split
 from mavlink.protocol.packet import Packet
 
-__all__ = ["BLOCK", "DatagramScore", "Listener", "draw_datagram", "fuzz_datagrams", "wild_frame"]
-
 BLOCK = 10_000
 """Datagrams to one fleet."""
 _T0_US = 1_790_000_000_000_000

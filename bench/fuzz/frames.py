@@ -10,8 +10,6 @@ from pymavlink.dialects.v20 import ardupilotmega
 from mavlink.protocol.encoder import COPTER, MavlinkEncoder
 from mavlink.protocol.framing import checksum
 
-__all__ = ["TUNNEL_ID", "UNKNOWN_EXTRA", "UNKNOWN_ID", "frame_pool", "is_signed", "unknown_frame"]
-
 UNKNOWN_ID, UNKNOWN_EXTRA = 60_001, 77
 """A message of a dialect that is not installed."""
 TUNNEL_ID = ardupilotmega.MAVLINK_MSG_ID_TUNNEL

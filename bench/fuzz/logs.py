@@ -20,8 +20,6 @@ from bench.fuzz.marked import Marked, MarkedTruth, marked_log
 from mavlink.protocol.packet import Packet
 from mavlink.tlog.index import TlogIndex, build_index
 
-__all__ = ["LogCase", "LogScore", "compare", "draw_case", "fuzz_logs", "run_case"]
-
 _T0_US = 1_790_000_000_123_456
 _HOUR_US = 3_600_000_000
 _HIDDEN_US = 60_000_000  # a stamp that is wrong by less looks like late traffic

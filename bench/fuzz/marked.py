@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from mavlink.protocol.framing import SIGNATURE_LENGTH
 from mavlink.protocol.packet import MAGIC_V2
 
-__all__ = ["Marked", "MarkedTruth", "marked_log"]
-
 _FOREIGN = -1
 
 

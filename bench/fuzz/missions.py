@@ -13,8 +13,6 @@ import tomli_w
 from gcs.errors import ConfigError
 from gcs.mission.mission import load_mission
 
-__all__ = ["GOOD", "MissionScore", "draw_table", "draw_text", "fuzz_missions", "read_mission"]
-
 GOOD = """\
 [uav]
 system_id = 1

@@ -43,8 +43,6 @@ from vision.errors import VisionError
 from vision.evaluation.folder import open_folder
 from vision.video.video import VideoFile
 
-__all__ = ["PLACES", "READERS", "ReaderScore", "fuzz_places", "fuzz_readers"]
-
 MOST_S, MOST_WAIT_S = 60, 300.0
 """Longest time that a reader may take of a processor, and by the clock, seconds: one that waits takes no processor."""
 MORE_BYTES, TIMES_LARGER = 200_000_000, 3

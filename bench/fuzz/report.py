@@ -14,8 +14,6 @@ from bench.fuzz.missions import MissionScore
 from bench.fuzz.readers import ReaderScore
 from bench.fuzz.streams import INPUTS, lost, read_with_ours, read_with_pymavlink
 
-__all__ = ["datagrams_text", "logs_text", "missions_text", "readers_text", "streams_text", "write_section"]
-
 _HEAD = """# What damage and hostility cost
 
 Made by `python -m bench.fuzz`. Every case comes from a seed; the truth is known because the damage was done here.

@@ -6,8 +6,6 @@ import random
 import re
 from collections.abc import Callable
 
-__all__ = ["spoilt"]
-
 NUMBERS = (
     *(b"nan", b"inf", b"-inf", b"1e999", b"-0", b"9" * 400, b"0x1f", b"1_0", b"", b"181", b"-1", b"1e18"),
     *(b"9e18", b"9223372036854775808", b"18446744073709551615", b"4294967296", b"true", b'"a"', b"[]", b"null"),

@@ -11,8 +11,6 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 from mavlink.protocol.framing import Framer
 
-__all__ = ["INPUTS", "lost", "read_with_ours", "read_with_pymavlink"]
-
 HEADER = ("magic", "length", "incompat", "compat", "seq", "system", "component", "id low", "id mid", "id high")
 _SHARE = 10  # one frame in ten is hit
 _CHUNK = 333

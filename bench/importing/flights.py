@@ -43,8 +43,6 @@ from sim.world.scenario import (
 from sim.world.world import World
 from vision.detect.detections import Detections
 
-__all__ = ["FLIGHTS", "LAYOUTS", "RecordedFlight", "recorded"]
-
 FlightKind = Literal["hover", "straight", "winding", "orbit"]
 FLIGHTS: tuple[FlightKind, ...] = ("hover", "straight", "winding", "orbit")
 LAYOUTS: dict[str, tuple[int, float]] = {"six decimals": (6, 0.1), "five decimals": (5, 0.1), "four decimals": (4, 1.0)}

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import Delaunay
 
-__all__ = ["fusion", "projection", "projection_array_loop", "topology", "tts"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Pairs = list[tuple[int, int]]

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["MethodTiming", "timed"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MethodTiming:

@@ -16,8 +16,6 @@ from bench.latency.scenes import Snap, snap
 from bench.paper.projection import associate_by_projection
 from bench.paper.tts import associate_by_tts_once, tts_similarity
 
-__all__ = ["OURS", "measure_methods"]
-
 FloatArray = NDArray[np.float64]
 Solve = Callable[[Snap], NDArray[np.generic]]
 

@@ -15,8 +15,6 @@ from bench.paper.published import LATENCY_MS
 from bench.paper.rows import write
 from infra.markdown import markdown_table
 
-__all__ = ["measure"]
-
 TIMES = ("CPU mean", "CPU median", "CPU p95", "wall median", "wall p95")
 
 

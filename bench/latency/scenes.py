@@ -11,8 +11,6 @@ from assoc.methods.topology import topology_angles, topology_cost
 from bench.paper.projection import reprojection_errors
 from sim.world.scenario import Gnss, Scenario, ScenarioCamera, ScenarioFlight, ScenarioGround
 
-__all__ = ["Snap", "crowd", "snap"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

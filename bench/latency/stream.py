@@ -21,8 +21,6 @@ from sim.session import write_session
 from sim.world.scenario import Gnss, Scenario, ScenarioAttitude
 from vision.track.tracker import Tracker
 
-__all__ = ["measure_streams", "timed_parts"]
-
 P = ParamSpec("P")
 R = TypeVar("R")
 

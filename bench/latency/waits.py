@@ -21,8 +21,6 @@ from mavlink.protocol.packet import Packet
 from sim.session import write_session
 from sim.world.scenario import ScenarioTiming
 
-__all__ = ["FrameWait", "measure_waits", "text_of"]
-
 RATES_HZ = (4.0, 10.0, 20.0, 50.0)
 """Rates of the attitude, from that of a slow radio link to that of a companion computer."""
 

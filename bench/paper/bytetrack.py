@@ -16,8 +16,6 @@ from vision.detect.detections import Detections
 from vision.track.matching import assign
 from vision.track.tracks import Stitch, Tracks
 
-__all__ = ["ByteTrack"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

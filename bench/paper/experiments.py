@@ -11,8 +11,6 @@ from bench.paper.methods import METHODS, ConditionNoise, MethodAnswer, identify
 from bench.paper.windows import Window, windows
 from sim.world.scenario import Scenario
 
-__all__ = ["Condition", "Count", "Miss", "conditions", "evaluate"]
-
 ROADS, ROTATIONS = ("straight", "curved"), (0.0, 90.0, 180.0)
 FRAMES = 12
 TOPOLOGY = ("topology", "topology signed", "TTS", "TTS one step", "TTS all pairs")

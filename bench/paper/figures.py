@@ -13,8 +13,6 @@ from bench.paper.experiments import ROADS, Count
 from bench.paper.rows import read
 from bench.paper.tables import pooled, published_at
 
-__all__ = ["MATPLOTLIB_MISSING", "draw"]
-
 MATPLOTLIB_MISSING = 'matplotlib is not installed; "pip install matplotlib", then "python -m bench.paper.figures"'
 Figure = Any
 """matplotlib's, which may be missing."""

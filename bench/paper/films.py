@@ -26,8 +26,6 @@ from sim.world.scenario import (
 )
 from sim.world.world import World
 
-__all__ = ["CAMERA", "FPS", "FilmedFlight", "dense_road", "false_box_road", "field", "film", "paper_road"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]

@@ -26,18 +26,8 @@ from bench.paper.films import CAMERA
 from bench.paper.projection import Projection, associate_by_projection, reprojection_errors
 from bench.paper.tts import associate_by_tts, associate_by_tts_once, tts_similarity
 from bench.paper.windows import Window
-from vision.camera.camera import CameraPose, Intrinsics, Mount, camera_pose, ground
-
-__all__ = [
-    "LENS",
-    "METHODS",
-    "START_US",
-    "ConditionNoise",
-    "MethodAnswer",
-    "camera_state",
-    "identify",
-    "vehicle_reports",
-]
+from vision.camera.camera import CameraPose, Mount, camera_pose, ground
+from vision.camera.intrinsics import Intrinsics
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

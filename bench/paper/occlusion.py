@@ -23,8 +23,6 @@ from sim.world.scenario import Scenario
 from vision.track.tracker import Tracker
 from vision.track.tracks import Stitch, Tracks
 
-__all__ = ["KEEPERS", "Kept", "occluded_road", "play"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

@@ -34,16 +34,6 @@ from numpy.typing import NDArray
 
 from assoc.errors import AssocError, DegenerateError, ShapeError
 
-__all__ = [
-    "Orders",
-    "Projection",
-    "associate_by_projection",
-    "block_shape",
-    "orders",
-    "reprojection_errors",
-    "vehicle_sets",
-]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]

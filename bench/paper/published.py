@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["FALSE_BOX", "FIELD", "FIG7_LOW", "FIG7_STEP", "FIG8_LOW", "FIG8_STEP", "FIG9_HIGH", "LATENCY_MS"]
-
 FIG7_LOW = {"straight": 90.0, "curved": 80.0}
 """Projection without rotation at low noise, %: above 90, about 80."""
 FIG7_STEP = {"straight": 1.98, "curved": 1.67}

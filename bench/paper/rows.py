@@ -8,8 +8,6 @@ from dataclasses import astuple, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
-__all__ = ["read", "write"]
-
 Row = TypeVar("Row")
 _CASTS = {"int": int, "float": float, "str": str}
 

@@ -22,8 +22,6 @@ from vision.camera.camera import CameraPose, image_warp
 from vision.detect.detections import Detections
 from vision.track.tracks import Stitch, Tracks
 
-__all__ = ["Ours", "Plain", "Walk", "camera_motion", "frame_us", "walk"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]

@@ -15,8 +15,6 @@ from bench.paper.occlusion import Kept, play
 from bench.paper.rows import write
 from bench.paper.tables import write_tables
 
-__all__ = ["run"]
-
 WORKERS = 2
 FLIGHTS, QUICK_FLIGHTS = 20, 1
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")

@@ -12,8 +12,6 @@ from bench.paper.occlusion import Kept
 from bench.paper.rows import read
 from infra.markdown import markdown_table
 
-__all__ = ["pooled", "write_tables"]
-
 SETTING = """\
 The paper's scenes are not public: the published column is theirs, the others are of our simulated flights, the same
 frames for every method. Windows of 12 frames at 10 frames a second, each a cold start, the last frame labelled;

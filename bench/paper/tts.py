@@ -38,8 +38,6 @@ from scipy.spatial import Delaunay, QhullError
 
 from assoc.errors import ShapeError
 
-__all__ = ["Reading", "associate_by_tts", "associate_by_tts_once", "triangle_sequences", "tts_similarity"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Reading = Literal["sequence", "pairs"]

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from bench.paper.films import FilmedFlight
 
-__all__ = ["Window", "windows"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

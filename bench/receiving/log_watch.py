@@ -7,8 +7,6 @@ import time
 from collections import Counter
 from pathlib import Path
 
-__all__ = ["LogWatch"]
-
 POLL_S = 0.05
 STALL_S = 0.2
 MAGICS = {0xFE: (8, 3), 0xFD: (12, 5)}

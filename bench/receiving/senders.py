@@ -14,8 +14,6 @@ from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.signing.keys import Key
 from mavlink.signing.signer import Signer
 
-__all__ = ["FLOODER", "fleet_frames", "send_fleet", "send_flood", "source_socket"]
-
 FLOODER = 200
 """System id that the flood's well-made frames carry."""
 _STEP_S = 0.01

@@ -16,8 +16,6 @@ from bench.field.tables import number
 from gcs.session.frame_tables import read_times
 from infra.markdown import markdown_table
 
-__all__ = ["PairingScore", "measure_pairings", "pair_up", "pairings_text"]
-
 LATE_S = 25.0
 """How late a film is beside its own telemetry, seconds: longer than any delay that is looked for."""
 MOST_S = 36.0

@@ -21,8 +21,6 @@ from bench.field.tables import number
 from bench.recorded.true_tracks import tracked_by_truth
 from infra.markdown import markdown_table
 
-__all__ = ["SessionScore", "measure", "sessions_in", "text_of"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionScore:

@@ -17,8 +17,6 @@ from gcs.session.tables import Table
 from vision.detect.detections import Detections
 from vision.track.tracks import TrackerParams, Tracks
 
-__all__ = ["TrueTracker", "tracked_by_truth"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

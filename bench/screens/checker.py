@@ -20,8 +20,6 @@ from bench.screens.values import (
     clocks_of,
 )
 
-__all__ = ["Checker", "Violation", "check_screens"]
-
 Rule = Callable[[Screen, Moment], Iterator[tuple[str, str]]]
 RULES: tuple[Rule, ...] = (
     check_video_labels,

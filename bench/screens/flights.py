@@ -34,8 +34,6 @@ from vision.detect.detections import Detections
 from vision.stream.pace import PACE_FRAMES, stall_after_s
 from vision.video.video import Frame
 
-__all__ = ["Moment", "Received", "Script", "Span", "fly", "video_state"]
-
 S = 1_000_000
 Span = tuple[float, float]
 """From when to when, seconds since the first frame."""

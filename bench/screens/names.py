@@ -17,13 +17,6 @@ from bench.screens.flights import Moment
 from bench.screens.screen import Screen
 from gcs.snapshot import Snapshot
 
-__all__ = [
-    "check_cut_names",
-    "check_fleet_standings",
-    "check_map_labels",
-    "check_video_labels",
-]
-
 HELD_S = 2.0
 """Names may be held for so long without a new frame."""
 SLACK_S = 0.5

@@ -13,8 +13,6 @@ from textual.app import App
 
 from gcs.tui.panes.pane import Pane
 
-__all__ = ["Rect", "Screen", "contrast", "read_screen"]
-
 Rect = tuple[int, int, int, int]
 """Left, top, width, height in cells."""
 NO_COLOUR = -1

@@ -7,8 +7,6 @@ from types import MappingProxyType
 from bench.screens.flights import Script
 from sim.world.scenario import ScenarioFault
 
-__all__ = ["SCRIPTS", "SIZES"]
-
 SIZES = ((60, 20), (80, 24), (100, 30), (120, 40), (160, 48))
 NAMES = MappingProxyType({11: "Hauler North 7", 12: "UGV-1", 13: "UGV-16", 14: "Bravo", 15: "漢字-15", 16: "Bravo-2"})
 """Names with spaces, wide letters, and names with which others begin."""

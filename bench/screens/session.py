@@ -20,8 +20,6 @@ import psutil
 
 from bench.screens.terminal import TerminalScreen
 
-__all__ = ["TerminalSession"]
-
 LONGEST_S = 60.0
 """Nothing that is waited for takes longer."""
 READ_BYTES = 1 << 16

@@ -14,8 +14,6 @@ from gcs.station import Newcomer, Station
 from gcs.tui import RollcallApp
 from mavlink.transmit.message_rates import Rate
 
-__all__ = ["VIEWS", "Shot", "shots"]
-
 VIEWS: tuple[tuple[str, ...], ...] = (("1",), ("2",), ("3",), ("1", "down", "down"), ("a",), ("1", "f", "z"))
 """Keys that change what is shown, each for an equal part of a flight: the layouts, a vehicle's identity, the alarms,
 every column of the fleet."""

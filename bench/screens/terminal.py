@@ -8,8 +8,6 @@ from dataclasses import dataclass
 
 from rich.cells import cell_len
 
-__all__ = ["Cell", "TerminalScreen"]
-
 TOKEN = re.compile(
     r"\x1b\[(?P<parameters>[0-?]*)[ -/]*(?P<final>[@-~])"  # CSI
     r"|\x1b[\]PX^_].*?(?:\x07|\x1b\\)"  # strings to the terminal: titles, images

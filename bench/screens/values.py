@@ -10,17 +10,6 @@ from bench.screens.flights import Moment, Received
 from bench.screens.screen import Screen, contrast
 from gcs.snapshot import Snapshot
 
-__all__ = [
-    "Clocks",
-    "check_ages",
-    "check_alarms",
-    "check_counts",
-    "check_faded",
-    "check_status",
-    "check_texts",
-    "clocks_of",
-]
-
 Clocks = dict[str, float]
 """What each clock of a screen shows, by name."""
 CLOCKS = {

@@ -29,8 +29,6 @@ from bench.soak.sinks import TroubledSinks
 from bench.video.video_loop import VideoLoop
 from sim.fleet_process import system_ids
 
-__all__ = ["main", "soak"]
-
 RESULTS = Path("bench-results")
 SAMPLE_S = 10.0
 START_S, END_S = 60.0, 60.0

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from bench.drawing import pyplot, read_rows
 
-__all__ = ["COLUMNS", "Run", "draw", "report"]
-
 COLUMNS = (
     *(
         "t_s",

@@ -14,8 +14,6 @@ import psutil
 
 from bench.ports import free_port
 
-__all__ = ["TroubledSinks"]
-
 EVERY_S = 30.0
 CONNECT_S = 1.0
 

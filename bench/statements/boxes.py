@@ -15,8 +15,6 @@ from xml.etree import ElementTree
 from bench.statements.flights import TrueFlight
 from gcs.certainty import CONFIRMED
 
-__all__ = ["Claim", "check_agreement", "check_claims", "check_flips", "read_cot", "read_geojson", "read_identity"]
-
 S = 1_000_000
 FLIP_S, TOLD_S, LIKELIER = 0.5, 6.0, 0.5
 """Nobody changes his mind so fast; after so long a silence a vehicle is told of in boxes that are likelier nobody's."""

@@ -35,8 +35,6 @@ from gcs.export.maps.geojson import GeoJsonExport
 from gcs.report.rollcall import RollCall
 from gcs.session.session import open_session
 
-__all__ = ["PLACES", "Falsehood", "check_flight"]
-
 GCS_WORDS = (sys.executable, "-c", "from gcs.cli.app import main; main()")
 SCREENS = 40
 """Screens of each flight that are drawn."""

@@ -27,8 +27,6 @@ from sim.world.scenario import Gnss, Occlusion, Scenario, ScenarioFault, Scenari
 from sim.world.world import World
 from vision.video.video import Frame
 
-__all__ = ["FlightScript", "OperatorAct", "TrueFlight", "TrueFrame", "fly_script"]
-
 S = 1_000_000
 HEARTBEAT, GLOBAL_POSITION_INT = 0, 33
 MONITOR_US = 500_000

@@ -17,8 +17,6 @@ from bench.statements.flights import TrueFlight
 from bench.statements.sentences import Said, check_sentence
 from sim.world.scenario import UAV_ID
 
-__all__ = ["check_batch", "check_report", "check_rollcall", "printed_remarks"]
-
 Row = Mapping[str, Any]
 Tables = Mapping[str, Sequence[Row]]
 Found = Iterator[tuple[Said, str]]

@@ -10,8 +10,6 @@ from bench.statements.flights import TrueFlight
 from bench.statements.sentences import ADRIFT_S, HOLD_S, LOST_S, SILENT_S, SLACK_S, Said, check_sentence
 from gcs.snapshot import VehicleRow
 
-__all__ = ["check_alarms", "check_missing_alarms", "check_row", "check_rows"]
-
 S = 1_000_000
 EDGE_PX = 60.0
 """Three metres of a position's error, near the border of the frame."""

@@ -15,8 +15,6 @@ from bench.statements.flights import TrueFlight
 from bench.statements.sentences import SLACK_S, Said, check_sentence, match_sentence
 from gcs.tui import RollcallApp
 
-__all__ = ["check_screens"]
-
 SIZE = (160, 48)
 AGE = r"(?: for [\d.]+[smh])?"
 STANDING = r"(?:confirmed|tentative|coasting|unknown|out of view|no position|misplaced|no new frame)(?: \d+%)?"

@@ -10,8 +10,6 @@ from bench.again.scripted import InjectedFaults
 from bench.statements.flights import FlightScript, OperatorAct
 from sim.world.scenario import Occlusion, ScenarioFault
 
-__all__ = ["SCRIPTS", "drawn_script"]
-
 LIES, LEAST_PER_LIE = ("jump", "drift", "spoof", "frozen"), 4
 """Faults by which a vehicle reports to be elsewhere, and vehicles for each that has one: where many do nobody can know
 who lies, or whether the camera is elsewhere."""

@@ -15,8 +15,6 @@ from bench.statements.flights import TrueFlight
 from gcs.certainty import CONFIRMED
 from sim.world.scenario import UAV_ID
 
-__all__ = ["ADRIFT_S", "HOLD_S", "LOST_S", "SILENT_S", "SLACK_S", "Said", "check_sentence", "match_sentence"]
-
 S = 1_000_000
 SLACK_S = 1.2
 """A turn of the fold, the monitor's half second, a frame that waits for its telemetry, rounding."""

@@ -9,8 +9,6 @@ from typing import Any
 
 import av
 
-__all__ = ["VideoLoop"]
-
 
 class VideoLoop:
     """Sends until closed."""

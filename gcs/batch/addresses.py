@@ -15,8 +15,6 @@ from typing import Any
 from gcs.errors import StoreError
 from infra.secrets import conceal, conceal_in, concealed
 
-__all__ = ["is_of_this_process", "is_pattern", "is_remote", "last_part", "local_path", "remote_files", "store_errors"]
-
 _MOST_SHOWN, _MOST_SAID = 200, 500
 """Letters of an address, and of what a store says, in an error."""
 _LOCAL = ("file", "local")

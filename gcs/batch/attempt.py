@@ -17,8 +17,6 @@ from mavlink.errors import MavlinkError
 from sim.errors import SimError
 from vision.errors import VisionError
 
-__all__ = ["work_on"]
-
 REPORT_S = 0.5
 _INPUT_ERRORS = (GcsError, MavlinkError, VisionError, AssocError, SimError)
 _log = logging.getLogger(__name__)

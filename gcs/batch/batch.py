@@ -29,8 +29,6 @@ from gcs.errors import BatchError
 from gcs.export.tables.arrow import import_pyarrow
 from infra.secrets import concealed
 
-__all__ = ["BatchCounts", "BatchWork", "run_batch"]
-
 LEFT_ASIDE_S = 86_400.0
 """What other machines are still working on is younger."""
 Note = Callable[[str], None]

@@ -22,8 +22,6 @@ from infra.secrets import conceal
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-__all__ = ["close_idle_runners", "run_in_cluster", "run_on_worker"]
-
 CONNECT_S = 10.0
 AHEAD = 4
 """Flights for each thread of the cluster that the scheduler knows of, and ..."""

@@ -15,8 +15,6 @@ from infra.files.segment import segments
 from infra.secrets import concealed, hide
 from infra.session_format import LOG
 
-__all__ = ["BatchFlight", "find_flights"]
-
 MOST_LIST_BYTES = 64 << 20
 """Maximum bytes of a list: a hundred thousand signed addresses."""
 LOG_SUFFIX = ".tlog"

@@ -16,8 +16,6 @@ from gcs.export.tables.arrow import import_pyarrow, writer_settings
 if TYPE_CHECKING:
     import pyarrow as pa
 
-__all__ = ["COLUMNS", "flights_table", "read_flights"]
-
 _SCORES = {name: f"score_{name}" for name in ScoreRecord.__struct_fields__}
 COLUMNS = {
     "flight": "string",

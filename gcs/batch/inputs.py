@@ -13,8 +13,6 @@ from gcs.errors import BatchError, StoreError
 from gcs.mission.mission import BUNDLED, Mission
 from infra.session_format import EVENTS, IDENTITY, IDENTITY_EVIDENCE, LOG, MARKS, PROGRAM_LOG
 
-__all__ = ["fetch", "files_stamp", "input_files", "inputs_hash", "mission_files", "remote_stamp"]
-
 _NOT_READ = frozenset((IDENTITY.name, IDENTITY_EVIDENCE, MARKS, PROGRAM_LOG, "faults.txt"))
 """Files of a session that no identification reads: what it wrote itself, and what was made later."""
 

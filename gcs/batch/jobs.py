@@ -8,27 +8,6 @@ from urllib.parse import quote
 
 import msgspec
 
-__all__ = [
-    "DONE",
-    "FAILED",
-    "FLIGHTS_TABLE",
-    "RECORDS",
-    "SCRATCH_LOG",
-    "BatchOptions",
-    "FlightDone",
-    "FlightFailed",
-    "FlightJob",
-    "FlightRecord",
-    "FramesDone",
-    "ScoreRecord",
-    "VehicleCall",
-    "file_name",
-    "identity_name",
-    "log_name",
-    "program_version",
-    "record_name",
-]
-
 IDENTITY_FOLDER, RECORDS, LOGS = "identity", "records", "logs"
 FLIGHTS_TABLE = "flights.parquet"
 DONE, FAILED = "done", "failed"

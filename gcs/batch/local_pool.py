@@ -13,8 +13,6 @@ from gcs.batch.jobs import SCRATCH_LOG, FlightDone, FlightFailed, FlightJob
 from gcs.batch.runner import FlightRunner, RunLimits, keep_log
 from gcs.batch.stores import open_results
 
-__all__ = ["FlightResult", "OnFrames", "run_here", "run_in_processes"]
-
 FlightResult = tuple[FlightJob, FlightDone | FlightFailed]
 OnFrames = Callable[[str, int, int], None]
 """Given a flight's name, how many frames of it are done, and of how many."""

@@ -14,8 +14,6 @@ from gcs.batch.jobs import DONE, FLIGHTS_TABLE, RECORDS, FlightRecord, record_na
 from gcs.batch.stores import ResultStore
 from gcs.errors import BatchError
 
-__all__ = ["all_records", "read_record", "write_failure", "write_record", "write_table"]
-
 READERS = 16
 """Records that are read at once: a store takes its time for each."""
 _log = logging.getLogger(__name__)

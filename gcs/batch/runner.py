@@ -19,8 +19,6 @@ from gcs.errors import StoreError
 from infra.processes.child_process import ChildProcess
 from infra.secrets import conceal, hide
 
-__all__ = ["FlightRunner", "RunLimits", "keep_log", "share_of_memory"]
-
 POLL_S = 0.2
 START_S = 120.0
 """A worker loads what it needs meanwhile; time limits are counted from when it has."""

@@ -23,8 +23,6 @@ import psutil
 from gcs.batch.addresses import store_errors
 from gcs.errors import StoreError
 
-__all__ = ["held"]
-
 UNREADABLE = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
 """Errors of a file that others may have written."""
 RENEW_S = 10.0

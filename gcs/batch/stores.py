@@ -21,8 +21,6 @@ from gcs.batch.store_lock import held
 from gcs.errors import StoreError
 from infra.files.safe_open import open_to_append
 
-__all__ = ["ASIDE", "LOCK", "LocalResults", "RemoteResults", "ResultStore", "open_results"]
-
 ASIDE = ".aside"
 """Folder of what is not whole yet."""
 LOCK = ".lock"

@@ -53,7 +53,6 @@ from infra.session_format import IDENTITY, IDENTITY_EVIDENCE
 if TYPE_CHECKING:
     from gcs.mission.mission import DetectorChoice
     from vision.detect.detector import Detector
-__all__ = ["fetched_path", "identify_flight", "write_identity_table"]
 
 _PACKAGES = ("numpy", "scipy", "onnxruntime", "opencv-python-headless", "av", "pyarrow")
 """Whose versions a result may depend on."""

@@ -16,8 +16,6 @@ from gcs.batch.attempt import work_on
 from gcs.batch.jobs import FlightJob
 from infra.processes.channel import MessageChannel, connect_to_parent
 
-__all__ = ["main"]
-
 
 class _Asked:
     """Jobs as they come; the end of whoever sends them is the end of this process."""

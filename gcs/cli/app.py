@@ -27,8 +27,6 @@ from gcs.cli.output.console import (
 )
 from gcs.errors import GcsError
 
-__all__ = ["app", "main"]
-
 _GROUPS: dict[str, dict[str, str]] = {
     "Fly and replay": {
         "fly": "Name the vehicles in a live video; record everything.",

@@ -7,8 +7,6 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-__all__ = ["hide_in_process_list"]
-
 _STAT = Path("/proc/self/stat")
 _ARG_START, _ARG_END = 47, 48
 """Fields of proc_pid_stat(5), from 0: where the arguments lie in memory, which is what ps shows."""

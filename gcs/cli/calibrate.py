@@ -18,8 +18,6 @@ from vision.camera.lens_file import lens_text
 from vision.errors import CameraError
 from vision.video.video import VideoFile
 
-__all__ = ["calibrate"]
-
 
 def calibrate(
     video: Annotated[Path, typer.Argument(help="Video of a chessboard that moves all over the image.")],

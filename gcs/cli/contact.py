@@ -25,8 +25,6 @@ from infra.secrets import concealed
 from mavlink.errors import LinkError
 from mavlink.forwarding.outputs import parse_output
 
-__all__ = ["Ready", "Wanted", "parse_ids", "prepare"]
-
 STOPPED = 130
 """Exit code of who was interrupted before anything flew, as shells have it."""
 

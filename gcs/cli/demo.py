@@ -24,8 +24,6 @@ from gcs.errors import SessionError
 from gcs.report.score import score_files
 from gcs.session.session import open_session
 
-__all__ = ["demo"]
-
 BUNDLED = Path(__file__).parents[2] / "sitl_logs" / "curved-road"
 FLOWN_S, HEADLESS_S, LISTEN_S = 180, 40.0, 60.0
 """How long the simulated fleet drives, how long it is watched without a terminal, and how long it may take to begin."""

@@ -24,8 +24,6 @@ from gcs.health.machine import GSD_M, PORTS, checks
 from gcs.health.preflight import Check, preflight
 from gcs.mission.mission import Mission, load_mission
 
-__all__ = ["doctor"]
-
 NOT_READY = 2
 LOOK_S = 0.5
 SETTLED_S = 8.0

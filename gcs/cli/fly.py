@@ -48,15 +48,14 @@ from gcs.live_out.sink import SinkSource
 from gcs.mission.mission import Mission, unheeded_links
 from gcs.report.rollcall import RollCall
 from gcs.session.sealing import Sealing
-from gcs.snapshot import Event, Level
+from gcs.snapshot import Event
 from infra.files.safe_open import is_shared
 from infra.processes.end_signals import AskedBySignals, noted_signals
 from infra.secrets import concealed, secrets_of
 from infra.session_format import METADATA
 from infra.wall_clock import now_us
 from mavlink.forwarding.outputs import parse_output
-
-__all__ = ["fly"]
+from mavlink.state import Level
 
 _log = logging.getLogger(__name__)
 

@@ -11,8 +11,6 @@ from gcs.cli.output.console import AsJson, check_range, print_json, print_note
 from gcs.cli.output.progress import progress
 from gcs.cli.output.tables import print_table
 
-__all__ = ["from_tracks"]
-
 MOST_NUMBER = 2**63 - 1
 """Largest number of frames, vehicles and seeds."""
 MOST_TEAM = 200

@@ -15,8 +15,6 @@ from gcs.playback.identification import identify_session
 from gcs.report.rollcall import RollCall
 from gcs.session.session import Session, open_session
 
-__all__ = ["identify", "identify_into"]
-
 
 def identify(
     session: Annotated[Path, typer.Argument(help="Session folder, or a telemetry log.")],

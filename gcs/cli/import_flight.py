@@ -13,8 +13,6 @@ from gcs.cli.output.tables import print_table
 from gcs.errors import GcsError
 from infra.text_numbers import number_or_nan
 
-__all__ = ["import_flight"]
-
 FARTHEST_CLOCK_S = 1e9
 """Thirty years: the clock of a camera that was never set."""
 

@@ -35,8 +35,6 @@ from mavlink.signing.keys import (
 from mavlink.signing.verifier import RADIO_STATUS, Verifier
 from mavlink.tlog.log import Tlog
 
-__all__ = ["app"]
-
 app = typer.Typer(
     help="Make, list and check the keys that vehicles sign with.",
     no_args_is_help=True,

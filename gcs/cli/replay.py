@@ -34,8 +34,6 @@ from gcs.playback.replay import Replay
 from gcs.session.metadata import in_flight, seal
 from gcs.session.session import Session, open_session
 
-__all__ = ["replay", "show_replay"]
-
 
 def replay(
     session: Annotated[Path, typer.Argument(help="Session folder, or a telemetry log.")],

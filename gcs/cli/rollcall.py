@@ -10,8 +10,6 @@ from gcs.cli.output.console import print_lines
 from gcs.cli.output.tables import print_table
 from gcs.report.rollcall import RollCall, RollCallRow
 
-__all__ = ["print_rollcall", "rollcall_json"]
-
 _COLUMNS = ("id", "name", "first named", "boxes", "of frames in view", "confidence", "remark")
 
 

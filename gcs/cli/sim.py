@@ -20,8 +20,6 @@ from sim.world.presets import PRESETS, preset
 from sim.world.scenario import Scenario
 from sim.world.scenario_file import load_scenario
 
-__all__ = ["sim"]
-
 
 def sim(
     scenario: Annotated[str, typer.Argument(help=f"A scenario file, or one of {', '.join(PRESETS)}.")],

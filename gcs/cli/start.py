@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import sys
 
-__all__ = ["main"]
-
 NOT_AVAILABLE = 3
 """Exit code, as ``gcs.cli.output.console`` has it, which cannot be imported here."""
 

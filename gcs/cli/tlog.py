@@ -21,8 +21,6 @@ from mavlink.tlog.log import Tlog
 from mavlink.tlog.summary import TlogInfo
 from mavlink.tlog.summary import info as summarise
 
-__all__ = ["app"]
-
 app = typer.Typer(
     help="Look into telemetry logs, check, repair and cut them.",
     no_args_is_help=True,

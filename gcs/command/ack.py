@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega
 
-__all__ = ["ACCEPTED", "CommandAck"]
-
 ACCEPTED, UNSUPPORTED, FAILED, INT_ONLY = 0, 3, 4, 8
 _NOT_KNOWN = (UNSUPPORTED, FAILED, INT_ONLY)
 """Results of autopilots that do not have a command; ArduPilot answers FAILED where UNSUPPORTED is meant."""

@@ -21,20 +21,8 @@ from gcs.command import mav_cmd
 from gcs.command.ack import CommandAck
 from gcs.command.mav_cmd import Command, GeoPoint
 from gcs.command.uav import Uav
-from gcs.snapshot import Level
 from mavlink.geodesy import LocalFrame
-
-__all__ = [
-    "CommandExecutor",
-    "CommandParams",
-    "CommandSender",
-    "Path",
-    "PointingMonitor",
-    "Verdict",
-    "above",
-    "circles",
-    "points",
-]
+from mavlink.state import Level
 
 Path = Callable[[GeoPoint, bool], Command | None]
 """Given the newest place and whether this is the first command: the command, None when there is nothing to send."""

@@ -13,26 +13,6 @@ from typing import NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega
 
-__all__ = [
-    "Command",
-    "GeoPoint",
-    "gimbal_angles",
-    "gimbal_control",
-    "gimbal_neutral",
-    "hold",
-    "mount_angles",
-    "mount_neutral",
-    "orbit",
-    "photo",
-    "point_at_place",
-    "point_at_system",
-    "point_nowhere",
-    "record_start",
-    "record_stop",
-    "reposition",
-    "return_to_launch",
-]
-
 NAN = math.nan
 AUTOPILOT = 1
 """Component id of an autopilot, which cameras and gimbals without one of their own use."""

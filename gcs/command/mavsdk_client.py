@@ -18,8 +18,6 @@ from gcs.command.mav_cmd import Command
 from mavlink.protocol.framing import split
 from mavlink.protocol.packet import Packet
 
-__all__ = ["MavsdkClient"]
-
 _HEARTBEAT = 0
 _REASONS = {"TIMEOUT": "no answer", "NO_SYSTEM": "UAV not received", "CONNECTION_ERROR": "no link to it"}
 

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
-__all__ = ["ORDERS", "Order", "order_of", "orders_about"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Order:

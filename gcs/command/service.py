@@ -17,16 +17,15 @@ from gcs.command.mav_cmd import GeoPoint
 from gcs.command.mavsdk_client import MavsdkClient
 from gcs.command.orders import Order, order_of, orders_about
 from gcs.command.uav import Uav
-from gcs.snapshot import Event, Level
+from gcs.snapshot import Event
 from infra.wall_clock import now_us
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
+from mavlink.state import Level
 from mavlink.transmit.heartbeat import HeartbeatTimer, TimeSyncTimer
 from mavlink.transmit.message_rates import UAV_RATES, MessageRates
 from mavlink.transmit.rate_requests import GIMBAL_ATTITUDE
 from mavlink.transmit.transmitter import COMPONENT_ID, SYSTEM_ID, Transmitter
-
-__all__ = ["CommandService"]
 
 _STOP_S = 5.0
 LOOK_S = 1.0

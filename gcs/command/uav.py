@@ -24,8 +24,6 @@ from mavlink.protocol.messages import (
 from mavlink.protocol.modes import is_vehicle, kind_name, mode_name
 from mavlink.protocol.packet import Packet
 
-__all__ = ["Uav"]
-
 _ACK, _GIMBAL_MANAGERS, _GIMBAL_MANAGER_STATUS = 77, (280, 281), 281
 _IN_PROGRESS = 5
 _CAMERA_TYPE = 30

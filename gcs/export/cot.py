@@ -18,8 +18,6 @@ from gcs.snapshot import Box, Snapshot
 from infra.plain_text import plain
 from infra.reporting import Throttle
 
-__all__ = ["PERIOD_US", "STALE_US", "XML_DECLARATION", "CotPacer", "cot_boxes", "cot_event", "cot_uid"]
-
 XML_DECLARATION: Final = b'<?xml version="1.0" encoding="UTF-8"?>\n'
 """Before an event that is sent by itself, and before a file of them."""
 PERIOD_US: Final = 1_000_000

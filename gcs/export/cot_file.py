@@ -11,8 +11,6 @@ from gcs.export.unfinished import Unfinished
 from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
 
-__all__ = ["CotExport"]
-
 
 class CotExport:
     """Events have the times of the flight."""

@@ -13,8 +13,6 @@ from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
 from infra.plain_text import to_cell
 
-__all__ = ["CsvExport"]
-
 COLUMNS = (
     *("time_utc", "frame", "track_id", "system_id", "name", "confidence", "runner_up", "runner_up_confidence"),
     *("cx_px", "cy_px", "w_px", "h_px", "angle_deg", "heading_deg"),

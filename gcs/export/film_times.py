@@ -18,8 +18,6 @@ from infra.files.disk import OF_THE_DISK
 from vision.video.coded_frames import CodedFilm
 from vision.video.frame_index import reason
 
-__all__ = ["copying", "retimed", "shown_times"]
-
 
 def shown_times(times_us: NDArray[np.int64], time_base: Fraction) -> NDArray[np.int64]:
     """(n,) when each frame is shown, in ticks after the first: later ones later, whatever clocks did.

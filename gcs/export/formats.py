@@ -13,8 +13,6 @@ from typing import Final, cast
 from gcs.errors import GcsError
 from gcs.export.job import Export, ExportJob
 
-__all__ = ["FORMATS", "ExportFormat", "format_for"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportFormat:

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from gcs.snapshot import Snapshot
 
-__all__ = ["Export", "ExportJob"]
-
 
 def _tell_nobody(text: str) -> None:
     pass

@@ -10,8 +10,6 @@ from gcs.session.identity_log import json_row
 from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
 
-__all__ = ["JsonlExport"]
-
 HEADER = {
     "format": "rollcall identity",
     "version": 1,

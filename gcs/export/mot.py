@@ -31,8 +31,6 @@ from gcs.snapshot import Box, Snapshot
 from infra.plain_text import to_cell
 from vision.detect.boxes import hull
 
-__all__ = ["MotExport"]
-
 BENCHMARK: Final = "rollcall-all"
 """Benchmark and split, as TrackEval has it."""
 TRACKERS: Final = ("names", "tracks")

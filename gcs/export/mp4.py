@@ -13,8 +13,6 @@ from gcs.report.overlay import draw, image_labels
 from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
 
-__all__ = ["Mp4Export"]
-
 TIME_BASE = Fraction(1, 90_000)
 
 

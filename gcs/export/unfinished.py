@@ -15,8 +15,6 @@ from infra.files.aside import make_aside, put_in_place, remove_aside
 from infra.files.disk import OF_THE_DISK
 from infra.plain_text import plain
 
-__all__ = ["Unfinished", "writing_to"]
-
 
 @contextmanager
 def writing_to(place: Path) -> Iterator[None]:

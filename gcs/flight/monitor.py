@@ -12,12 +12,13 @@ from dataclasses import dataclass
 from gcs.flight.video import FlightVideo
 from gcs.health.faults import Faults
 from gcs.session.recorder import Recorder
-from gcs.snapshot import Event, Health, Level, LinkHealth
+from gcs.snapshot import Event, Health, LinkHealth
 from infra.wall_clock import now_us
 from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.ingest import Ingest
 from mavlink.links.report import LinkReport
 from mavlink.protocol.messages import VideoStreamInformation
+from mavlink.state import Level
 from mavlink.transmit.message_rates import MessageRates
 
 __all__ = ["FlightMonitor", "Throughput"]

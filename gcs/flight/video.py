@@ -6,10 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from gcs.session.recorder import Recorder
-from gcs.snapshot import Event, Level
+from gcs.snapshot import Event
 from infra.secrets import concealed
 from infra.wall_clock import now_us
 from mavlink.protocol.messages import VideoStreamInformation
+from mavlink.state import Level
 from vision.errors import VideoError
 from vision.stream.messages import Sender
 from vision.stream.source import offered, parse_source

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from assoc.records import CameraState, Observation, VehicleReports
 from gcs.fold.camera.frame_camera import FrameCamera
 from gcs.fold.ground.contact import box_lengths, contact_rays
-from mavlink.fleet.fleet import FleetState, Reports
-from vision.camera.camera import Intrinsics
+from mavlink.state import FleetState, Reports
+from vision.camera.intrinsics import Intrinsics
 from vision.detect.detections import Detections
 from vision.track.tracks import Tracks
 

@@ -10,8 +10,8 @@ from assoc.identification.identifier import Identities
 from gcs.certainty import certainty
 from gcs.health.vehicle_alarms import CONTRADICTED
 from gcs.mission.mission import Mission
-from gcs.snapshot import Event, Level
-from mavlink.fleet.fleet import FleetState
+from gcs.snapshot import Event
+from mavlink.state import FleetState, Level
 from vision.track.tracks import Tracks
 
 __all__ = ["NameChanges"]

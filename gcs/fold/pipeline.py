@@ -35,9 +35,10 @@ from gcs.mission.mission import Camera, Mission
 from gcs.session.fold_order import NO_FRAME
 from gcs.snapshot import Box, Event, FleetChange, Health, Snapshot, Standing, Statement
 from mavlink.estimation.gimbal import turns_camera
-from mavlink.fleet.fleet import Fleet, FleetState
+from mavlink.fleet.fleet import Fleet
 from mavlink.geodesy import LocalFrame
 from mavlink.protocol.packet import Auth, Packet
+from mavlink.state import FleetState
 from vision.camera.camera import footprint, ground_sampling
 from vision.detect.detections import Detections
 from vision.motion.image_motion import ImageMotion

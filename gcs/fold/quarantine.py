@@ -11,7 +11,7 @@ import numpy as np
 
 from assoc.identification.doubts import AnswerDoubt
 from assoc.identification.identifier import Identities
-from mavlink.fleet.fleet import FleetState
+from mavlink.state import FleetState
 
 __all__ = ["limit_doubted", "withhold_names"]
 

@@ -17,8 +17,8 @@ from gcs.fold.camera.frame_camera import FrameCamera
 from gcs.fold.candidates import doubt_words
 from gcs.mission.mission import Mission
 from gcs.snapshot import NAN, Box, Candidate, Health, Snapshot, Standing, VehicleRow
-from mavlink.fleet.fleet import FleetState
 from mavlink.geodesy import LocalFrame
+from mavlink.state import FleetState
 from vision.camera.camera import ground
 from vision.detect.detections import Detections
 from vision.track.parts import Wholes

@@ -11,8 +11,8 @@ import numpy as np
 from assoc.identification.identifier import Identifier, Identities
 from gcs.certainty import CONFIRMED, certainty
 from gcs.mission.mission import Mission
-from gcs.snapshot import Event, Level, Statement
-from mavlink.fleet.fleet import FleetState
+from gcs.snapshot import Event, Statement
+from mavlink.state import FleetState, Level
 from vision.track.tracks import Tracks
 
 __all__ = ["Statements"]

@@ -8,8 +8,6 @@ from dataclasses import dataclass, replace
 from gcs.health.alarms import rank
 from gcs.snapshot import Alarm
 
-__all__ = ["AlarmHistory", "AlarmSpan"]
-
 
 @dataclass(slots=True, kw_only=True)
 class AlarmSpan:

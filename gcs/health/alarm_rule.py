@@ -6,9 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from gcs.snapshot import Level, Snapshot
-
-__all__ = ["CLEARS_AFTER_S", "GROWING_S", "AlarmRule"]
+from gcs.snapshot import Snapshot
+from mavlink.state import Level
 
 CLEARS_AFTER_S = 3.0
 """Seconds after its last sign until an alarm is over: what is gone for a moment only is not reported twice."""

@@ -15,8 +15,6 @@ from gcs.health.station_alarms import STATION_RULES
 from gcs.health.vehicle_alarms import VEHICLE_RULES
 from gcs.snapshot import Snapshot
 
-__all__ = ["Finding", "ReportedAlarm", "alarm_of_key", "findings", "reported_alarm"]
-
 Rules = Iterable[AlarmRule[Any]]
 AGAIN = "again and again:"
 ON_AND_OFF = " on and off"

@@ -15,9 +15,8 @@ from typing import Final
 from gcs.health.alarm_rule import CLEARS_AFTER_S, GROWING_S
 from gcs.health.alarm_rules import Finding, findings
 from gcs.health.text_alarms import TextAlarms
-from gcs.snapshot import Alarm, Event, Level, Snapshot
-
-__all__ = ["Alarms", "rank", "urgency"]
+from gcs.snapshot import Alarm, Event, Snapshot
+from mavlink.state import Level
 
 WORST_US = round(CLEARS_AFTER_S * 1e6)
 """An alarm has its higher level for so long after that was last found."""

@@ -9,8 +9,6 @@ from gcs.health.station_alarms import first_of
 from gcs.health.vehicle_alarms import answers
 from gcs.snapshot import Snapshot, VehicleRow
 
-__all__ = ["CONDITION_RULES"]
-
 OLD_S = 30.0
 """Reports of batteries and receivers come once in ten seconds over slow radios; older ones raise no alarm."""
 SAG_S = 5.0

@@ -12,8 +12,6 @@ from dataclasses import replace
 from gcs.snapshot import Event
 from infra.reporting import TokenBucket
 
-__all__ = ["EventThrottle"]
-
 BURST, RATE_HZ = 20.0, 2.0
 """Notices that one sender may make of one kind at once, and a second for ever after."""
 SUM_UP_US = 1_000_000

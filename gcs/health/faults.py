@@ -14,8 +14,6 @@ from infra.files.safe_open import open_to_append
 from infra.plain_text import plain
 from infra.secrets import conceal
 
-__all__ = ["Faults"]
-
 _log = logging.getLogger(__name__)
 
 LASTING = 20

@@ -7,8 +7,6 @@ import math
 from gcs.snapshot import VehicleRow
 from mavlink.state import VehicleStatus
 
-__all__ = ["is_heard", "refused_because"]
-
 
 def is_heard(row: VehicleRow | VehicleStatus) -> bool:
     """Tell whether any of its packets was accepted so far."""

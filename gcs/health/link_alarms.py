@@ -8,8 +8,6 @@ from gcs.health.alarm_rule import AlarmRule
 from gcs.snapshot import LinkHealth, Snapshot
 from mavlink.state import SILENT_S
 
-__all__ = ["LINK_RULES", "is_silent"]
-
 FIRST_PACKET_S = 10.0
 """A radio that was just switched on finds its partner in this time."""
 

@@ -7,8 +7,6 @@ from dataclasses import replace
 
 from gcs.snapshot import Health, LinkHealth
 
-__all__ = ["LinkRates"]
-
 WINDOW_S = 5.0
 LEAST_S = 1.0
 """Shorter spans give no rate."""

@@ -24,8 +24,6 @@ from mavlink.links.kinds import open_link
 from mavlink.links.udp import LEAST_BUFFER_BYTES
 from vision.detect.detector import Detector, open_detector
 
-__all__ = ["GSD_M", "checks"]
-
 PACKAGES = ("pymavlink", "mavsdk", "numpy", "scipy", "opencv-python-headless", "onnxruntime", "av", "textual")
 DECODERS, ENCODERS = ("h264", "hevc", "mjpeg"), ("libx264",)
 PORTS = (14550, 14551)

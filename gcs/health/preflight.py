@@ -11,8 +11,6 @@ from gcs.health.heard import is_heard, refused_because
 from gcs.snapshot import Alarm, Health, Snapshot, VehicleRow
 from mavlink.transmit.message_rates import Rate
 
-__all__ = ["Check", "Verdict", "preflight"]
-
 CAMERA_ADVICE = (
     "have the UAV report it (CAMERA_FOV_STATUS or CAMERA_INFORMATION), or describe it as [camera] of the mission; "
     "else it is found once three vehicles have driven in view for some 5 s"

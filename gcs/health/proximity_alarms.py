@@ -11,8 +11,6 @@ import numpy as np
 from gcs.health.alarm_rule import AlarmRule
 from gcs.snapshot import Snapshot, VehicleRow
 
-__all__ = ["NEAR_S", "PAIR_RULES", "Pair", "near_pairs"]
-
 NEAR_S = 1.0
 """A few reports of both."""
 APART = 1.2

@@ -10,8 +10,6 @@ from gcs.health.heard import is_heard, refused_because
 from gcs.snapshot import Health, Snapshot, VehicleRow
 from vision.stream.pace import STALL_S
 
-__all__ = ["CLOCK_STEP", "LATE_S", "LOW_BYTES", "LOW_S", "STALLED_S", "STATION_RULES", "first_of"]
-
 UNHEARD_S = 15.0
 """Vehicles are switched on one after the other."""
 BEHIND_S = 2.0

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from gcs.snapshot import Alarm, Event
 from mavlink.state import ARMING_FAILURES
 
-__all__ = ["ADVICE", "MOST_TEXTS", "TextAlarms"]
-
 MOST_TEXTS = 6
 """Different texts of one vehicle that are alarms of their own; further ones share one."""
 GONE_US = 60_000_000

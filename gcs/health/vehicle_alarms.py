@@ -11,8 +11,6 @@ from mavlink.estimation.interpolation import LOST_S
 from mavlink.estimation.origin import FLEET_SPAN_M
 from mavlink.state import SILENT_S
 
-__all__ = ["APART_M", "APART_S", "APART_STDS", "CONTRADICTED", "FITS_S", "LEFT_S", "VEHICLE_RULES", "answers"]
-
 NO_HEARTBEAT_S = 10.0
 """A vehicle whose positions come is not silent for a few heartbeats that a bad link has swallowed, but after this."""
 SPEAKS_S = 1.5

@@ -17,8 +17,6 @@ from gcs.mission.mission import Camera
 from vision.camera.intrinsics import Intrinsics, from_field_of_view, resized
 from vision.camera.lens_file import read_lens
 
-__all__ = ["CameraOptions", "ChosenCamera", "choose_camera"]
-
 _TURNS = math.radians(5.0)
 """A gimbal that turns by more than this in pitch is followed only where its heading is known too."""
 _STRAIGHT_DOWN_DEG = -90.0

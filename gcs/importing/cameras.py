@@ -16,8 +16,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CAMERAS", "CameraModel", "camera_model", "from_focal_length"]
-
 Floats = NDArray[np.float64]
 
 _DIAGONAL_MM = math.hypot(36.0, 24.0)

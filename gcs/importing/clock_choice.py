@@ -22,9 +22,6 @@ from vision.detect.scale_finder import ScaleFinder
 from vision.video.prefetch import look_ahead
 from vision.video.video import Frame, VideoFile
 
-__all__ = ["boxes_of_spans", "searched_times"]
-
-
 EVERY_US = 240_000
 """Interval between two frames that are looked at: a vehicle moves by less than its own length."""
 _FOCALS = (0.71, 1.07, 0.45, 1.69)

@@ -15,8 +15,6 @@ from infra.plain_text import plain
 from vision.video.frame_index import film_stream, first_picture, open_video
 from vision.video.video import VideoFile
 
-__all__ = ["ImportedFilm", "open_film"]
-
 _MODEL_TAGS = ("encoder", "model", "com.apple.quicktime.model", "com.android.model")
 _MOST_WORDS = 60
 _HDR = {16: "PQ", 18: "HLG"}

@@ -14,8 +14,6 @@ from gcs.importing.formats.siyi import is_siyi, siyi_log
 from gcs.importing.plausible import plausible
 from gcs.importing.vehicle_log import VehicleLog
 
-__all__ = ["read_film_log"]
-
 
 def read_film_log(path: Path, *, coarse: bool) -> tuple[VehicleLog | None, tuple[str, ...]]:
     """The best log that a video carries, None without any, and what it carries that cannot be read.

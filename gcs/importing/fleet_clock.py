@@ -33,8 +33,6 @@ from vision.detect.detections import Detections
 from vision.track.tracker import Tracker
 from vision.track.tracks import TrackerParams
 
-__all__ = ["FilmBoxes", "FilmedFleetLogs", "FleetClock", "film_spans", "find_fleet_clock"]
-
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
 

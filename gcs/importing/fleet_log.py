@@ -21,8 +21,6 @@ from mavlink.protocol.modes import is_aircraft, is_ground_vehicle, is_vehicle
 from mavlink.tlog.clocks import dated_by_senders, sender_clocks
 from mavlink.tlog.log import Tlog
 
-__all__ = ["FleetTlog", "open_fleet", "read_tlog_vehicles"]
-
 _HEARTBEAT, _GPS_RAW, _ATTITUDE, _GLOBAL_POSITION, _GIMBAL = 0, 24, 30, 33, 285
 _FIX_3D = 3
 _UNKNOWN_MM = 0xFFFFFFFF

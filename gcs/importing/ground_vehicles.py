@@ -15,8 +15,6 @@ from gcs.importing.plausible import metres
 from gcs.importing.sources import read_vehicle_logs
 from gcs.importing.vehicle_log import PlaceTrack, VehicleLog
 
-__all__ = ["LAST_ID", "GroundVehicles", "clock_words", "read_ground_vehicles"]
-
 LAST_ID = 255
 _SEARCH_US, _SEARCH_STEP_US = 3_000_000, 20_000
 _LEAST_AHEAD_US = 100_000

@@ -17,8 +17,6 @@ from gcs.importing.timeline import FilmTimes
 from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog
 from gcs.session.metadata import import_rows
 
-__all__ = ["ImportReport", "SourceAccount", "source_accounts"]
-
 _MOST_GAPS = 100
 _CLOCKS = {
     "video": "that of the film",

@@ -33,8 +33,6 @@ from infra.session_format import FRAMES, LOG, METADATA
 from mavlink.geodesy import separation_m
 from sim.session import new_session, write_frames
 
-__all__ = ["ImportOptions", "import_flight", "write_imported"]
-
 _APART_M = 15.0
 _APART = (
     "the UAV took off {:+.0f} m from the fleet's median altitude: a hill, or one of them counts altitudes from the "

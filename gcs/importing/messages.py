@@ -21,8 +21,6 @@ from gcs.importing.vehicle_log import AngleTrack, PlaceTrack, VehicleLog, ViewTr
 from mavlink.geodesy import quaternion_from_euler, wrap_pi
 from mavlink.protocol.encoder import COPTER, ROVER, MavlinkEncoder
 
-__all__ = ["TlogRecord", "vehicle_records"]
-
 Floats = NDArray[np.float64]
 TlogRecord = tuple[int, bytes]
 """Unix µs of arrival and a MAVLink frame."""

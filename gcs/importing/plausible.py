@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from gcs.importing.vehicle_log import AngleTrack, PlaceTrack, VehicleLog
 
-__all__ = ["MOST_M", "alone", "leaps", "metres", "plausible", "usual_step"]
-
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

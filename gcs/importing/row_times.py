@@ -16,18 +16,6 @@ from gcs.importing.plausible import alone, leaps, metres, usual_step
 from gcs.importing.vehicle_log import in_order, whole_places
 from infra.clock_steps import level_steps, restarts
 
-__all__ = [
-    "NO_ZONE",
-    "RowTimes",
-    "ascending",
-    "check_one_clock",
-    "first_frame_us",
-    "gaps",
-    "longest_level",
-    "row_times",
-    "unix_seconds",
-]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

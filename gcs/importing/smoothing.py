@@ -20,8 +20,6 @@ from scipy.linalg import solveh_banded
 
 from gcs.importing.vehicle_log import PlaceTrack, at_times, thinned
 
-__all__ = ["filled_in", "smooth_path", "smoothed_places"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

@@ -22,8 +22,6 @@ from gcs.importing.formats.text_file import LOOKED_AT, open_file
 from gcs.importing.plausible import plausible
 from gcs.importing.vehicle_log import VehicleLog
 
-__all__ = ["FORMATS", "OTHERWISE", "LogFormat", "read_vehicle_logs"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogFormat:

@@ -13,8 +13,6 @@ from gcs.errors import ImportFileError
 from gcs.importing.film import ImportedFilm
 from gcs.importing.vehicle_log import VehicleLog
 
-__all__ = ["FilmTimes", "check_overlap", "find_timeline", "on_film"]
-
 _LEAST_OVERLAP_US = 1_000_000
 _MOST_OF_FILM = 0.9
 """Reports of a smaller share of the film are told."""

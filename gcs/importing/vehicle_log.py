@@ -16,20 +16,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "M_PER_HDOP",
-    "AngleTrack",
-    "ImportNotes",
-    "LogClock",
-    "PlaceTrack",
-    "VehicleLog",
-    "ViewTrack",
-    "at_times",
-    "in_order",
-    "thinned",
-    "whole_places",
-]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 LogClock = Literal["video", "frame", "utc", "own"]

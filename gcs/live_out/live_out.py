@@ -11,11 +11,12 @@ from collections.abc import Callable, Sequence
 from gcs.live_out.hand_over import SnapshotWriter
 from gcs.live_out.sink import SinkReport, SinkSettings, SinkSource
 from gcs.live_out.sink_url import SinkUrl
-from gcs.snapshot import Level, Snapshot
+from gcs.snapshot import Snapshot
 from infra.plain_text import plain
 from infra.processes.child_process import ChildProcess
 from infra.processes.supervisor import Supervisor
 from infra.reporting import Throttle
+from mavlink.state import Level
 
 __all__ = ["LiveOut"]
 

@@ -8,8 +8,6 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-__all__ = ["Fence", "Place"]
-
 Place = tuple[float, float]
 """Latitude and longitude, degrees."""
 LEAST_CORNERS = 3

@@ -8,8 +8,6 @@ from dataclasses import replace
 from gcs.mission.mission import Mission, MissionVehicle
 from gcs.snapshot import FleetChange
 
-__all__ = ["changed", "with_all", "words_of"]
-
 
 def changed(mission: Mission, change: FleetChange) -> Mission:
     """The mission after a change; one who is taken in is the last of its ground vehicles.

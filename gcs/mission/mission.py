@@ -27,27 +27,6 @@ from vision.camera.intrinsics import Intrinsics
 from vision.camera.lens_file import read_lens
 from vision.errors import CameraError
 
-__all__ = [
-    "BUNDLED",
-    "NO_KEYS",
-    "Camera",
-    "Clock",
-    "DetectorChoice",
-    "IdentityChoice",
-    "Links",
-    "MapChoice",
-    "Mission",
-    "MissionVehicle",
-    "SigningChoice",
-    "keys_folder",
-    "load_mission",
-    "load_table",
-    "parse_mission",
-    "unheeded_links",
-    "user_keys",
-    "usual_name",
-]
-
 BUNDLED = "bundled"
 """In place of a path: the model that comes with the program."""
 NO_KEYS = "none"

@@ -30,8 +30,6 @@ from mavlink.protocol.messages import (
 from mavlink.protocol.modes import is_aircraft, is_ground_vehicle, is_vehicle, kind_name
 from mavlink.protocol.packet import Auth, Packet
 
-__all__ = ["Found", "HeardVehicle", "Role", "Roster", "mission_of", "proposed_roles"]
-
 Role = Literal["films", "named", "out"]
 """Carries the camera, is to be told apart, or is left out."""
 AUTOPILOTS: Mapping[int, str] = {3: "ArduPilot", 12: "PX4"}

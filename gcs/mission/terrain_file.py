@@ -21,8 +21,6 @@ from gcs.mission.tiff_grid import read_tiff
 from infra.plain_text import plain
 from infra.processes.bounded import UnreadError
 
-__all__ = ["TerrainFile"]
-
 MOST_CELLS: Final = 36_000_000
 """144 MB as numbers: 6 km at 1 m, or a degree at 20 m."""
 _SCALE, _TIE_POINTS, _TRANSFORMATION, _KEYS, _NO_DATA = 33550, 33922, 34264, 34735, 42113

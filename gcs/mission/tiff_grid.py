@@ -14,8 +14,6 @@ from PIL import Image
 from infra.files.safe_open import open_to_read
 from infra.processes.bounded import answer_parent, ask_child
 
-__all__ = ["TiffGrid", "read_tiff"]
-
 _MORE_BYTES, _BYTES_A_CELL = 200_000_000, 12
 """Bytes of memory: decoded, as numbers, and as what is handed over."""
 _MOST_S = 120.0

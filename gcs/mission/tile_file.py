@@ -21,8 +21,6 @@ from gcs.errors import ConfigError
 from infra.plain_text import plain
 from vision.video.image_file import decoded
 
-__all__ = ["TILE_PX", "TileFile"]
-
 TILE_PX: Final = 256
 """Tiles of other sizes are brought to this one."""
 MOST_KEPT: Final = 96

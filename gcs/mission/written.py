@@ -13,8 +13,6 @@ from gcs.mission.mission import NO_KEYS, Mission, MissionVehicle, keys_folder, l
 from infra.files.safe_open import create
 from infra.toml_tables import toml_text
 
-__all__ = ["MISSION_FILE", "mission_tables", "mission_text", "save_mission"]
-
 MISSION_FILE = "mission.toml"
 _MOST_FILES = 1000
 _PARTS = ("camera", "clock", "detector", "identity", "limits")

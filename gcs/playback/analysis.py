@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from gcs.mission.mission import Camera, DetectorChoice
     from vision.detect.detector import Detector
 
-__all__ = ["Analysis"]
-
 Image = NDArray[np.uint8]
 Times = NDArray[np.int64]
 

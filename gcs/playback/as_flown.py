@@ -27,8 +27,6 @@ from gcs.snapshot import Alarm, Event
 from infra.files.segment import segments
 from infra.session_format import EVENTS
 
-__all__ = ["FlownAlarm", "FlownReports"]
-
 SAME_US: Final = 5_000_000
 """A replay without the flight's order of packets and frames finds the same some seconds earlier or later."""
 WORKED_OUT: Final = frozenset({"vehicle", "identity", "camera", "text"})

@@ -7,8 +7,6 @@ from gcs.mission.mission import Mission
 from gcs.mission.roster import Role, Roster, mission_of, proposed_roles
 from gcs.session.log import SessionLog
 
-__all__ = ["discover"]
-
 
 def discover(log: SessionLog) -> Mission:
     """Who flies and who drives, from the heartbeats of a log; of several aircraft the one of the lowest id films.

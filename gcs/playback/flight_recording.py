@@ -27,8 +27,6 @@ from infra.session_format import IDENTITY_EVIDENCE
 from vision.detect.detections import Detections
 from vision.detect.detector import Detector
 
-__all__ = ["FlightRecording", "open_flight", "score_boxes"]
-
 Image = NDArray[np.uint8]
 Detect = Callable[[Image], Detections]
 

@@ -28,8 +28,6 @@ from gcs.fold.snapshot_rows import standing_of
 from gcs.mission.mission import Mission
 from gcs.snapshot import NAN, Box, Candidate, Snapshot, VehicleRow
 
-__all__ = ["AHEAD_S", "by_hindsight"]
-
 FloatArray = NDArray[np.float64]
 
 AHEAD_S = 15.0

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from gcs.mission.mission import Camera, DetectorChoice
     from vision.detect.detector import Detector
 
-__all__ = ["identify_session"]
-
 AGAIN_S = 0.3
 """Offset from which on the names of the first seconds wait until the video's clock is found, s."""
 SURE_S, SURE_FIT = 0.1, 0.99

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from vision.detect.detector import Detector
     from vision.video.video import Frame, VideoFile
 
-__all__ = ["LookedFrame", "RecordedLooks", "look_again", "recorded_frames"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LookedFrame:

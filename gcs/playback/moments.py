@@ -8,8 +8,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["moments_between", "telemetry_times"]
-
 TICK_US: Final = 200_000
 """Interval at which a flight shows the fleet while no frame comes."""
 QUIET_US: Final = 60_000_000

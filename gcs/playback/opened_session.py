@@ -26,8 +26,6 @@ from vision.camera.intrinsics import resized
 if TYPE_CHECKING:
     from vision.video.video import VideoFile
 
-__all__ = ["OpenedSession"]
-
 LONGEST_US = 86_400_000_000
 """A flight is not so long without a packet or a frame."""
 

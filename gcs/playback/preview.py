@@ -13,8 +13,6 @@ from typing import Final
 from gcs.playback.snapshot_store import SnapshotStore
 from gcs.snapshot import Snapshot
 
-__all__ = ["Preview"]
-
 AHEAD_US: Final = 3_000_000
 """Time analysed beyond the place that is looked at: playing does not wait."""
 BEFORE_US: Final = 1_000_000

@@ -21,8 +21,6 @@ from vision.detect.detections import Detections
 if TYPE_CHECKING:
     from vision.video.video import Frame
 
-__all__ = ["GroundScale", "PacketsInOrder", "RecordedTurns"]
-
 _MOST_BETWEEN = 1000
 """Frames that a flight skips between two that it looks at, at most."""
 PATIENCE_US = 3_000_000

@@ -36,8 +36,6 @@ from mavlink.transmit.message_rates import Rate
 from vision.stream.pace import stall_after_s
 from vision.video.video import Frame, VideoFile
 
-__all__ = ["PARTS", "ConfidenceHistory", "Replay", "find_gaps"]
-
 SPEED_LEAST, SPEED_MOST = 0.1, 20.0
 # Decoding on is cheaper than seeking for jumps up to this many frames.
 DECODE_ON = 30

@@ -10,8 +10,6 @@ from gcs.playback.opened_session import OpenedSession
 from gcs.session.metadata import PROGRAM
 from infra.files.segment import segments
 
-__all__ = ["session_warnings"]
-
 
 def session_warnings(opened: OpenedSession) -> Iterator[str]:
     """One line each; a replay may give other names than the flight where something lacks."""

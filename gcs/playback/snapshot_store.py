@@ -12,8 +12,6 @@ from typing import Final
 
 from gcs.snapshot import Snapshot
 
-__all__ = ["SnapshotStore"]
-
 CHUNK: Final = 16
 """Snapshots that are packed together: they repeat each other, and unpacking them takes some milliseconds."""
 FASTEST: Final = 1

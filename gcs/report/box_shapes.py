@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from gcs.snapshot import Box
 
-__all__ = ["Rect", "box_bounds", "box_corners", "drawable", "front_mark"]
-
 Rect = tuple[float, float, float, float]
 """Left, top, width, height."""
 

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from gcs.report.label_grid import Cells
 from gcs.snapshot import Box, Snapshot
 
-__all__ = ["Inset", "crop", "inset_for", "moved_boxes", "title_of"]
-
 SHARE: Final = 0.42
 """Width as a share of the field's: enough to see what it is, and the rest of the picture stays."""
 SHARE_HIGH: Final = 0.55

@@ -7,8 +7,6 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-__all__ = ["Cells", "Grid", "Occupied", "line_between", "needs_line"]
-
 Cells = tuple[int, int, int, int]
 """Left, top, width, height."""
 Measure = Callable[[str], tuple[int, int]]

@@ -15,8 +15,6 @@ from typing import Final
 
 from gcs.report.label_grid import Cells, Grid, Occupied, line_between, needs_line
 
-__all__ = ["Label", "Labelling", "Place", "leader_of", "place_labels"]
-
 RINGS: Final = 5
 """How many steps a label may be away from its mark: a line much longer is hard to follow."""
 RING_COST: Final = 2.0

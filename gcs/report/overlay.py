@@ -24,23 +24,6 @@ from gcs.report.labels import Label, Labelling, leader_of, place_labels
 from gcs.report.vehicle_names import ShownName, shown_names
 from gcs.snapshot import Box, Snapshot, Standing
 
-__all__ = [
-    "DARK",
-    "STANDING_RGB",
-    "box_keys",
-    "box_labels",
-    "box_texts",
-    "boxes_in_order",
-    "draw",
-    "image_inset",
-    "image_labels",
-    "inset_label",
-    "is_picked",
-    "label_of",
-    "named_count",
-    "standing_of",
-]
-
 Rgb = tuple[int, int, int]
 
 STANDING_RGB: Final[Mapping[Standing, Rgb]] = MappingProxyType(

@@ -17,8 +17,6 @@ from gcs.mission.mission import Mission
 from gcs.snapshot import Event, Snapshot, VehicleRow
 from mavlink.state import SILENT_S
 
-__all__ = ["WITHOUT_POSITION", "AlarmCounts", "Outcome", "RollCall", "RollCallRow", "count_alarms"]
-
 Outcome = Literal[
     "named",
     "in view, never named",

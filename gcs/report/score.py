@@ -27,8 +27,6 @@ from gcs.session.frame_tables import read_truth
 from gcs.session.identity_log import read_identity
 from gcs.session.tables import Table
 
-__all__ = ["Matched", "Score", "match", "match_files", "score", "score_files"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

@@ -11,8 +11,6 @@ from typing import Final
 from gcs.snapshot import Event, Snapshot
 from infra.plain_text import plain
 
-__all__ = ["ShownName", "shown_names", "text_with_sender"]
-
 LONGEST_NAME: Final = 40
 """Letters; a longer name is a line of text, not a label."""
 SIGNS: Final = "?~+"

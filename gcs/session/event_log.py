@@ -15,11 +15,12 @@ from typing import Annotated, Literal
 import msgspec
 
 from gcs.session.line_file import Lines, open_new
-from gcs.snapshot import NAN, Event, FleetChange, Level, Statement
+from gcs.snapshot import NAN, Event, FleetChange, Statement
 from infra.files.safe_open import open_to_append, open_to_read
 from infra.files.segment import segments
 from infra.plain_text import plain
 from infra.session_format import EVENTS, MARKS
+from mavlink.state import Level
 
 __all__ = [
     "EventLog",

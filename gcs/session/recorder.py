@@ -28,7 +28,7 @@ from gcs.session.identity_log import IdentityLog
 from gcs.session.line_file import LineFile
 from gcs.session.metadata import SessionFile
 from gcs.session.session import create_folder
-from gcs.snapshot import Event, Level, Snapshot
+from gcs.snapshot import Event, Snapshot
 from infra.files.disk import OS_DISK, Disk
 from infra.files.flusher import Flusher
 from infra.files.record_state import RecordState
@@ -36,6 +36,7 @@ from infra.program_log import LogFile, least_level
 from infra.reporting import ReportGrowth
 from infra.session_format import DETECTIONS, EVENTS, FOLDS, FRAMES, LOG, MOTION, PROGRAM_LOG, UNFOLDED, TableFormat
 from infra.wall_clock import now_us
+from mavlink.state import Level
 from vision.detect.detections import Detections
 from vision.motion.image_motion import ImageMotion
 

@@ -12,11 +12,9 @@ from textual.content import Content
 from textual.keys import format_key
 from textual.markup import escape
 
-from gcs.tui.draw.format import plain
 from gcs.tui.keys import GROUPS, LIVE_ACTIONS
 from gcs.tui.panes.pane import Pane
-
-__all__ = ["Action", "ActionProvider", "actions", "keys_of"]
+from infra.plain_text import plain
 
 KEYS_CELLS = 9
 

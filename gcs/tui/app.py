@@ -53,8 +53,6 @@ from gcs.tui.screens.saving import ask_to_save_screen, save_still
 from gcs.tui.terminal.terminal_app import MOST_FPS
 from gcs.tui.themes import ThemeName
 
-__all__ = ["RollcallApp"]
-
 POLL_S = 1 / MOST_FPS
 COUNT_S = 2.0
 

@@ -17,8 +17,6 @@ from gcs.report.box_shapes import Rect, box_bounds, drawable
 from gcs.snapshot import Box, Snapshot
 from gcs.tui.picking import picked_box
 
-__all__ = ["PictureRegion", "frame_for", "framed"]
-
 LEAST_SHARE: Final = 0.3
 """Least share of the image's width and height that is shown: a vehicle without its surroundings is nowhere."""
 AROUND: Final = 0.9

@@ -9,21 +9,6 @@ from typing import Final
 from textual.binding import Binding
 from textual.keys import format_key
 
-__all__ = [
-    "BINDINGS",
-    "COMMAND_HINTS",
-    "GROUPS",
-    "LIVE_ACTIONS",
-    "LIVE_HINTS",
-    "PANE_HINTS",
-    "REPLAY_ACTIONS",
-    "REPLAY_HINTS",
-    "THEME",
-    "Hint",
-    "hints_for",
-    "signs_in",
-]
-
 Hint = tuple[str, str]
 """Keys as they are shown, one letter each or one word, and what they do."""
 

@@ -8,8 +8,6 @@ from textual.message import Message
 
 from gcs.snapshot import Alarm
 
-__all__ = ["AlarmsSeen", "SeekTo", "VehiclePicked"]
-
 
 @dataclass
 class AlarmsSeen(Message):

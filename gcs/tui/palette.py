@@ -8,37 +8,10 @@ from typing import Final
 from rich.color import Color
 from rich.style import Style
 
-from gcs.snapshot import Level, Standing
+from gcs.snapshot import Standing
 from gcs.tui.draw.xterm_palette import nearest, nearest_of_sixteen
 from gcs.tui.themes import DARK, THEMES, Colour, Depth, Theme
-
-__all__ = [
-    "ACCENT",
-    "ALARM",
-    "ALARM_TINT",
-    "BRIGHT",
-    "FAINT",
-    "GOOD",
-    "HEAD",
-    "INK",
-    "LINE",
-    "PANEL",
-    "PICKED",
-    "WARN",
-    "WARN_TINT",
-    "Colour",
-    "count_colour",
-    "depth_in_use",
-    "ink",
-    "level_colour",
-    "level_tint",
-    "pack",
-    "position_colour",
-    "standing_colour",
-    "terminal_colour",
-    "use_depth",
-    "use_theme",
-]
+from mavlink.state import Level
 
 PANEL: Final = Colour.PANEL
 HEAD: Final = Colour.HEAD

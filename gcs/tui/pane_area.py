@@ -15,8 +15,6 @@ from gcs.snapshot import Snapshot
 from gcs.tui.draw.pane_layout import LayoutState, Rect, arranged
 from gcs.tui.panes.pane import Pane
 
-__all__ = ["PaneArea"]
-
 
 class _PaneAreaLayout(Layout):
     """Puts each pane on the rectangle that its area has for it."""

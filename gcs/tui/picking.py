@@ -6,8 +6,6 @@ from collections.abc import Iterable
 
 from gcs.snapshot import Box, Snapshot, VehicleRow
 
-__all__ = ["Pick", "beside", "followed", "picked_box"]
-
 Pick = tuple[int, int]
 """System id of a vehicle, or 0; track id of a box without a name, or 0."""
 

@@ -10,8 +10,6 @@ import numpy as np
 
 from gcs.station import Timeline
 
-__all__ = ["SPEEDS", "change_speed", "jump", "parse_time", "shares_named", "time_beside", "toggle"]
-
 SPEEDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 SECOND_US = 1_000_000
 DAY_US = 86_400 * SECOND_US

@@ -11,8 +11,6 @@ from gcs.tui.panes.timeline import TimelineBar
 from gcs.tui.screens.prompts import Prompt
 from gcs.tui.terminal.terminal_app import TerminalApp
 
-__all__ = ["ReplayApp"]
-
 
 class ReplayApp(TerminalApp):
     """Actions on the station's timeline; a flight has none, and they do nothing."""

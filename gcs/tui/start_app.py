@@ -17,21 +17,20 @@ from gcs.flight.video import check_source
 from gcs.mission.mission import usual_name
 from gcs.mission.roster import Found, HeardVehicle, Role, proposed_roles
 from gcs.mission.written import MISSION_FILE
-from gcs.tui.draw.format import age, plain
+from gcs.tui.draw.format import age
 from gcs.tui.draw.strips import Part, blank, fitted, folded, line, split_line
 from gcs.tui.keys import THEME
-from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, PANEL, PICKED, WARN, Colour, ink
+from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, PANEL, PICKED, WARN, ink
 from gcs.tui.panes.key_hints import KeyHints
 from gcs.tui.screens.prompts import Prompt
 from gcs.tui.terminal.terminal_app import TerminalApp
-from gcs.tui.themes import ThemeName
+from gcs.tui.themes import Colour, ThemeName
+from infra.plain_text import plain
 from infra.secrets import concealed
 from infra.wall_clock import now_us
 from mavlink.protocol.packet import Auth
 from mavlink.state import SILENT_S
 from vision.errors import VideoError
-
-__all__ = ["StartApp"]
 
 POLL_S = 0.1
 LONG_S = 5.0

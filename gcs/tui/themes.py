@@ -19,11 +19,6 @@ from gcs.report.page.style import DARK as PAGES_DARK
 from gcs.report.page.style import LIGHT as PAGES_LIGHT
 from gcs.tui.draw.xterm_palette import nearest
 
-__all__ = [
-    *("BACKGROUNDS", "DARK", "THEMES", "Colour", "Depth", "Rgb", "Theme", "ThemeName", "hex_of", "next_theme"),
-    "textual_theme",
-]
-
 Depth = Literal["truecolor", "256", "standard"]
 """How many colours the terminal has, in Rich's words: all, 256, or the sixteen that its user has chosen."""
 

@@ -27,8 +27,6 @@ from infra.files.record_state import RecordState
 from infra.files.segment import Segment, segment_path
 from infra.files.write_buffer import Chunk, WriteBuffer
 
-__all__ = ["RAM_BYTES", "AppendFile"]
-
 RAM_BYTES = 64 << 20
 """Rows kept while the disk fails: 60 s of 5,000 packets/s of 220 bytes each."""
 RETRY_S = 1.0

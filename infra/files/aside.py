@@ -11,8 +11,6 @@ import tempfile
 import time
 from pathlib import Path
 
-__all__ = ["make_aside", "put_all_in_place", "put_in_place", "remove_aside"]
-
 PREFIX = ".aside-"
 YOUNG_S = 60.0
 """One that was made just now may not be held yet."""

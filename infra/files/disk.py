@@ -8,8 +8,6 @@ from pathlib import Path
 
 from infra.files.safe_open import open_folder
 
-__all__ = ["OF_THE_DISK", "OS_DISK", "Disk"]
-
 OF_THE_DISK = frozenset((errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EFBIG))
 """Errors that tell of a disk and of no fault in the program."""
 

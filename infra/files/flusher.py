@@ -7,8 +7,6 @@ from collections.abc import Sequence
 
 from infra.files.append import AppendFile
 
-__all__ = ["Flusher"]
-
 _CLOSE_S = 5.0
 
 

@@ -18,8 +18,6 @@ from dataclasses import dataclass
 from infra.files.append import RAM_BYTES
 from infra.shared_memory import make_memory, map_memory
 
-__all__ = ["PIECE_BYTES", "Journal", "Piece", "make_journal"]
-
 PIECE_BYTES = 1 << 18
 """Bytes written at once: enough for few system calls, and few enough that no row waits long for earlier ones."""
 _RESERVE = 1 << 18

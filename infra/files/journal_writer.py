@@ -11,8 +11,6 @@ from infra.files.append import AppendFile
 from infra.files.journal import PIECE_BYTES, Journal, Piece
 from infra.files.segment import segments
 
-__all__ = ["HANG_S", "JournalWriter"]
-
 GATHER_S = 0.04
 """Rows of so long are written together: fewer system calls. Until then they are in memory that outlives the process."""
 HANG_S = 60.0

@@ -12,8 +12,6 @@ import threading
 import time
 from pathlib import Path
 
-__all__ = ["RestorableFile"]
-
 LOOK_S = 0.5
 JOIN_S = 1.5
 

@@ -13,8 +13,6 @@ import pwd
 import stat
 from pathlib import Path
 
-__all__ = ["create", "is_shared", "open_folder", "open_to_append", "open_to_read", "read_small"]
-
 _OPEN = os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY  # a pipe is not waited on, a terminal does not become ours
 
 

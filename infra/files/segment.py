@@ -9,8 +9,6 @@ from pathlib import Path
 
 from infra.files.disk import Disk
 
-__all__ = ["Segment", "segment_path", "segments"]
-
 
 def segment_path(path: Path, segment: int) -> Path:
     """``telemetry.tlog`` for segment 0, ``telemetry.1.tlog`` for segment 1."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 
-__all__ = ["Chunk", "WriteBuffer"]
-
 CHUNK_BYTES = 1 << 16
 """Rows are kept in chunks of about this size: a hundred times fewer objects than rows."""
 

@@ -22,8 +22,6 @@ from infra.plain_text import plain
 from infra.processes.channel import MessageChannel, connect_to_parent
 from infra.processes.child_process import KILL_S, ChildProcess
 
-__all__ = ["UnreadError", "answer_parent", "ask_child"]
-
 _MOST_WORDS = 200
 _MOST_WRITTEN = 1 << 20
 """Bytes of what it may print."""

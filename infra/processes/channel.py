@@ -16,8 +16,6 @@ import msgspec
 
 from infra.program_log import log_as_parent
 
-__all__ = ["MOST_BYTES", "MessageChannel", "connect_to_parent"]
-
 MOST_BYTES = 1 << 20
 
 Received = TypeVar("Received")

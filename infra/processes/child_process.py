@@ -18,8 +18,6 @@ import psutil
 from infra.processes.channel import MOST_BYTES, MessageChannel
 from infra.program_log import child_environment
 
-__all__ = ["ChildProcess", "ProcessorTime"]
-
 _log = logging.getLogger(__name__)
 
 ROOT = str(Path(__file__).resolve().parents[2])

@@ -7,8 +7,6 @@ import signal
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-__all__ = ["AskedBySignals", "noted_signals"]
-
 
 @dataclass(slots=True)
 class AskedBySignals:

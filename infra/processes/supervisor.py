@@ -12,8 +12,6 @@ from typing import Any, Generic, TypeVar
 from infra.processes.child_process import ChildProcess, ProcessorTime
 from infra.reporting import Backoff
 
-__all__ = ["Supervisor"]
-
 _log = logging.getLogger(__name__)
 
 SPARE_AGAIN_S = 0.3

@@ -10,8 +10,6 @@ from mavlink.geodesy import wrap_pi
 from mavlink.protocol.messages import Attitude
 from mavlink.reception.reception import SenderKey
 
-__all__ = ["AttitudeComparison", "AttitudeConflict", "turned_too_far"]
-
 _MAX_SENDERS = 8
 """Senders compared; a flood of addresses must cost neither memory nor time."""
 _GAP, _GAP_RATE = math.radians(10.0), math.radians(60.0)

@@ -8,8 +8,6 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 from mavlink.protocol.packet import Packet
 
-__all__ = ["AUTOPILOT_VERSION", "HardwareId", "hardware_id_of"]
-
 AUTOPILOT_VERSION = 148
 _UNPACKER = ardupilotmega.mavlink_map[AUTOPILOT_VERSION].unpacker
 _UID2_BYTES = 18

@@ -26,8 +26,6 @@ from mavlink.geodesy import wrap_pi
 from mavlink.protocol.messages import GlobalPosition
 from mavlink.reception.reception import SenderKey
 
-__all__ = ["FRESH_BOOT_US", "MAX_LINK_LAG_US", "ClaimedPlaces", "PlaceConflict", "same_channel"]
-
 FRESH_BOOT_US = 15_000_000
 """A clock that counts less may be this vehicle's after a reboot, while a late link still brings the count before."""
 _LATE_US = 1_000_000

@@ -11,8 +11,6 @@ from mavlink.protocol.messages import Heartbeat
 from mavlink.protocol.modes import kind_name, mode_name
 from mavlink.state import Level
 
-__all__ = ["NO_COMPONENT", "Components"]
-
 NO_COMPONENT = -1
 """In place of a component id, which is 0 to 255."""
 

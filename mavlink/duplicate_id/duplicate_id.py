@@ -17,7 +17,8 @@ from typing import Literal
 from infra.reporting import Throttle
 from mavlink.duplicate_id.attitude_comparison import AttitudeComparison, turned_too_far
 from mavlink.duplicate_id.autopilot_id import HardwareId, hardware_id_of
-from mavlink.duplicate_id.claimed_places import MAX_LINK_LAG_US, ClaimedPlaces, same_channel
+from mavlink.duplicate_id.claimed_places import ClaimedPlaces
+from mavlink.duplicate_id.sender_path import MAX_LINK_LAG_US, same_channel
 from mavlink.estimation.interpolation import Pose
 from mavlink.estimation.positions import VehicleLimits
 from mavlink.protocol.messages import Attitude, GlobalPosition, Heartbeat
@@ -26,8 +27,6 @@ from mavlink.protocol.packet import Packet
 from mavlink.reception.reception import SenderKey
 from mavlink.reception.rejected_packets import REPORT_AGAIN_US
 from mavlink.state import Level
-
-__all__ = ["ConflictKind", "DuplicateIdDetector", "IdConflict"]
 
 ConflictKind = Literal["autopilot", "kind", "mode", "clock", "boot", "place", "attitude", "hardware"]
 

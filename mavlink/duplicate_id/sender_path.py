@@ -12,17 +12,6 @@ from mavlink.estimation.interpolation import SampleBuffer
 from mavlink.geodesy import wrap_pi
 from mavlink.reception.reception import SenderKey
 
-__all__ = [
-    "ALIVE_US",
-    "MAX_LINK_LAG_US",
-    "MAX_PROVEN_LAG_US",
-    "ClaimedPlace",
-    "SenderPath",
-    "distance_m",
-    "off_course_m",
-    "same_channel",
-]
-
 MAX_LINK_LAG_US = 12_000_000
 """A link may be this much later than another without a proof that it carries the same: ten seconds, and some for its
 own delays."""

@@ -19,8 +19,6 @@ from infra.reporting import ReportOnce
 from mavlink.protocol.messages import CameraFov, CameraInformation, CameraSettings, VideoStreamInformation
 from mavlink.state import CameraReport
 
-__all__ = ["NARROWEST", "WIDEST", "CameraReports", "CameraSample"]
-
 NARROWEST, WIDEST = math.radians(0.5), math.radians(175.0)
 """Fields of view of cameras, rad."""
 SIZES_PX = (16, 16384)

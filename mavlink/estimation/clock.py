@@ -17,8 +17,6 @@ from typing import NamedTuple
 
 from mavlink.estimation.clock_rate import ClockRate
 
-__all__ = ["ClockFit", "ClockParams", "ClockReading", "VehicleClock"]
-
 _WRAP_US = (1 << 32) * 1000
 """Boot times are 32 bits of milliseconds: 49.7 days."""
 STEEP, STEEP_WITHIN = 0.01, 0.1

@@ -15,8 +15,6 @@ from collections import deque
 from mavlink.estimation.clock import VehicleClock
 from mavlink.protocol.messages import SystemTime, TimeSync
 
-__all__ = ["CLOCK_ERROR_S", "DRIFT_PPM", "ClockHealth", "TimeSyncExchanges"]
-
 _MAX_ROUND_TRIP_US = 2_000_000
 """An answer that took longer is one to another request."""
 _BIN_US, _BINS = 10_000_000, 60

@@ -11,8 +11,6 @@ from collections import deque
 from collections.abc import Sequence
 from itertools import pairwise
 
-__all__ = ["ClockRate"]
-
 BIN_US = 2_000_000
 """The least delay of each such span counts: longer than a radio's hold-up usually is."""
 BINS = 7

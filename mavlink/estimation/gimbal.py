@@ -31,8 +31,6 @@ from mavlink.geodesy import (
 from mavlink.protocol.messages import CameraFov, GimbalAttitude, MountOrientation, MountStatus
 from mavlink.protocol.packet import Packet
 
-__all__ = ["GIMBAL_LOST_S", "GimbalSample", "Gimbals", "turns_camera", "yaw_frame"]
-
 GIMBAL_LOST_S = 1.0
 """An attitude older than this is not used, and no interpolation bridges a longer gap."""
 _BUFFER_SIZE = 300

@@ -6,8 +6,6 @@ import math
 
 from mavlink.protocol.messages import DistanceSensor, TerrainReport
 
-__all__ = ["GroundDistance"]
-
 _DOWN = 25
 """MAV_SENSOR_ROTATION_PITCH_270."""
 _INVALID_QUALITY = 1

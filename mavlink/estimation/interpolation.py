@@ -14,19 +14,6 @@ from typing import Generic, NamedTuple, TypeVar
 from mavlink.geodesy import wrap_pi
 from mavlink.protocol.messages import Attitude
 
-__all__ = [
-    "ATTITUDE_LOST_S",
-    "LOST_S",
-    "Attitudes",
-    "Fix",
-    "Insertion",
-    "Pose",
-    "PositionEstimate",
-    "SampleBuffer",
-    "horizontal_distance_m",
-    "position_at",
-]
-
 Sample = TypeVar("Sample")
 
 _BUFFER_SIZE = 1000

@@ -8,8 +8,6 @@ from mavlink.estimation.positions import altitude_known
 from mavlink.geodesy import LocalFrame, separation_m
 from mavlink.protocol.messages import GlobalPosition
 
-__all__ = ["FLEET_SPAN_M", "LOCAL_REACH_M", "TOO_FAR", "Origin"]
-
 LOCAL_REACH_M = 50_000.0
 """The origin is moved to a UAV that is farther from it than this. There the Earth is 200 m below the plane, and north
 turns by half a degree at 45° of latitude, a fourteenth of what a compass is taken to be off by."""

@@ -24,8 +24,6 @@ from mavlink.reception.reception import SenderKey
 from mavlink.reception.rejected_packets import REPORT_AGAIN_US
 from mavlink.state import Level
 
-__all__ = ["Doubt", "GpsReceivers", "JumpDetector", "PositionDoubts", "PositionRejections"]
-
 
 class PositionRejections:
     """Counts what one vehicle reported and what was not used, by reason."""

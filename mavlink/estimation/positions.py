@@ -24,23 +24,6 @@ from mavlink.geodesy import LocalFrame, wrap_pi
 from mavlink.protocol.messages import GlobalPosition, GpsRaw
 from mavlink.state import PositionState
 
-__all__ = [
-    "NOT_YET",
-    "UNSTEADY_ALTITUDE",
-    "Positions",
-    "VehicleLimits",
-    "Verdict",
-    "altitude_known",
-    "climbs_too_fast",
-    "course_gap",
-    "fix_of",
-    "in_frame",
-    "place_error",
-    "position_stds",
-    "speed_possible",
-    "too_far",
-]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleLimits:

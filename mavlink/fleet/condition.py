@@ -20,8 +20,6 @@ from mavlink.protocol.messages import (
 )
 from mavlink.state import ARMING_FAILURES, VehicleCondition
 
-__all__ = ["ConditionReports"]
-
 _MOST_SOURCES = 16
 """Batteries, receivers and components that are remembered of each kind: a flood of ids must not cost memory."""
 _MOST_REASONS = 8

@@ -51,9 +51,7 @@ from mavlink.protocol.messages import (
 from mavlink.protocol.modes import is_vehicle, kind_name
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.reception.reception import Arrival
-from mavlink.state import CameraReport, FleetState, Level, Notice, Reports, UavState, VehicleStatus
-
-__all__ = ["CameraReport", "Fleet", "FleetState", "Notice", "Reports", "UavState", "VehicleStatus"]
+from mavlink.state import FleetState, Level, Notice, Reports, UavState, VehicleStatus
 
 _UAV_LIMITS = VehicleLimits(max_speed=80.0, max_acceleration=12.0)
 """A fast multicopter or a small plane."""

@@ -13,8 +13,6 @@ from mavlink.protocol.decode import decode
 from mavlink.protocol.messages import RadioStatus
 from mavlink.protocol.packet import Auth, Packet
 
-__all__ = ["MODEM_MESSAGES", "add_radio_status"]
-
 MODEM_MESSAGES = (109, 166)
 """RADIO_STATUS and RADIO."""
 

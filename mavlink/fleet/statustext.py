@@ -5,8 +5,6 @@ from __future__ import annotations
 from mavlink.protocol.messages import StatusText
 from mavlink.state import Level
 
-__all__ = ["StatusTexts"]
-
 _REPEATED_US = 5_000_000
 """The same text within this is a repetition."""
 _PIECE_BYTES = 50

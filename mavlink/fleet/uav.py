@@ -13,8 +13,6 @@ from mavlink.fleet.vehicle import Vehicle
 from mavlink.geodesy import R_ENU_NED, rotation_from_euler
 from mavlink.state import CameraReport, UavState
 
-__all__ = ["NO_FIX", "is_awaited", "uav_state"]
-
 NO_FIX = Fix(*[math.nan] * 10)
 _REPORTING_US = 1_000_000
 """What did not come for so long is not waited for: it stopped, or comes too rarely to interpolate."""

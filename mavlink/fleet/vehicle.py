@@ -10,9 +10,10 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from infra.reporting import Throttle
-from mavlink.duplicate_id.claimed_places import FRESH_BOOT_US, MAX_LINK_LAG_US
+from mavlink.duplicate_id.claimed_places import FRESH_BOOT_US
 from mavlink.duplicate_id.components import NO_COMPONENT, Components
 from mavlink.duplicate_id.duplicate_id import DuplicateIdDetector
+from mavlink.duplicate_id.sender_path import MAX_LINK_LAG_US
 from mavlink.estimation.clock import ClockFit, ClockReading, VehicleClock
 from mavlink.estimation.clock_health import ClockHealth
 from mavlink.estimation.gimbal import GimbalSample
@@ -46,8 +47,6 @@ from mavlink.protocol.modes import fix_name
 from mavlink.protocol.packet import Packet
 from mavlink.reception.reception import Arrival, ChannelLag, Reception, SenderKey
 from mavlink.state import Level, Notice, PositionState, VehicleStatus
-
-__all__ = ["PositionReport", "Vehicle"]
 
 Notices = tuple[Notice, ...]
 

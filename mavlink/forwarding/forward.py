@@ -23,8 +23,6 @@ from mavlink.protocol.addressing import target_of
 from mavlink.protocol.dialect import DEFINITIONS, message_name
 from mavlink.protocol.packet import Auth, Packet
 
-__all__ = ["HARMLESS", "Forwarder"]
-
 SETUP_SIGNING = 256
 HARMLESS = ("HEARTBEAT", "TIMESYNC")
 """Broadcasts that carry no order."""

@@ -13,8 +13,6 @@ from mavlink.links.kinds import open_link
 from mavlink.protocol.dialect import message_name
 from mavlink.protocol.packet import Packet
 
-__all__ = ["OUTPUT_OPTIONS", "InboundFrames", "Output", "OutputCounts", "parse_output"]
-
 _COMMANDS = (75, 76)  # COMMAND_INT, COMMAND_LONG
 _COMMAND_AT = 28
 """Byte of both at which the number of the command begins."""

@@ -11,9 +11,6 @@ from infra.files.record_state import RecordState
 from mavlink.forwarding.outputs import OutputCounts
 from mavlink.links.report import LinkCounts, LinkReport
 
-__all__ = ["IngestHealth"]
-
-
 _NOTHING = RecordState(name="")
 
 

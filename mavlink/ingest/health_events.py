@@ -14,8 +14,6 @@ from mavlink.links.flood_limiter import STRANGERS, FloodLimit
 from mavlink.links.report import LinkReport
 from mavlink.state import Level
 
-__all__ = ["HealthEvents"]
-
 _Event = tuple[Level, str]
 """Level and text."""
 PATIENCE = 10

@@ -33,8 +33,6 @@ from mavlink.links.udp import LEAST_BUFFER_BYTES
 from mavlink.protocol.packet import Packet
 from mavlink.state import Level, Notice
 
-__all__ = ["Ingest"]
-
 START_S = 20.0
 """A start that takes longer has failed."""
 STOP_S = 15.0

@@ -14,8 +14,6 @@ from enum import IntEnum
 from infra.shared_memory import NewestValue, Ring, make_memory, map_memory
 from mavlink.protocol.packet import Auth, Packet
 
-__all__ = ["RING_BYTES", "IngestMemory", "Slot", "make_ingest_memory"]
-
 RING_BYTES = 16 << 20
 """A minute of 5,000 packets/s."""
 _RECEIVED_UNTIL_AT, _STATUS_AT, _RING_AT = 2048, 4096, 262_144

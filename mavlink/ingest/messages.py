@@ -9,8 +9,6 @@ import msgspec
 
 from mavlink.ingest.plan import Plan
 
-__all__ = ["AcceptHeld", "CannotOpen", "IngestReport", "IngestRequest", "KnownFleet", "Opened", "SendFrame"]
-
 
 class SendFrame(msgspec.Struct, frozen=True, tag=True):
     """Send a frame over a link, to one peer or, 0, to all who are known there."""

@@ -12,8 +12,6 @@ from mavlink.errors import LinkError
 from mavlink.links.kinds import parse_url
 from mavlink.links.url import LinkUrl
 
-__all__ = ["Outputs", "Plan", "Signing", "check_links"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signing:

@@ -19,8 +19,6 @@ from mavlink.signing.store import StreamStore, open_verifier
 from mavlink.signing.verifier import Verifier, without_secret
 from mavlink.tlog.writer import TlogWriter
 
-__all__ = ["LastSenders", "Receiver", "Signatures", "open_outputs"]
-
 _TIME = struct.Struct(">Q")
 _SETUP_SIGNING = b"\x00\x01\x00"
 """Its message id as in a header."""

@@ -18,8 +18,6 @@ from mavlink.links.flood_limiter import FloodLimit
 from mavlink.links.report import LinkReport
 from mavlink.protocol.packet import Auth
 
-__all__ = ["BURST_S", "KEPT_PER_S", "RefusedPacketLimiter"]
-
 KEPT_PER_S, BURST_S = 500.0, 4.0
 """Refused packets recorded of one sender: all of a vehicle that has no key, and enough to see what a forger does."""
 _MOST = 1024

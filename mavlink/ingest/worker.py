@@ -29,8 +29,6 @@ from mavlink.links.kinds import open_link
 from mavlink.links.report import LinkReport
 from mavlink.tlog.writer import TlogWriter
 
-__all__ = ["main"]
-
 _log = logging.getLogger(__name__)
 
 TICK_S = 0.05

@@ -13,8 +13,6 @@ from mavlink.links.counters import Counters
 from mavlink.links.report import LinkCounts, LinkReport
 from mavlink.links.url import LinkUrl
 
-__all__ = ["Link", "LinkOptions"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkOptions:

@@ -11,8 +11,6 @@ from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.framing import SIGNATURE_LENGTH
 from mavlink.protocol.packet import MAGIC_V1, MAGIC_V2, Auth, Packet
 
-__all__ = ["MIXED", "Batch", "Claim", "Sender", "is_one_frame", "looks_like_one_frame", "system_of"]
-
 Claim = tuple[int, int]
 """Number of a source address on its link, and the system id that its frames carry: who they claim to be from."""
 Sender = tuple[int, int]

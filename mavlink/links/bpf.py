@@ -17,8 +17,6 @@ from collections.abc import Iterable, Mapping
 
 from mavlink.links.batch import MIXED
 
-__all__ = ["FilterSource", "attach", "detach", "program"]
-
 FilterSource = tuple[int, int, int]
 """IPv4 address and port as numbers, and the system id or :data:`mavlink.links.batch.MIXED`."""
 

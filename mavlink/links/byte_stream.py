@@ -15,8 +15,6 @@ from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.framing import FrameCounts, Framer
 from mavlink.protocol.packet import Packet
 
-__all__ = ["PATIENCE_S", "Connection", "FrameStream", "queue_bytes"]
-
 PATIENCE_S = 0.3
 """For so long the bytes of a frame may be on their way: radios and TCP hand them on in pieces, with pauses between."""
 ORDERS_BYTES, FORWARDED_BYTES = 1 << 12, 1 << 18

@@ -8,8 +8,6 @@ import time
 from mavlink.links.report import LinkCounts
 from mavlink.protocol.framing import FrameCounts
 
-__all__ = ["Counters"]
-
 
 class Counters:
     """Running counts of one link: one thread writes, any thread may read."""

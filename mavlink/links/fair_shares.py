@@ -17,8 +17,6 @@ from dataclasses import dataclass
 
 from mavlink.links.batch import Sender
 
-__all__ = ["HOLD_S", "Allowance", "PassedTraffic", "Shares", "fair_level"]
-
 LIKELY_PER_S, OTHER_PER_S = 5000.0, 200.0
 """Unknown datagrams allowed: those that look like a frame may be of a vehicle that has just rebooted."""
 STRANGERS_BURST_S = 0.25

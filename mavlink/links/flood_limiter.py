@@ -16,8 +16,6 @@ from mavlink.links.bpf import attach, detach, program
 from mavlink.links.fair_shares import ALL_PER_S, HOLD_S, SENDER_PER_S, Allowance, PassedTraffic, Shares
 from mavlink.links.peers import Peers
 
-__all__ = ["STRANGERS", "TICK_S", "FloodLimit", "FloodLimiter"]
-
 TICK_S = 0.1
 """Seconds between two updates of the shares."""
 _LONG_S = 10.0

@@ -12,8 +12,6 @@ from mavlink.links.tcp_server import TcpIn
 from mavlink.links.udp import UdpIn, UdpOut
 from mavlink.links.url import BARE_DEVICE, LinkUrl
 
-__all__ = ["KINDS", "kind_of", "open_link", "parse_url"]
-
 KINDS: dict[str, type[Link]] = {
     "udpin": UdpIn,
     "udp": UdpIn,

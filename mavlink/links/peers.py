@@ -17,8 +17,6 @@ from itertools import islice
 from mavlink.links.batch import MIXED, Claim, Sender
 from mavlink.links.bpf import FilterSource
 
-__all__ = ["Peers", "address_of", "key_of"]
-
 TRUSTED = 512
 """Senders trusted at a time, of all systems."""
 NUMBERED = 4096

@@ -11,8 +11,6 @@ from infra.plain_text import plain
 from mavlink.errors import LinkError
 from mavlink.links.url import LinkUrl
 
-__all__ = ["cannot_listen", "owner_of"]
-
 _Protocol = Literal["udp", "tcp"]
 
 

@@ -17,8 +17,6 @@ import sys
 
 from infra.stamped_udp import STAMP
 
-__all__ = ["BATCH", "STRIDE", "Datagrams", "available"]
-
 BATCH = 256
 STRIDE = 65536
 # A row of six words beside each datagram: the sender, whose family, port and address are its first eight bytes of 16,

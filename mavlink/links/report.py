@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from mavlink.links.batch import Claim
 from mavlink.links.flood_limiter import FloodLimit
 
-__all__ = ["LinkCounts", "LinkReport"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkCounts:

@@ -12,8 +12,6 @@ from mavlink.links.byte_stream import PATIENCE_S, Connection, FrameStream, queue
 from mavlink.links.stream_link import StreamLink
 from mavlink.links.url import LinkUrl, serial_url
 
-__all__ = ["SerialLink"]
-
 _CHUNK = 4096
 _FRAME_BITS = 280 * 10
 """The longest frame; a byte goes as ten bits."""

@@ -12,8 +12,6 @@ from mavlink.links.batch import Batch
 from mavlink.links.byte_stream import Connection
 from mavlink.links.url import LinkUrl
 
-__all__ = ["StreamLink"]
-
 PAUSES_S = (0.5, 1.0, 2.0, 4.0)
 """Before it is opened again."""
 

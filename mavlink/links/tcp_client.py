@@ -16,8 +16,6 @@ from mavlink.links.byte_stream import Connection, FrameStream, queue_bytes
 from mavlink.links.stream_link import StreamLink
 from mavlink.links.url import LinkUrl, network_url
 
-__all__ = ["DEFAULT_PORT", "TcpOut", "tcp_connection"]
-
 DEFAULT_PORT = 5760
 """Where ArduPilot's simulator and most bridges listen."""
 _CHUNK = 65536

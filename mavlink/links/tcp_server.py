@@ -16,8 +16,6 @@ from mavlink.links.report import LinkReport
 from mavlink.links.tcp_client import DEFAULT_PORT, tcp_connection
 from mavlink.links.url import LinkUrl, network_url
 
-__all__ = ["TcpIn"]
-
 _SENDERS, _RECEIVERS = 32, 8
 """Connections at a time: of senders to this station, and of programs that packets are forwarded to."""
 

@@ -16,8 +16,6 @@ from mavlink.links.report import LinkReport
 from mavlink.links.udp_link import UdpLink
 from mavlink.links.url import LinkUrl, network_url
 
-__all__ = ["LEAST_BUFFER_BYTES", "UdpIn", "UdpOut"]
-
 LEAST_BUFFER_BYTES = 4 << 20
 """A smaller receive buffer is warned of: seconds of a large fleet do not fit."""
 _BUFFER_BYTES = 8 << 20

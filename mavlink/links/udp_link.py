@@ -24,8 +24,6 @@ from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.framing import FrameCounts, split
 from mavlink.protocol.packet import Packet
 
-__all__ = ["UdpLink"]
-
 _CLOCK_GAP_US = 10_000_000
 """A stamp that is older is of before the clock was set."""
 SUDDEN = 1000

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 
 from mavlink.errors import LinkError
 
-__all__ = ["BARE_DEVICE", "DEFAULT_BAUD", "LinkUrl", "network_url", "serial_url"]
-
 DEFAULT_BAUD = 57600
 """Rate of the usual telemetry radios (SiK)."""
 BARE_DEVICE = re.compile(r"/dev/|com\d+", re.IGNORECASE)

@@ -9,8 +9,6 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 from mavlink.protocol.packet import MAGIC_V2
 
-__all__ = ["BROADCAST", "target_of"]
-
 BROADCAST = (0, 0)
 """Target system and component of a broadcast."""
 

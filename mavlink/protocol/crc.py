@@ -12,8 +12,6 @@ Format: https://mavlink.io/en/guide/serialization.html#checksum
 
 from __future__ import annotations
 
-__all__ = ["CRC_TABLE", "extra_for"]
-
 
 def _entry(value: int) -> int:
     for _ in range(8):

@@ -41,8 +41,6 @@ from mavlink.protocol.messages import (
 )
 from mavlink.protocol.packet import MAGIC_V2, Packet
 
-__all__ = ["clean_text", "decode"]
-
 _RAD = math.pi / 180.0
 
 _Head = tuple[int, int, int]

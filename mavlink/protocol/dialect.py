@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pymavlink.dialects.v20 import ardupilotmega
 
-__all__ = ["DEFINITIONS", "message_name"]
-
 DEFINITIONS: dict[int, tuple[int, int]] = {
     message_id: (message.unpacker.size, message.crc_extra) for message_id, message in ardupilotmega.mavlink_map.items()
 }

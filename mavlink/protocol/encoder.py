@@ -8,8 +8,6 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega
 
-__all__ = ["ARDUPILOT", "COPTER", "GCS", "NO_AUTOPILOT", "ROVER", "MavlinkEncoder"]
-
 COPTER, ROVER, GCS = 2, 10, 6
 """MAV_TYPE values."""
 ARDUPILOT, NO_AUTOPILOT = 3, 8

@@ -21,8 +21,6 @@ from mavlink.protocol.crc import extra_for
 from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.packet import MAGIC_V2
 
-__all__ = ["FrameCounts", "Framer", "checksum", "split"]
-
 SIGNATURE_LENGTH = 13
 _MAGIC = re.compile(rb"[\xfd\xfe]")
 _mcrf4xx = crc16.mcrf4xx

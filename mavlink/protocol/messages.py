@@ -9,31 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = [
-    "Attitude",
-    "BatteryStatus",
-    "CameraFov",
-    "CameraInformation",
-    "CameraSettings",
-    "DistanceSensor",
-    "FilterStatus",
-    "GimbalAttitude",
-    "GlobalPosition",
-    "GpsRaw",
-    "Heartbeat",
-    "MountOrientation",
-    "MountStatus",
-    "RadioStatus",
-    "Sample",
-    "SecondGps",
-    "SensorHealth",
-    "StatusText",
-    "SystemTime",
-    "TerrainReport",
-    "TimeSync",
-    "VideoStreamInformation",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class _Sample:

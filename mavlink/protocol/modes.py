@@ -6,8 +6,6 @@ from functools import cache
 
 from pymavlink.dialects.v20 import ardupilotmega
 
-__all__ = ["fix_name", "is_aircraft", "is_ground_vehicle", "is_vehicle", "kind_name", "mode_name"]
-
 _ARDUPILOT, _NO_AUTOPILOT, _PX4 = 3, 8, 12
 _COPTER_TYPES = frozenset({2, 3, 4, 13, 14, 15, 29, 35, 43})
 _PLANE_TYPES = frozenset({1, 7, 16, 17, 28})

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import IntEnum
 
-__all__ = ["MAGIC_V1", "MAGIC_V2", "Auth", "Packet"]
-
 MAGIC_V1 = 0xFE
 MAGIC_V2 = 0xFD
 _BOOT_MS_AT = {2: 8, 30: 0, 31: 0, 32: 0, 33: 0}

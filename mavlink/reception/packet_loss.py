@@ -13,8 +13,6 @@ from itertools import islice
 
 from mavlink.protocol.packet import Packet
 
-__all__ = ["PacketLoss", "SequenceLoss"]
-
 _SEQUENCE_LATE = 128
 """Sequence numbers are modulo 256: steps forward of half of that and more are steps back, by a reordered packet."""
 _SEQUENCE_HALF_LIFE = 400.0

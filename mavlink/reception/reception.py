@@ -15,8 +15,6 @@ from mavlink.reception.packet_loss import PacketLoss
 from mavlink.reception.rejected_packets import PacketRejections
 from mavlink.state import ChannelStatus, Level
 
-__all__ = ["Arrival", "ChannelLag", "Reception", "SenderKey"]
-
 _MAX_CHANNELS = 16
 """Per vehicle; forged addresses must not cost memory."""
 _LATE_US = 2_000_000

@@ -19,8 +19,6 @@ from mavlink.protocol.packet import Auth, Packet
 from mavlink.signing.streams import ticks_of, times_in
 from mavlink.state import Level
 
-__all__ = ["REPORT_AGAIN_US", "SLOWEST_LINK_US", "PacketRejections"]
-
 SLOWEST_LINK_US = 12_000_000
 """No link is slower than this; packets are remembered as long at least."""
 _TICK_US, _TICK_S = 10, 1e-5

@@ -24,8 +24,6 @@ from zlib import crc32
 from mavlink.errors import SigningError
 from mavlink.signing.streams import MAX_STREAMS, StreamRow
 
-__all__ = ["RUN_BYTES", "StreamJournal"]
-
 RUN_BYTES = 8
 """Length of a run's identifier."""
 _MAGIC = b"RCJRNL1\n"

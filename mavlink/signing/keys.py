@@ -18,8 +18,6 @@ from typing import BinaryIO
 from infra.files.safe_open import open_to_read
 from mavlink.errors import SigningError
 
-__all__ = ["FLEET", "Key", "KeyRing", "key_path", "passphrase_secret", "read_ring", "remove_key", "write_key"]
-
 FLEET = 0
 """In place of a system id: the key of all systems that have none of their own."""
 KEY_LENGTH = 32

@@ -10,8 +10,6 @@ from mavlink.signing.keys import Key
 from mavlink.signing.streams import ticks_of
 from mavlink.signing.verifier import SIGNED
 
-__all__ = ["Signer"]
-
 
 class Signer:
     """Signatures for one receiver. An autopilot knows one key, its own, and accepts only what is signed with that.

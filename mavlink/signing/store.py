@@ -26,8 +26,6 @@ from mavlink.signing.keys import read_ring
 from mavlink.signing.streams import SECOND, StreamRow, Streams, ticks_of
 from mavlink.signing.verifier import RADIO_STATUS, Keyless, Verifier
 
-__all__ = ["SLOTS", "StreamStore", "open_verifier"]
-
 SLOTS = ("streams.0", "streams.1")
 PERIOD_S = 1.0
 """Seconds between saves."""

@@ -23,19 +23,6 @@ from typing import NamedTuple, Protocol
 
 from mavlink.protocol.packet import Auth
 
-__all__ = [
-    "AHEAD",
-    "BEHIND",
-    "EPOCH_US",
-    "MAX_STREAMS",
-    "SECOND",
-    "StreamRecorder",
-    "StreamRow",
-    "Streams",
-    "ticks_of",
-    "times_in",
-]
-
 EPOCH_US = 1_420_070_400_000_000
 """2015-01-01 UTC, Unix µs."""
 SECOND = 100_000

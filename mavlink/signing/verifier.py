@@ -25,8 +25,6 @@ from mavlink.protocol.packet import MAGIC_V1, MAGIC_V2, Auth, Packet
 from mavlink.signing.keys import KeyRing
 from mavlink.signing.streams import AHEAD, Streams, ticks_of
 
-__all__ = ["RADIO_STATUS", "SETUP_SIGNING", "STATE_MESSAGES", "Keyless", "Verifier", "without_secret"]
-
 RADIO_STATUS = 109
 SETUP_SIGNING = 256
 SIGNED = 0x01

@@ -11,12 +11,10 @@ from mavlink.protocol.framing import split
 from mavlink.protocol.packet import MAGIC_V1, MAGIC_V2
 from mavlink.tlog.clocks import SenderClock, sender_clocks
 from mavlink.tlog.file_type import looks_like, sent_as_text
-from mavlink.tlog.index import Damage, TimeSource
+from mavlink.tlog.index import Damage
 from mavlink.tlog.log import Tlog
 from mavlink.tlog.scan import Frames, Ints
-from mavlink.tlog.timestamps import TIME_LENGTH, read_times
-
-__all__ = ["TlogCheck", "check"]
+from mavlink.tlog.timestamps import TIME_LENGTH, TimeSource, read_times
 
 _MOST_GAPS = 1000
 """Damaged places in which split frames are searched for: bounds the time."""

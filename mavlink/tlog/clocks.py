@@ -15,8 +15,6 @@ from infra.clock_steps import level_steps, restarts
 from mavlink.tlog.log import Tlog
 from mavlink.tlog.scan import Ints
 
-__all__ = ["ClockStep", "SenderClock", "dated_by_senders", "sender_clocks"]
-
 _STEP_US = 2_000_000
 _AROUND = 200  # samples on either side of a step: late traffic is over by then
 _BACK_MS = 1001

@@ -6,8 +6,6 @@ import numpy as np
 
 from mavlink.tlog.scan import Bytes
 
-__all__ = ["looks_like", "sent_as_text"]
-
 _PACKED = "a packed file ({}): unpack it first"
 _CAPTURE = "a capture of a network ({}): frames in it are found, but without their times"
 _SIGNATURES = (

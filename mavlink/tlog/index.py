@@ -21,18 +21,6 @@ from mavlink.protocol.packet import MAGIC_V1, MAGIC_V2
 from mavlink.tlog.scan import Bytes, Frames, Ints, find_frames, find_unknown, gather
 from mavlink.tlog.timestamps import TIME_LENGTH, TimeSource, could_be_time, fill, read_times, stamped, times_ok
 
-__all__ = [
-    "TIME_LENGTH",
-    "Damage",
-    "TimeSource",
-    "TlogCounts",
-    "TlogIndex",
-    "build_index",
-    "describe_gaps",
-    "describe_times",
-    "embedded",
-]
-
 _HEADER, _LONGEST = 10, 280
 _TEXT = frozenset(string.printable.encode())
 _SAMPLE = 4095  # bytes of a gap that are looked at to name it; whole stamps with a byte each

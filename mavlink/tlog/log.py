@@ -21,11 +21,8 @@ from infra.files.safe_open import open_to_read
 from mavlink.errors import TlogError
 from mavlink.protocol.packet import MAGIC_V2, Packet
 from mavlink.tlog.file_type import looks_like
-from mavlink.tlog.index import Damage, TlogCounts, TlogIndex, build_index
+from mavlink.tlog.index import TlogIndex, build_index
 from mavlink.tlog.scan import Bytes, Ints, gather
-from mavlink.tlog.writer import TlogWriter
-
-__all__ = ["Damage", "Tlog", "TlogCounts", "TlogIndex", "TlogWriter", "message_dtype", "message_number", "read_columns"]
 
 _TIME = struct.Struct(">Q")
 

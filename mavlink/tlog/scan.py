@@ -22,8 +22,6 @@ from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.framing import SIGNATURE_LENGTH
 from mavlink.protocol.packet import MAGIC_V1, MAGIC_V2
 
-__all__ = ["Frames", "find_frames", "find_unknown", "gather"]
-
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
 

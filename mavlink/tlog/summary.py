@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from mavlink.protocol.dialect import message_name
-from mavlink.tlog.index import Damage, TimeSource, TlogCounts
+from mavlink.tlog.index import Damage, TlogCounts
 from mavlink.tlog.log import Tlog
-
-__all__ = ["MessageInfo", "SystemInfo", "TlogInfo", "info"]
+from mavlink.tlog.timestamps import TimeSource
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

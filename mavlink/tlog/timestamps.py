@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from mavlink.tlog.scan import Bytes, Frames, Ints, gather
 
-__all__ = ["TIME_LENGTH", "TimeSource", "could_be_time", "fill", "read_times", "stamped", "times_ok"]
-
 TIME_LENGTH = 8
 TimeSource = Literal["big-endian", "little-endian", "none"]
 

@@ -28,8 +28,6 @@ from mavlink.errors import TlogError
 from mavlink.protocol.framing import SIGNATURE_LENGTH
 from mavlink.protocol.packet import MAGIC_V2, Auth, Packet
 
-__all__ = ["SYNC_S", "TlogWriter"]
-
 SYNC_S = 0.15
 """Seconds between syncs: with the sync itself a power cut costs at most 0.2 s on a disk that is well."""
 _TABLE_RAM_BYTES = 8 << 20

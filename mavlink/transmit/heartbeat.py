@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from mavlink.protocol.encoder import GCS, NO_AUTOPILOT, MavlinkEncoder
 
-__all__ = ["HeartbeatTimer", "TimeSyncTimer"]
-
 HEARTBEAT_S = 1.0
 """The rate that MAVLink's heartbeat protocol asks for."""
 TIMESYNC_S = 7.0

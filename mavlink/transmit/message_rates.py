@@ -37,8 +37,6 @@ from mavlink.transmit.rate_requests import (
 )
 from mavlink.transmit.transmitter import SYSTEM_ID
 
-__all__ = ["UAV_RATES", "UGV_RATES", "MessageRates", "Rate", "uav_rates"]
-
 UAV_RATES: Mapping[int, float] = {
     ATTITUDE: 30.0,
     GLOBAL_POSITION_INT: 10.0,

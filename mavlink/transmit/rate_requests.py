@@ -14,22 +14,6 @@ from mavlink.protocol.addressing import target_of
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Packet
 
-__all__ = [
-    "ATTITUDE",
-    "COMMAND_ACK",
-    "DISTANCE_SENSOR",
-    "GIMBAL_ATTITUDE",
-    "GLOBAL_POSITION_INT",
-    "GPS_RAW_INT",
-    "PARAMETERS",
-    "STREAMS",
-    "SYSTEM_TIME",
-    "TERRAIN_REPORT",
-    "interval_answer",
-    "interval_request",
-    "stream_request",
-]
-
 SYSTEM_TIME, GPS_RAW_INT, ATTITUDE, GLOBAL_POSITION_INT, COMMAND_ACK, GIMBAL_ATTITUDE = 2, 24, 30, 33, 77, 285
 DISTANCE_SENSOR, TERRAIN_REPORT = 132, 136
 STREAMS: Mapping[int, int] = {

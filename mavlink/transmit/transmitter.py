@@ -20,8 +20,6 @@ from mavlink.protocol.dialect import DEFINITIONS, message_name
 from mavlink.protocol.framing import checksum
 from mavlink.protocol.packet import MAGIC_V2, Auth, Packet
 
-__all__ = ["COMPONENT_ID", "SYSTEM_ID", "Transmitter", "only_to_uav"]
-
 SYSTEM_ID, COMPONENT_ID = 254, 190
 """Ids of this station: not 255, whose heartbeats vehicles take for those of their first station."""
 

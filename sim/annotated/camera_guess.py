@@ -19,8 +19,6 @@ from scipy.stats import theilslopes
 from sim.annotated.tracks import AnnotatedTracks
 from sim.errors import AnnotationError
 
-__all__ = ["FOV_DEG", "GuessedCamera", "guess_camera"]
-
 FloatArray = NDArray[np.float64]
 
 FOV_DEG = 65.0

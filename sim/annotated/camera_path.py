@@ -21,8 +21,6 @@ from sim.world.scenario import Scenario
 from sim.world.view import CameraView, project, ray_ground
 from sim.world.world import LEAD_S, TAIL_S
 
-__all__ = ["follow_camera", "hovering"]
-
 FloatArray = NDArray[np.float64]
 
 GRID = 5

@@ -21,8 +21,6 @@ from sim.world.scenario import Scenario, ScenarioCamera, ScenarioFlight, Scenari
 from sim.world.view import Scene
 from sim.world.world import LEAD_S, TAIL_S, World, random_stream
 
-__all__ = ["FilmWorld", "film_world"]
-
 FloatArray = NDArray[np.float64]
 
 

@@ -13,8 +13,6 @@ from sim.annotated.tracks import HEIGHTS_M, AnnotatedTracks
 from sim.world.motion import Motion
 from sim.world.view import CameraView, ray_ground
 
-__all__ = ["GroundTrack", "ground_motion", "ground_tracks"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

@@ -35,8 +35,6 @@ from infra.text_numbers import number
 from sim.annotated.tracks import AnnotatedTracks, upright_corners
 from sim.errors import AnnotationError, UnusedLabelError
 
-__all__ = ["LAYOUTS", "read_tracks"]
-
 MOST_BYTES = 1 << 30
 """A label file has some ten million rows at most."""
 MOST_NUMBER = 2**53

@@ -14,8 +14,6 @@ from sim.annotated.tracks import AnnotatedTracks
 from sim.session import new_session, session_toml, write_frames, write_tlog
 from sim.world.scenario_file import save_scenario
 
-__all__ = ["write_film_session"]
-
 FloatArray = NDArray[np.float64]
 
 LABEL_SCORE = 0.9

@@ -7,8 +7,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["HEIGHTS_M", "AnnotatedTracks", "upright_corners"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

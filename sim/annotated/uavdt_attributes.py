@@ -6,8 +6,6 @@ from pathlib import Path
 
 from infra.files.safe_open import read_small
 
-__all__ = ["read_attributes"]
-
 ATTRIBUTES = (
     "daylight",
     "night",

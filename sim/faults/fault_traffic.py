@@ -22,22 +22,6 @@ from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.encoder import ARDUPILOT, COPTER, ROVER
 from sim.faults.fleet_faults import AGL_M, SimulatedFleet, SimulatedSender, places
 
-__all__ = [
-    "ATTITUDE",
-    "BOOT_WORDS",
-    "GPS",
-    "HEARTBEAT",
-    "HOSTILE_TEXTS",
-    "POSITION",
-    "TEXT",
-    "UNKNOWN_SENDER",
-    "FaultTraffic",
-    "ScheduledDatagram",
-    "SenderEncoder",
-    "poison",
-    "traffic",
-]
-
 BATCH_S = 0.1
 """Datagrams are computed in spans of this length: a choice between memory and calls of numpy."""
 REPLAY_AFTER_S = 10.0

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from sim.world.earth import to_geodetic
 
-__all__ = ["LIES", "SimulatedFleet", "SimulatedSender", "places"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

@@ -16,8 +16,6 @@ from sim.render.film import Film
 from sim.telemetry.detections import truth_rows
 from sim.world.world import World
 
-__all__ = ["TIME_BASE", "VideoSender"]
-
 TIME_BASE = Fraction(1, 90_000)
 """Time base of time stamps, s: 90 kHz, as MPEG-TS and RTP count video."""
 DATAGRAM = 1316

@@ -9,8 +9,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Exposure", "expose"]
-
 Image = NDArray[np.uint8]
 NOISE_ROOM = 64
 """px by which the noise is larger than the image in each direction, so that every frame is given another part of it."""

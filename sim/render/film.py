@@ -14,8 +14,6 @@ from sim.render.render import Renderer
 from sim.render.scenery import joined, random_scenery
 from sim.world.world import World
 
-__all__ = ["Film", "encode", "write_video"]
-
 FloatArray = NDArray[np.float64]
 
 

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from sim.world.view import CameraView, project
 
-__all__ = ["Tree", "draw_tree", "tree_shadow"]
-
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 SHIFT = 4

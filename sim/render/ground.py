@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 from sim.world.view import Road, Scene
 
-__all__ = ["Ground", "GroundStyle", "GroundWindow", "blotches", "grain", "halvings"]
-
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from sim.render.ground import grain
 from sim.world.view import FloatArray
 
-__all__ = ["Color", "Sheet", "near"]
-
 Image = NDArray[np.uint8]
 Color = tuple[int, int, int]
 SHIFT = 4

@@ -12,8 +12,6 @@ import numpy as np
 from sim.world.bodies import DARK, STEEL, WHITE, Block, Color, Model
 from sim.world.road_vehicles import shade
 
-__all__ = ["flats", "house"]
-
 PLASTER: tuple[Color, ...] = (
     (200.0, 215.0, 225.0),
     (160.0, 180.0, 200.0),

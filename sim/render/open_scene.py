@@ -8,8 +8,6 @@ from sim.render.ground import GroundStyle
 from sim.render.ground_canvas import near
 from sim.world.view import Road, Scene
 
-__all__ = ["random_ground", "random_scene"]
-
 
 def random_scene(rng: np.random.Generator) -> Scene:
     """Up to four roads crossing open ground of a hundred metres, or none."""

@@ -9,24 +9,6 @@ import numpy as np
 from sim.world.bodies import AMBER, DARK, PAINT, SKIN, STEEL, TYRE, WHITE, Block, Color, Model
 from sim.world.road_vehicles import paint, shade
 
-__all__ = [
-    "animal",
-    "bench",
-    "bicycle",
-    "board",
-    "building",
-    "container",
-    "cooler",
-    "flag",
-    "motorcycle",
-    "panels",
-    "pedestrian",
-    "shelter",
-    "stall",
-    "tank",
-    "tent",
-]
-
 
 def building(rng: np.random.Generator) -> Model:
     """A flat roof with a parapet and units on it, or a gable."""

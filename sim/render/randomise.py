@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sim.render.exposure import Exposure
 from sim.render.ground_canvas import near
 from sim.render.houses import flats, house
-from sim.render.open_scene import random_ground, random_scene
+from sim.render.open_scene import random_ground
 from sim.render.props import (
     animal,
     bench,
@@ -49,20 +49,6 @@ from sim.world.road_vehicles import (
     van_body,
 )
 from sim.world.view import OCCLUDER, OTHER_VEHICLE, PERSON, UGV
-
-__all__ = [
-    "FIRST_KIND",
-    "HEAVY",
-    "SIZES",
-    "URBAN",
-    "VEHICLES",
-    "ObjectKind",
-    "car_color",
-    "random_catalogue",
-    "random_leaf",
-    "random_scene",
-    "random_style",
-]
 
 FIRST_KIND = 10
 """Kinds below are those of ``Bodies``; kinds from ``FIXED_KIND`` on are those of ``SIZES``."""

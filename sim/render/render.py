@@ -22,8 +22,6 @@ from sim.render.training_ground import TrainingGround
 from sim.world.bodies import Block, Model, car, person, rover
 from sim.world.view import OTHER_VEHICLE, PERSON, UGV, Bodies, CameraView, Scene, project, ray_ground
 
-__all__ = ["DEFAULT_MODELS", "Renderer", "Style", "body_outline"]
-
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 

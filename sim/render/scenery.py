@@ -18,8 +18,6 @@ from sim.render.render import DEFAULT_MODELS, Style
 from sim.world.view import OCCLUDER, Bodies, FloatArray, Scene
 from sim.world.world import World, random_stream
 
-__all__ = ["Scenery", "joined", "random_scenery"]
-
 THINGS, TREES = 260, 160
 """Objects and trees beside the road of one scene; a choice, so that views are neither empty nor full."""
 REACH_M = 45.0

@@ -15,8 +15,6 @@ from sim.render.ground_canvas import Color, Sheet, near
 from sim.render.open_scene import random_ground, random_scene
 from sim.world.view import FloatArray
 
-__all__ = ["Slots", "TrainingGround", "random_training_ground"]
-
 OPEN_SHARE, DEPOT_SHARE = 0.3, 0.25
 """Share of grounds that are open, and of those that have depots; a choice."""
 RAILS_SHARE = 0.15

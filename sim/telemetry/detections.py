@@ -12,8 +12,6 @@ from sim.world.scenario import Scenario
 from sim.world.view import OCCLUDER, Bodies, CameraView
 from sim.world.world import World, random_stream
 
-__all__ = ["DetectedRows", "DetectorModel", "merged_boxes", "truth_rows", "wrapped"]
-
 FloatArray = NDArray[np.float64]
 SCORE = 5
 """Column of the score."""

@@ -15,19 +15,6 @@ from sim.world.earth import to_geodetic
 from sim.world.scenario import Scenario
 from sim.world.world import random_stream
 
-__all__ = [
-    "BootClock",
-    "Stream",
-    "attitudes",
-    "camera",
-    "fixes",
-    "gimbal",
-    "heartbeats",
-    "positions",
-    "system_times",
-    "texts",
-]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Stream = Iterator[tuple[float, Any]]

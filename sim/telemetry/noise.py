@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from sim.world.scenario import Gnss
 
-__all__ = ["gauss_markov", "lasting_error", "report_noise"]
-
 FloatArray = NDArray[np.float64]
 
 FILTER_S = 0.6

@@ -12,8 +12,6 @@ from sim.world.flight import WOBBLE_STEP_S
 from sim.world.scenario import ScenarioFault
 from sim.world.world import LEAD_S, TAIL_S, World, random_stream
 
-__all__ = ["Sensors", "UavReading", "UgvReading"]
-
 FloatArray = NDArray[np.float64]
 
 BIAS_STEP_S = 0.1

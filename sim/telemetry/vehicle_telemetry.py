@@ -20,8 +20,6 @@ from sim.telemetry.sensors import Sensors
 from sim.world.scenario import UAV_ID, Scenario
 from sim.world.world import World, random_stream
 
-__all__ = ["TELEMETRY_AFTER_S", "TELEMETRY_FROM_S", "TelemetryPacket", "fleet_telemetry"]
-
 FloatArray = NDArray[np.float64]
 
 TELEMETRY_FROM_S, TELEMETRY_AFTER_S = -2.0, 1.0

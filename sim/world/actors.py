@@ -14,8 +14,6 @@ from sim.world.scenario import Scenario, ScenarioGround
 from sim.world.traffic import RoadAgents, drive_road, fleet_speed
 from sim.world.view import OTHER_VEHICLE, PERSON, UGV, Road, Scene
 
-__all__ = ["Actors", "Roles", "choose_roles", "drive_formation", "simulate_actors", "slots"]
-
 FloatArray = NDArray[np.float64]
 UGV_COLOR = (70, 120, 60)
 """BGR of our vehicles, an olive green; a choice."""

@@ -12,8 +12,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["PAINT", "Block", "Model", "car", "crate", "person", "pole", "rover", "tracked"]
-
 FloatArray = NDArray[np.float64]
 Color = tuple[float, float, float]
 

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from sim.world.view import OCCLUDER, Bodies, CameraView, project
 
-__all__ = ["Boxes", "in_image", "true_boxes", "visible_share"]
-
 FloatArray = NDArray[np.float64]
 
 _CORNERS: FloatArray = np.array([(u, v, w) for w in (0.0, 1.0) for u in (-0.5, 0.5) for v in (-0.5, 0.5)])

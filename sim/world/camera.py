@@ -9,8 +9,6 @@ from sim.world.flight import UavTruth
 from sim.world.scenario import Scenario
 from sim.world.view import CameraView
 
-__all__ = ["CAMERA_IN_MOUNT", "ENU_FROM_NED", "body_rotation", "mount_rotation", "view_from"]
-
 FloatArray = NDArray[np.float64]
 
 ENU_FROM_NED: FloatArray = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["to_geodetic"]
-
 FloatArray = NDArray[np.float64]
 
 A_M = 6378137.0

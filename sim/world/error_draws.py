@@ -9,8 +9,6 @@ import numpy as np
 
 from sim.world.scenario import Gnss, ScenarioAttitude, ScenarioTiming
 
-__all__ = ["FlightErrors", "gnss", "hard_errors", "signed", "slight", "standard_errors"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightErrors:

@@ -12,8 +12,6 @@ from scipy.signal import lfilter
 from sim.world.motion import STEP_S
 from sim.world.scenario import ScenarioCamera, ScenarioFlight
 
-__all__ = ["WOBBLE_STEP_S", "UavMotion", "UavTruth", "fly"]
-
 FloatArray = NDArray[np.float64]
 
 FOLLOW_SMOOTHING_S = 2.0

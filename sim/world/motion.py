@@ -7,8 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["STEP_S", "Motion", "joined", "time_grid"]
-
 FloatArray = NDArray[np.float64]
 
 STEP_S = 0.05

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from sim.errors import ScenarioError
 from sim.world.motion import STEP_S, Motion
 
-__all__ = ["Robots", "drive_open", "scatter"]
-
 FloatArray = NDArray[np.float64]
 
 ACCEL = 1.5  # m/s²

@@ -17,8 +17,6 @@ from sim.world.scenario import (
     Targets,
 )
 
-__all__ = ["PRESETS", "curved_road", "nominal", "preset"]
-
 
 def nominal(seed: int = 1) -> Scenario:
     """Seven vehicles on a winding road for a minute, ordinary errors, nothing in the way."""

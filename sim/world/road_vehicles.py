@@ -12,18 +12,6 @@ import numpy as np
 
 from sim.world.bodies import AMBER, DARK, GLASS, PAINT, RED, STEEL, TYRE, WHITE, Block, Color, Model, pair
 
-__all__ = [
-    "articulated_bus",
-    "bus",
-    "lorry",
-    "passenger",
-    "pickup_truck",
-    "trailer",
-    "trailer_truck",
-    "tram",
-    "van_body",
-]
-
 Blocks = list[Block]
 
 

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Path", "winding_path"]
-
 FloatArray = NDArray[np.float64]
 
 STEP_M = 0.5

@@ -14,24 +14,6 @@ from msgspec import Meta
 from infra.toml_tables import check_limits
 from sim.errors import ScenarioError
 
-__all__ = [
-    "FIRST_UGV_ID",
-    "UAV_ID",
-    "Blackout",
-    "Gnss",
-    "Occlusion",
-    "Scenario",
-    "ScenarioAttitude",
-    "ScenarioCamera",
-    "ScenarioDeclared",
-    "ScenarioDetector",
-    "ScenarioFault",
-    "ScenarioFlight",
-    "ScenarioGround",
-    "ScenarioTiming",
-    "Targets",
-]
-
 UAV_ID = 1
 """MAVLink system id of the UAV."""
 FIRST_UGV_ID = 11

@@ -10,8 +10,6 @@ from infra.toml_tables import MOST_TOML_BYTES, build, parse_toml, toml_text
 from sim.errors import ScenarioError
 from sim.world.scenario import Scenario
 
-__all__ = ["load_scenario", "parse_scenario", "save_scenario"]
-
 
 def load_scenario(path: Path) -> Scenario:
     """Read a scenario; keys that are left out keep their defaults.

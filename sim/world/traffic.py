@@ -17,8 +17,6 @@ from sim.world.motion import STEP_S, Motion
 from sim.world.roads import Path
 from sim.world.scenario import ScenarioGround
 
-__all__ = ["RoadAgents", "drive_road", "fleet_speed", "lane_offset"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

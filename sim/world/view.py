@@ -11,20 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = [
-    "OCCLUDER",
-    "OTHER_VEHICLE",
-    "PERSON",
-    "UGV",
-    "Bodies",
-    "CameraView",
-    "FloatArray",
-    "Road",
-    "Scene",
-    "project",
-    "ray_ground",
-]
-
 FloatArray = NDArray[np.float64]
 
 UGV, OTHER_VEHICLE, PERSON, OCCLUDER = 0, 1, 2, 3

@@ -14,8 +14,6 @@ from sim.world.motion import time_grid
 from sim.world.scenario import Occlusion, Scenario
 from sim.world.view import OCCLUDER, Bodies, CameraView, Scene
 
-__all__ = ["LEAD_S", "TAIL_S", "World", "WorldState", "random_stream"]
-
 FloatArray = NDArray[np.float64]
 
 LEAD_S, TAIL_S = 5.0, 2.0

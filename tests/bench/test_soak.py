@@ -16,7 +16,7 @@ from bench.soak.__main__ import mission
 from bench.soak.report import Run, report
 from gcs.mission.mission import load_mission
 from mavlink.protocol.packet import Packet
-from mavlink.tlog.log import TlogWriter
+from mavlink.tlog.writer import TlogWriter
 from sim.faults.fault_traffic import HEARTBEAT, SenderEncoder
 
 KEY = bytes(range(32))

@@ -13,8 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Clusters", "ends_apart", "paired_kmeans"]
-
 FloatArray = NDArray[np.float64]
 DIMENSIONS = 24
 """Principal components that are kept of the features; a choice."""

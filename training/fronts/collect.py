@@ -25,8 +25,6 @@ from vision.detect.front_crops import rectify
 from vision.errors import ModelError, VideoError
 from vision.video.video import VideoFile
 
-__all__ = ["ACROSS", "LENGTH", "Crops", "collect_folder", "collect_video", "detector_of", "read_crops"]
-
 Image = NDArray[np.uint8]
 
 LENGTH, ACROSS = 144, 96

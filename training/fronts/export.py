@@ -17,8 +17,6 @@ from onnx import TensorProto, helper, numpy_helper
 
 from training.fronts.vehicles import MEAN, STD
 
-__all__ = ["metadata", "read_weights", "to_onnx"]
-
 OPSET = 17
 """ONNX operator set of the file; ONNX Runtime reads it from 1.12 on."""
 STAGES = 4

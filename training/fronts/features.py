@@ -16,8 +16,6 @@ from training.fronts.vehicles import planes_of
 from vision.detect.front import BUNDLED_FRONT, FrontClassifier
 from vision.detect.front_crops import rectify
 
-__all__ = ["features", "guesses", "pretrained"]
-
 AGREED = 0.7
 """Least share of a cluster's crops that must face one way for a guess."""
 CHUNK = 64

@@ -21,8 +21,6 @@ from training.fronts.export import metadata, to_onnx
 from training.fronts.resnet import ResNet18
 from training.fronts.vehicles import CropBatch, Vehicles, crops_of
 
-__all__ = ["TrainingPlan", "draw_curve", "learn", "logits_of", "save"]
-
 log = logging.getLogger(__name__)
 WARM_UP = 0.05
 """Share of the steps in which the learning rate rises to its full value; a choice."""

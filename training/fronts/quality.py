@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from training.fronts.vehicles import Vehicles, jittered
 from vision.detect.front import open_front_classifier
 
-__all__ = ["quality", "write_quality"]
-
 LENGTHS_PX = (0, 16, 24, 36, 54, 10_000)
 """Edges of the ranges of a vehicle's length that are reported apart; a choice."""
 SURE = 0.8

@@ -23,8 +23,6 @@ from training.fronts.quality import quality, write_quality
 from training.fronts.resnet import ResNet18, load_weights
 from training.fronts.vehicles import Vehicles
 
-__all__ = ["read_shards"]
-
 log = logging.getLogger(__name__)
 HELD_OUT_SEED = 900_000
 """First shard of the held-out crops: training begins at 1000 × seed, so no seed below 900 has them among its own."""

@@ -14,8 +14,6 @@ from torch import Tensor, nn
 from training.fronts.export import read_weights
 from vision.errors import ModelError
 
-__all__ = ["ResNet18", "ResidualBlock", "load_weights"]
-
 WIDTHS = (64, 128, 256, 512)
 """Channels of the four stages, as published."""
 

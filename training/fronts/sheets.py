@@ -24,8 +24,6 @@ from numpy.typing import NDArray
 from training.fronts.cluster import Clusters
 from vision.errors import LabelError
 
-__all__ = ["Corrections", "draw_sheets", "fronts", "read_corrections", "write_corrections"]
-
 Image = NDArray[np.uint8]
 RIGHT, LEFT, NONE, UNDECIDED = "right", "left", "none", "?"
 """What a person may write in ``corrections.csv``."""

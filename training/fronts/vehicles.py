@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from vision.detect.front_crops import rectify
 
-__all__ = ["MEAN", "STD", "CropBatch", "Vehicles", "crops_of", "jittered", "planes_of"]
-
 FloatArray = NDArray[np.float64]
 Image = NDArray[np.uint8]
 

@@ -27,8 +27,6 @@ from training.rendered.placing import random_bodies, slots_in_view
 from training.rendered.shards import write_missing
 from training.rendered.thermal import as_thermal, draw_traces, warmed
 
-__all__ = ["MAX_BOXES", "SIDE", "Crop", "crop", "labels", "write_shard"]
-
 Image = NDArray[np.uint8]
 Sorts = list[ObjectKind | None]
 """What each body is; None where it is a tree."""

@@ -14,13 +14,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.render.randomise import SIZES, VEHICLES, random_scene, random_style
+from sim.render.open_scene import random_scene
+from sim.render.randomise import SIZES, VEHICLES, random_style
 from sim.render.render import Renderer
 from sim.world.view import OCCLUDER, UGV, Bodies, CameraView, ray_ground
 from training.rendered.crops import labels
 from training.rendered.shards import write_missing
-
-__all__ = ["FrontCrop", "front_crop", "write_shard"]
 
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]

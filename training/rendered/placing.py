@@ -11,8 +11,6 @@ from sim.render.randomise import FIRST_KIND, ObjectKind, car_color, random_leaf
 from sim.render.training_ground import TrainingGround
 from sim.world.view import OCCLUDER, Bodies, CameraView, FloatArray, project, ray_ground
 
-__all__ = ["random_bodies", "slots_in_view"]
-
 MOST_IN_SLOTS = 70
 """Bodies after which no more bays are filled: stays below the 80 boxes that a crop keeps."""
 LARGE_M = 9.0

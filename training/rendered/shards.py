@@ -9,8 +9,6 @@ from pathlib import Path
 
 import cv2
 
-__all__ = ["write_missing"]
-
 
 def write_missing(
     description: str, name: str, write: Callable[[Path, int, int], object], *, out: Path, shards: int, per_shard: int

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from sim.world.view import OCCLUDER, Bodies, CameraView, project
 
-__all__ = ["as_thermal", "draw_traces", "warmed"]
-
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 WARM_SHARE = 0.2

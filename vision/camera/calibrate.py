@@ -19,8 +19,6 @@ from vision.camera.intrinsics import Intrinsics
 from vision.camera.lens_file import CORNER_PX
 from vision.errors import CameraError
 
-__all__ = ["FEWEST_VIEWS", "MOST_VIEWS", "PARAMETERS", "Calibration", "calibrate", "doubts"]
-
 Floats = NDArray[np.float64]
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from vision.errors import CameraError
 from vision.video.video import Frame, VideoFile
 
-__all__ = ["Board", "BoardView", "chosen", "find_view", "find_views"]
-
 Floats = NDArray[np.float64]
 
 LOOKS = 400

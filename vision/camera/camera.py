@@ -19,18 +19,6 @@ from numpy.typing import ArrayLike, NDArray
 from vision.camera.intrinsics import Intrinsics
 from vision.errors import CameraError
 
-__all__ = [
-    "CameraPose",
-    "Intrinsics",
-    "Mount",
-    "camera_pose",
-    "footprint",
-    "ground",
-    "ground_sampling",
-    "image_warp",
-    "project",
-]
-
 Floats = NDArray[np.float64]
 
 R_ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])

@@ -16,8 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 from vision.camera.lens import distort, fold_radius, undistort
 from vision.errors import CameraError
 
-__all__ = ["Intrinsics", "from_field_of_view", "resized", "zoomed"]
-
 Floats = NDArray[np.float64]
 
 SAME_ASPECT = 0.01

@@ -14,8 +14,6 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["distort", "fold_radius", "undistort"]
-
 Floats = NDArray[np.float64]
 
 STEPS = 30

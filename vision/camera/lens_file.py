@@ -21,8 +21,6 @@ from infra.yaml_text import parse_yaml
 from vision.camera.intrinsics import Intrinsics
 from vision.errors import CameraError
 
-__all__ = ["CORNER_PX", "lens_text", "read_lens"]
-
 CORNER_PX = 0.5
 """From OpenCV's pixels to ours."""
 NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")

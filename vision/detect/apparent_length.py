@@ -19,8 +19,6 @@ from vision.detect.boxes import prob_iou
 from vision.detect.detections import Detections
 from vision.detect.tiles import Tile, detect_in_tiles
 
-__all__ = ["CAR_M", "FLOOR", "ApparentLength", "common_length", "examine", "finish"]
-
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float64]
 Look = Callable[[Image, float], Detections]

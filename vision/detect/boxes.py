@@ -13,8 +13,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["canonical", "corners", "hull", "nms", "prob_iou", "prob_iou_pairs", "rotated_iou", "wrap"]
-
 Floats = NDArray[np.float64]
 
 _UNIT = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])

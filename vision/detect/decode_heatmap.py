@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from vision.detect.boxes import nms
 from vision.detect.detections import Detections
 
-__all__ = ["CHANNELS", "decode"]
-
 CHANNELS = 9
 """Channels of the model's map: score, offset x y, log length and width, front and axis as sine and cosine."""
 MAX_PEAKS = 600

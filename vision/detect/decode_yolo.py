@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 from vision.detect.boxes import canonical, prob_iou_pairs
 from vision.detect.detections import Detections
 
-__all__ = ["Dropped", "Rivals", "Rule", "decode_boxes", "decode_raw", "fast_nms"]
-
 MOST_CANDIDATES = 2000
 """Most boxes, the best ones, that enter suppression; bounds the time for a model with very many detections."""
 Rivals = Literal["any", "same", "other"]

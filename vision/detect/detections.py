@@ -14,8 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from vision.detect.boxes import corners
 
-__all__ = ["Detections"]
-
 MOST_WEAK = 60
 """Boxes of one image that do not count: all are recorded, and with more of them no further vehicles are followed."""
 FIELDS = ("cx", "cy", "w", "h", "angle", "score", "heading")

@@ -16,16 +16,6 @@ from vision.detect.onnx_model import metadata, open_session
 from vision.detect.yolo_detector import YoloDetector
 from vision.errors import ModelError
 
-__all__ = [
-    "BUNDLED",
-    "Detector",
-    "DetectorAround",
-    "HeatmapDetector",
-    "MeasuringDetector",
-    "YoloDetector",
-    "open_detector",
-]
-
 BUNDLED = Path(__file__).parents[1] / "models" / "rollcall-obb-s.onnx"
 """Rollcall's own detector."""
 

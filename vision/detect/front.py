@@ -25,8 +25,6 @@ from vision.detect.front_crops import rectify
 from vision.detect.onnx_model import RUN_ERRORS, open_session, why
 from vision.errors import ModelError
 
-__all__ = ["BUNDLED_FRONT", "FrontClassifier", "FrontedDetector", "Fronts", "open_front_classifier"]
-
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float64]
 

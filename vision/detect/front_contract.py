@@ -22,8 +22,6 @@ from numpy.typing import DTypeLike, NDArray
 from vision.detect.onnx_model import described, metadata
 from vision.errors import ModelError
 
-__all__ = ["ACCEPTED", "Contract", "read_contract"]
-
 FRONTS_DEG = {2: (0.0, 180.0), 4: (0.0, 90.0, 180.0, 270.0)}
 """Default directions of the front, from the crop's +x, by number of classes."""
 ACCEPTED = (

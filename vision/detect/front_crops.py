@@ -6,8 +6,6 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["rectify"]
-
 Image = NDArray[np.uint8]
 MOST_FINER = 8
 """A crop is averaged from at most so many samples per pixel and axis; a box larger still loses detail to aliasing."""

@@ -23,8 +23,6 @@ from vision.detect.onnx_model import RUN_ERRORS, described, metadata, why
 from vision.detect.tiles import detect_in_tiles, tile_grid
 from vision.errors import ModelError
 
-__all__ = ["ACCEPTED", "HeatmapDetector"]
-
 Image = NDArray[np.uint8]
 
 ACCEPTED = "Rollcall's own (image [1, H, W, 3] uint8 → map [1, 9, H/4, W/4], metadata 'rollcall', 'stride')"

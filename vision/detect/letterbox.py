@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from vision.detect.boxes import wrap
 from vision.detect.detections import Detections
 
-__all__ = ["Letterbox", "draw", "letterbox", "undo"]
-
 GREY = 114
 """Value of the margins, the one that YOLO models are trained with."""
 

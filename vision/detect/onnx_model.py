@@ -12,8 +12,6 @@ from onnxruntime.capi import onnxruntime_pybind11_state as ort_errors
 from infra.plain_text import plain
 from vision.errors import ModelError
 
-__all__ = ["RUN_ERRORS", "described", "metadata", "open_session", "shape_text", "table", "why"]
-
 RUN_ERRORS = (
     ort_errors.Fail,
     ort_errors.InvalidArgument,

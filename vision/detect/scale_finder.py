@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from vision.detect.apparent_length import ApparentLength
 from vision.detect.detector import Detector, DetectorAround, MeasuringDetector
 
-__all__ = ["ScaleFinder"]
-
 Image = NDArray[np.uint8]
 
 SEARCH_US, WATCH_US = 2_000_000, 4_000_000

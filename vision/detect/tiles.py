@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from vision.detect.boxes import nms
 from vision.detect.detections import Detections
 
-__all__ = ["Tile", "detect_in_tiles", "tile_grid"]
-
 SAME = 0.45
 """Boxes of two tiles that overlap more (probabilistic IoU) are one vehicle's."""
 MOST_COMPARED = 1000

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from vision.detect.onnx_model import table
 
-__all__ = ["VEHICLE_WORDS", "class_names", "vehicle_classes"]
-
 VEHICLE_WORDS = frozenset(
     (
         "ambulance",

@@ -26,8 +26,6 @@ from vision.detect.yolo_classes import vehicle_classes
 from vision.detect.yolo_layout import ACCEPTED, anchor_counts, check_size, output_form, read_input
 from vision.errors import ModelError
 
-__all__ = ["YoloDetector"]
-
 Image = NDArray[np.uint8]
 
 VEHICLE_M = 2.5

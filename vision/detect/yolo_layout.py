@@ -20,8 +20,6 @@ import onnxruntime as ort
 from vision.detect.onnx_model import described, metadata, shape_text, table
 from vision.detect.yolo_classes import class_names
 
-__all__ = ["ACCEPTED", "Form", "YoloInput", "anchor_counts", "check_size", "output_form", "read_input"]
-
 ACCEPTED = (
     "YOLO-OBB exports: one input [b, 3, H, W] float32 or float16, any of b, H, W fixed or not; one output, raw "
     "[b, 4 + classes + 1, anchors], the same turned [b, anchors, 4 + classes + 1], or suppressed or end-to-end "

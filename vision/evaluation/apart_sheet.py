@@ -15,8 +15,6 @@ from vision.evaluation.centres import match_centres
 from vision.evaluation.matching import FALSE_ALARM
 from vision.evaluation.truth import LabelledImage, Truth
 
-__all__ = ["Odd", "apart_sheet", "odd_ones"]
-
 Image = NDArray[np.uint8]
 
 LABEL, BOX, INK, GROUND = (90, 220, 90), (40, 220, 250), (230, 230, 230), (20, 20, 20)

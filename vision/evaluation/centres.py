@@ -15,8 +15,6 @@ from vision.detect.detections import Detections
 from vision.evaluation.matching import ASIDE, FALSE_ALARM, Matches
 from vision.evaluation.truth import Truth
 
-__all__ = ["match_centres"]
-
 Floats = NDArray[np.float64]
 
 

@@ -23,9 +23,6 @@ from infra.files.safe_open import read_small
 from vision.errors import LabelError
 from vision.evaluation.truth import Truth
 
-__all__ = ["find_coco", "read_coco"]
-
-
 MOST_BYTES = 1 << 30
 """COCO's own file of the training images has half of that."""
 

@@ -20,8 +20,6 @@ from vision.evaluation.measures import Evaluation
 from vision.evaluation.precision import average_precision
 from vision.evaluation.truth import Truth
 
-__all__ = ["Comparison", "Difference", "compare"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

@@ -29,8 +29,6 @@ from vision.evaluation.labels import LabelFile, read_dota, read_text, read_visdr
 from vision.evaluation.truth import LabelledImage, Truth
 from vision.video.image_file import read_image
 
-__all__ = ["FORMATS", "VEHICLE", "Folder", "Format", "open_folder", "read_shard", "shard_truth"]
-
 Image = NDArray[np.uint8]
 Format = Literal["yolo", "dota", "visdrone", "coco", "shards"]
 FORMATS: tuple[Format, ...] = get_args(Format)

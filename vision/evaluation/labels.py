@@ -26,8 +26,6 @@ from infra.text_numbers import number
 from vision.errors import LabelError
 from vision.evaluation.truth import REGION, Truth
 
-__all__ = ["VISDRONE", "LabelFile", "read_dota", "read_text", "read_visdrone", "read_yolo"]
-
 Floats = NDArray[np.float64]
 MOST_BYTES = 64 << 20
 """Maximum bytes of the labels of one image."""

@@ -16,8 +16,6 @@ from vision.detect.boxes import hull, rotated_iou
 from vision.detect.detections import Detections
 from vision.evaluation.truth import Truth
 
-__all__ = ["ASIDE", "FALSE_ALARM", "THRESHOLDS", "Matches", "match", "overlap", "upright_boxes"]
-
 Floats = NDArray[np.float64]
 
 THRESHOLDS: Floats = np.linspace(0.5, 0.95, 10)

@@ -21,8 +21,6 @@ from vision.evaluation.reliability import ScoreBin, score_bins, score_for
 from vision.evaluation.shares import Share, by_class, by_hiding, by_place, by_size
 from vision.evaluation.truth import Truth
 
-__all__ = ["FLOOR", "USUAL_PRECISION", "Centres", "Directions", "Evaluation", "Reliability", "evaluate"]
-
 Floats = NDArray[np.float64]
 
 FLOOR = 0.01

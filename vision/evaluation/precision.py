@@ -12,8 +12,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["average_precision", "balanced_score"]
-
 
 def average_precision(
     score: NDArray[np.float64], hit: NDArray[np.bool_], objects: int, times: NDArray[np.int64] | None = None

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from vision.detect.detections import Detections
 from vision.evaluation.matching import ASIDE, Matches
 
-__all__ = ["ScoreBin", "score_bins", "score_for"]
-
 Floats = NDArray[np.float64]
 
 SCORES = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)

@@ -14,8 +14,6 @@ from vision.evaluation.measures import USUAL_PRECISION, Evaluation
 from vision.evaluation.reliability import ScoreBin
 from vision.evaluation.shares import Share, range_name
 
-__all__ = ["WORDS", "as_json", "as_markdown", "comparison_tables", "tables"]
-
 
 def as_json(result: Evaluation, about: Mapping[str, Any], beside: Comparison | None = None) -> str:
     """Everything; unknown numbers are null.

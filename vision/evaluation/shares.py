@@ -13,8 +13,6 @@ from vision.evaluation.matching import FALSE_ALARM, Matches
 from vision.evaluation.precision import average_precision
 from vision.evaluation.truth import HIDDEN, Truth
 
-__all__ = ["SIZES_PX", "Share", "by_class", "by_hiding", "by_place", "by_size", "range_name"]
-
 Floats = NDArray[np.float64]
 Seen = Sequence[NDArray[np.int64]]
 """Detections by image (n,): the one that found each object at the operating score, −1 none."""

@@ -13,8 +13,6 @@ from vision.detect.detections import Detections
 from vision.evaluation.matching import FALSE_ALARM, match, upright_boxes
 from vision.evaluation.truth import LabelledImage
 
-__all__ = ["worst", "worst_sheet"]
-
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float64]
 

@@ -11,18 +11,6 @@ from numpy.typing import NDArray
 from vision.detect.yolo_classes import vehicle_classes
 from vision.errors import LabelError
 
-__all__ = [
-    "HIDDEN",
-    "NEITHER",
-    "REGION",
-    "Choice",
-    "LabelledImage",
-    "Truth",
-    "choose",
-    "choose_classes",
-    "choose_in_all",
-]
-
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float64]
 

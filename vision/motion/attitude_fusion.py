@@ -28,8 +28,6 @@ from vision.camera.jacobians import ground_jacobians, image_jacobians
 from vision.motion.fused_evidence import ReportedRotation, SeenTracks
 from vision.motion.rotation import turned_by, vector_of
 
-__all__ = ["AttitudeFusion"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

@@ -23,8 +23,6 @@ from vision.detect.detections import Detections
 from vision.motion.image_motion import ImageMotion
 from vision.motion.plane_fit import fit_plane
 
-__all__ = ["MotionEstimator"]
-
 Image = NDArray[np.uint8]
 Points = NDArray[np.float32]
 

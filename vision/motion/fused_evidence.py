@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from vision.motion.rotation import CameraTurn
 
-__all__ = ["ReportedRotation", "SeenTracks"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

@@ -12,8 +12,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["PlaneFit", "fit_plane", "mapped"]
-
 Floats = NDArray[np.float64]
 
 INLIER_PX = 0.6

@@ -28,8 +28,6 @@ from vision.camera.intrinsics import Intrinsics
 from vision.motion.image_motion import ImageMotion
 from vision.motion.plane_fit import mapped
 
-__all__ = ["CameraTurn", "GroundShift", "rotation_of", "turned_by", "vector_of"]
-
 Floats = NDArray[np.float64]
 GRID = (7, 5)
 """Places across and down the image at which the homography is compared with the camera's motion."""

@@ -19,8 +19,6 @@ from av.video.stream import VideoStream as CodedStream
 
 from vision.stream.source import Source
 
-__all__ = ["Arrivals", "ByteStream", "has_no_stamps"]
-
 Packets: TypeAlias = "Iterator[Packet[CodedStream]]"
 
 TICK_HZ = 1_000_000

@@ -42,8 +42,6 @@ from vision.stream.stamps import HeldBack
 from vision.stream.trial import SEARCH, mpegts_payload
 from vision.video.frame_index import ONE_FILE, reason
 
-__all__ = ["OPEN_TIMEOUT_S", "READ_TIMEOUT_S", "WAIT_S", "Input", "datagrams", "listen", "open_input", "sent_on"]
-
 OPEN_TIMEOUT_S = 3.0
 """Longest wait for a connection, seconds."""
 WAIT_S = 30.0

@@ -10,8 +10,6 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
-__all__ = ["Exposures", "SenderReport", "klv_time_s", "sei_time_s", "sender_report"]
-
 _SEI_KEY = b"MISPmicrosectime"
 _SEI_BYTES = 12
 """Status, then the time in four pairs of bytes with 0xFF between them."""

@@ -10,8 +10,6 @@ clock off by more, or a route that gets slower for good, shows as times that are
 
 from __future__ import annotations
 
-__all__ = ["BACK_S", "JUMP_S", "ArrivalClock"]
-
 CREEP = 200e-6
 """s/s"""
 JUMP_S = 5.0

@@ -9,18 +9,6 @@ from __future__ import annotations
 
 import msgspec
 
-__all__ = [
-    "IMAGE_BYTES",
-    "FrameReply",
-    "FrameRequest",
-    "Preference",
-    "Progress",
-    "Sender",
-    "Settings",
-    "VideoReport",
-    "VideoRequest",
-]
-
 IMAGE_BYTES = 7680 * 4320 * 3
 """The largest image that is handed over; memory is used only for what is written."""
 

@@ -8,8 +8,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["PACE_FRAMES", "STALL_S", "stall_after_s"]
-
 STALL_S: Final = 1.0
 """Without a frame for so long a stream has stalled."""
 STALL_INTERVALS: Final = 2.5

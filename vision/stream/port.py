@@ -22,8 +22,6 @@ from vision.stream.senders import Senders
 from vision.stream.source import Source
 from vision.stream.trial import Trial
 
-__all__ = ["Port", "bind"]
-
 ANY = "0.0.0.0"
 BUFFER_BYTES = 4 << 20
 """Receive buffer of the socket."""

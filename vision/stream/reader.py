@@ -21,8 +21,6 @@ from vision.stream.messages import Progress, Settings
 from vision.stream.stamps import Coded, Stamps
 from vision.video.recording import DisplayOrder, Recording
 
-__all__ = ["StreamReader"]
-
 BEHIND_S = 0.4
 """Decoding has fallen behind when no packet had to be waited for this long; then none is up to the next key frame."""
 WAITED_S = 0.003

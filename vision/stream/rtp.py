@@ -12,8 +12,6 @@ from dataclasses import dataclass, field
 
 from vision.stream.source import Codec
 
-__all__ = ["TICK_HZ", "Depacketizer", "RtpPacket", "Unit", "guess_codec", "parse", "source_of"]
-
 TICK_HZ = 90_000
 """Clock of video in RTP."""
 START = b"\0\0\0\1"

@@ -21,8 +21,6 @@ from vision.stream.rtp import source_of
 from vision.stream.source import Codec
 from vision.stream.trial import Trial, looks_like
 
-__all__ = ["Senders"]
-
 TAKEOVER_S = 1.5
 """Silence of the present sender after which another one may take its place: a radio's hole is usually shorter."""
 BLIND_S = 3.0

@@ -26,8 +26,6 @@ from urllib.parse import parse_qsl, urlsplit
 from infra.secrets import concealed
 from vision.errors import VideoError
 
-__all__ = ["PORT", "Codec", "Source", "offered", "parse_source"]
-
 Codec = Literal["", "h264", "hevc", "mpegts"]
 """Codec of datagrams; empty: to be found out."""
 

@@ -13,8 +13,6 @@ from av.video.stream import VideoStream as CodedStream
 
 from vision.stream.frame_clock import BACK_S, JUMP_S
 
-__all__ = ["Coded", "HeldBack", "Stamps"]
-
 Coded: TypeAlias = "Packet[CodedStream]"
 
 

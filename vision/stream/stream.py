@@ -44,8 +44,6 @@ from vision.stream.source import Source, parse_source
 from vision.video.recording import require_new
 from vision.video.video import Frame
 
-__all__ = ["VideoStream"]
-
 _EXPOSURE_SOURCES = {"SEI": "time stamps (SEI)", "KLV": "metadata (KLV)", "RTCP": "sender reports (RTCP)"}
 
 AWAKE = 2

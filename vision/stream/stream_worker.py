@@ -29,8 +29,6 @@ from vision.stream.reader import StreamReader
 from vision.stream.source import parse_source
 from vision.video.frame_index import reason
 
-__all__ = ["main"]
-
 _log = logging.getLogger(__name__)
 
 PAUSES_S = (0.25, 0.5, 1.0, 2.0, 4.0)

@@ -20,8 +20,6 @@ from av.video.stream import VideoStream as CodedStream
 from vision.stream.rtp import MPEG_TS, Depacketizer, Unit, parse
 from vision.stream.source import Codec
 
-__all__ = ["SEARCH", "Trial", "looks_like", "mpegts_payload"]
-
 Kind: TypeAlias = Literal["mpegts", "mpegts in rtp", "rtp"]
 
 SEARCH = {"analyzeduration": "10000000", "probesize": "50000000", "fpsprobesize": "0"}

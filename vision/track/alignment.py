@@ -23,8 +23,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Alignment", "BoxShapes", "Lens", "align"]
-
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 

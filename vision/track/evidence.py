@@ -24,8 +24,6 @@ from numpy.typing import NDArray
 
 from vision.track.track_state import ENOUGH, TrackState
 
-__all__ = ["TrackEvidence"]
-
 Floats = NDArray[np.float64]
 
 MARGIN = 1.15

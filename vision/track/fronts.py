@@ -15,8 +15,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["front_of", "vote_of", "votes_after", "way_after"]
-
 Floats = NDArray[np.float64]
 
 MOST_VOTES = 5.0

@@ -15,8 +15,6 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["correct", "initial", "jacobian", "mahalanobis", "predict", "warp"]
-
 Floats = NDArray[np.float64]
 
 _MOVE = np.eye(4, k=2)

@@ -8,8 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-__all__ = ["Pairs", "assign", "one_to_one"]
-
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 

@@ -11,8 +11,6 @@ from vision.detect.detections import Detections
 from vision.track.track_state import TrackState
 from vision.track.tracks import TrackerParams
 
-__all__ = ["MergedBoxes", "find_merged"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 Flags = NDArray[np.bool_]

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from vision.detect.boxes import wrap
 from vision.detect.detections import FIELDS, Detections
 
-__all__ = ["Parts", "Wholes"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

@@ -10,8 +10,6 @@ from vision.track.merged_detections import GAP_S, PULL, MergedBoxes
 from vision.track.track_state import TrackState
 from vision.track.tracks import TrackerParams
 
-__all__ = ["find_shared"]
-
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 

@@ -9,8 +9,6 @@ from vision.detect.detections import Detections
 from vision.track import kalman
 from vision.track.fronts import front_of, vote_of, votes_after, way_after
 
-__all__ = ["ENOUGH", "TrackState"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Indices = NDArray[np.intp]

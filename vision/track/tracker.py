@@ -28,8 +28,6 @@ from vision.track.shared_boxes import find_shared
 from vision.track.track_state import ENOUGH, TrackState
 from vision.track.tracks import Stitch, TrackerParams, Tracks
 
-__all__ = ["Tracker"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Indices = NDArray[np.intp]

@@ -21,8 +21,6 @@ from bench.attacks.station import mission_text
 from bench.attacks.video_port import DARK, coded_film
 from bench.ports import free_port
 
-__all__ = ["CASES", "hostile_files", "open_file"]
-
 MOST_S, MOST_MB, LIMIT_BYTES = 60.0, 1000.0, 6 << 30
 """A command may take so long and so much; what asks for more is kept from harming the computer."""
 SCREENS_S = 15.0

@@ -11,8 +11,6 @@ from bench.attacks.run import Options
 from bench.attacks.station import AttackedStation, StationError, mission_text
 from bench.ports import free_port
 
-__all__ = ["CASES", "hostile_folders", "one_folder"]
-
 PATIENCE_S = 25.0
 MOST_S = 8.0
 """A start may take so much longer than one without any old session."""

@@ -10,8 +10,6 @@ from typing import Final
 from gcs.batch.jobs import FlightRecord
 from gcs.report.rollcall import WITHOUT_POSITION
 
-__all__ = ["FlightJudgement", "judge", "mean_confidence"]
-
 LATE_S: Final = 10.0
 """Most vehicles are named after two or three seconds in view."""
 UNSURE: Final = 0.9

@@ -16,8 +16,6 @@ from gcs.certainty import certainty
 from gcs.errors import BatchError
 from gcs.report.page.html import Line, Section, card, empty, fixed, listed, page, section, table
 
-__all__ = ["batch_page", "read_results"]
-
 MOST_FLIGHTS: Final = 2000
 """That one page lists of each kind; a browser shows as many at once."""
 MOST_VEHICLES: Final = 1000

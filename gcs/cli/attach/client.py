@@ -23,8 +23,6 @@ from gcs.cli.output.console import check_terminal
 from gcs.errors import GcsError
 from mavlink.errors import LinkError
 
-__all__ = ["flies_on", "naming_own_flight", "show_flight"]
-
 SIZE_VARIABLES = ("COLUMNS", "LINES")
 """The pseudo terminal knows its size, and follows it."""
 READ_BYTES = 65_536

@@ -13,8 +13,6 @@ import msgspec
 
 from gcs.cli.output.console import MOST_FPS, Graphics
 
-__all__ = ["MOST_BYTES", "VARIABLES", "Answer", "Flying", "ScreenOptions", "Wish", "connect", "socket_folder"]
-
 MOST_BYTES = 65_536
 """No message is longer."""
 ANSWER_S = 5.0

@@ -17,8 +17,6 @@ import msgspec
 
 from gcs.cli.attach.place import MOST_BYTES, VARIABLES, Answer, Flying, Wish, socket_folder
 
-__all__ = ["AttachServer", "LentTerminal"]
-
 _log = logging.getLogger(__name__)
 
 LOOK_S = 0.2

@@ -20,8 +20,6 @@ from gcs.cli.output.console import (
 )
 from gcs.cli.output.progress import Report, progress
 
-__all__ = ["batch"]
-
 MOST_JOBS, MOST_RETRIES = 1024, 100
 LONGEST_S = 30 * 86_400.0
 LEAST_GIB, MOST_GIB = 0.1, 65_536.0

@@ -9,8 +9,6 @@ import typer
 
 from gcs.cli.output.console import print_lines
 
-__all__ = ["report"]
-
 PAGE = "report.html"
 
 

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from vision.detect.detector import Detector
     from vision.evaluation import Evaluation, LabelledImage
 
-__all__ = ["BUNDLED", "GSD_M", "detect_in_all", "eval_detector", "open_images", "open_model", "plain_classes"]
-
 RESULTS = ("eval.json", "eval.md", "worst.png", "apart.png")
 """Files that are written into the folder of the results."""
 BUNDLED = "bundled"

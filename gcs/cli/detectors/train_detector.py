@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from training.finetune import FineTuning
     from vision.evaluation import LabelledImage
 
-__all__ = ["train_detector"]
-
 CHECKOUT = Path(__file__).parents[3]
 """Folder with what is not in the package, of a program that runs from a checkout."""
 INTERRUPTED = 130

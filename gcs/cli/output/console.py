@@ -32,37 +32,6 @@ from mavlink.errors import LinkError, MavlinkError
 from sim.errors import SimError
 from vision.errors import VisionError
 
-__all__ = [
-    "BAD_INPUT",
-    "CONSOLE",
-    "FAR_S",
-    "FRAME_SIZE",
-    "GRAPHICS",
-    "MOST_FPS",
-    "NOT_AVAILABLE",
-    "NO_NAMES",
-    "SOME_FAILED",
-    "AsJson",
-    "Fps",
-    "Graphics",
-    "LogLevel",
-    "PlainStream",
-    "Theme",
-    "ThemeName",
-    "VideoStart",
-    "check_range",
-    "check_terminal",
-    "errors_as_exit_codes",
-    "hide_secrets",
-    "parse_frame_size",
-    "print_json",
-    "print_lines",
-    "print_note",
-    "redirect_if_terminal_gone",
-    "redirect_stderr",
-    "start_log",
-]
-
 BAD_INPUT, NOT_AVAILABLE, NO_NAMES, SOME_FAILED = 2, 3, 4, 6
 
 _OF_THE_NAME = (errno.ENAMETOOLONG, errno.ELOOP)

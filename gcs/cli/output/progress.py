@@ -10,8 +10,6 @@ from collections.abc import Callable, Iterator
 
 from gcs.cli.output.console import print_note
 
-__all__ = ["Report", "progress"]
-
 Report = Callable[[int, int], None]
 """Given how much is done, and of how much."""
 

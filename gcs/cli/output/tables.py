@@ -12,8 +12,6 @@ from rich.text import Text
 
 from infra.plain_text import plain
 
-__all__ = ["print_table"]
-
 _UNLIMITED = 10_000_000
 """Columns of a line that no terminal limits: nothing is wrapped or cut in a file."""
 

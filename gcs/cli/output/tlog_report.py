@@ -9,8 +9,6 @@ from typing import Any
 
 from mavlink.tlog.check import TlogCheck
 
-__all__ = ["check_json", "check_lines", "repair_lines"]
-
 _MOST_STEPS = 5
 _SPEED = (0.8, 1.25)  # outside, the stamps are not the time of a flight
 

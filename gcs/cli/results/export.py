@@ -20,8 +20,6 @@ from gcs.session.identity_replay import read_snapshots
 from gcs.session.session import open_session
 from gcs.snapshot import Snapshot
 
-__all__ = ["export"]
-
 
 def export(
     session: Annotated[Path | None, typer.Argument(help="Session folder, or a telemetry log.")] = None,

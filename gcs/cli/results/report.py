@@ -30,8 +30,6 @@ from gcs.session.line_file import open_new
 from gcs.session.session import Session, open_session
 from infra.session_format import IDENTITY
 
-__all__ = ["report"]
-
 
 def report(
     session: Annotated[Path, typer.Argument(help="Session folder, or a telemetry log.")],

@@ -13,8 +13,6 @@ from gcs.cli.output.tables import print_table
 from gcs.errors import ScoreError
 from gcs.report.score import Score, score_files
 
-__all__ = ["print_score", "score"]
-
 
 def score(
     truth: Annotated[Path, typer.Argument(help="Session folder with truth.csv, or a truth.csv.")],

@@ -18,8 +18,6 @@ from collections.abc import Awaitable, Callable
 from aiohttp import web
 from textual_serve.server import Server
 
-__all__ = ["serve_screens"]
-
 LOOPBACK = "127.0.0.1"
 MOST_BROWSERS = 4
 """Each has a replay of its own."""

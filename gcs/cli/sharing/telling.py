@@ -15,12 +15,11 @@ from gcs.errors import GcsError
 from gcs.live_out.live_out import LiveOut
 from gcs.live_out.sink import SinkSource
 from gcs.live_out.sink_url import SinkUrl, check_apart, parse_show, parse_tell
-from gcs.snapshot import Event, Level
+from gcs.snapshot import Event
 from gcs.station import Station
 from infra.files.safe_open import create, read_small
 from infra.wall_clock import now_us
-
-__all__ = ["Show", "Tell", "parse_sinks", "telling"]
+from mavlink.state import Level
 
 Tell = Annotated[
     list[str] | None,

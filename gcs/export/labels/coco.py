@@ -19,8 +19,6 @@ from gcs.export.labels.frames import VEHICLE, LabelFolder, LabelledBox, Labelled
 from gcs.snapshot import Snapshot
 from infra.plain_text import plain
 
-__all__ = ["CocoExport"]
-
 
 class CocoExport:
     """Who a box is stands in its ``attributes``."""

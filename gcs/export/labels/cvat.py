@@ -18,8 +18,6 @@ from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
 from infra.plain_text import plain
 
-__all__ = ["CvatExport"]
-
 ATTRIBUTES: Final = ("track_id", "system_id", "name", "confidence", "score")
 _ATTRIBUTE: Final = (
     "<attribute><name>{}</name><mutable>True</mutable><input_type>text</input_type>"

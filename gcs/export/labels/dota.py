@@ -12,8 +12,6 @@ from gcs.export.labels.frames import VEHICLE, LabelFolder
 from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
 
-__all__ = ["DotaExport"]
-
 
 class DotaExport:
     """An image without vehicles has a label file of the two head lines."""

@@ -23,8 +23,6 @@ from gcs.snapshot import Box, Snapshot
 from infra.plain_text import plain, to_cell
 from vision.detect.boxes import corners
 
-__all__ = ["VEHICLE", "LabelFolder", "LabelledBox", "LabelledFrame"]
-
 VEHICLE: Final = "vehicle"
 """Name of the only class."""
 QUALITY: Final = 95

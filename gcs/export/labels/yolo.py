@@ -15,8 +15,6 @@ from gcs.export.labels.frames import VEHICLE, LabelFolder
 from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
 
-__all__ = ["YoloObbExport"]
-
 _DATA: Final = f"""# one flight: validate on another, not on the frames between these
 train: images/train
 val: images/train

@@ -18,8 +18,6 @@ from gcs.session.line_file import open_new
 from gcs.snapshot import Box, Snapshot
 from infra.plain_text import plain
 
-__all__ = ["GeoJsonExport"]
-
 
 class GeoJsonExport:
     """null is unknown; a box of which no place is known has no geometry."""

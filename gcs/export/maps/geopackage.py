@@ -19,8 +19,6 @@ from gcs.missing import may_be
 from gcs.snapshot import Box, Snapshot
 from infra.plain_text import plain
 
-__all__ = ["GeoPackageExport"]
-
 WGS_84: Final = 4326
 """EPSG's number; also the one that the tables here have."""
 _WKT: Final = (

@@ -19,8 +19,6 @@ from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
 from infra.plain_text import plain
 
-__all__ = ["GpxExport"]
-
 NAMESPACE: Final = "urn:rollcall:export:1"
 _HEAD: Final = f"""<?xml version="1.0" encoding="UTF-8"?>
 <gpx version="1.1" creator="Rollcall" xmlns="http://www.topografix.com/GPX/1/1" xmlns:rollcall="{NAMESPACE}">

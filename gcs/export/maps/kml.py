@@ -17,8 +17,6 @@ from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
 from infra.plain_text import plain
 
-__all__ = ["KmlExport"]
-
 COLOURS: Final = ("e69f00", "56b4e9", "009e73", "f0e442", "0072b2", "d55e00", "cc79a7")
 """Told apart by all eyes (Okabe and Ito 2008), red green blue; more vehicles begin anew."""
 STRANGER: Final = "999999"

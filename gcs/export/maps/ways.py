@@ -16,8 +16,6 @@ from typing import Final
 from gcs.snapshot import Box, Snapshot
 from infra.plain_text import plain
 
-__all__ = ["Way", "WaySummary", "Ways", "by_owner", "placed", "time_utc"]
-
 GAP_US: Final = 2_000_000
 """A line over a longer time would show a way that nobody saw, unless frames are as far apart."""
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)

@@ -28,8 +28,6 @@ from mavlink.geodesy import LocalFrame
 from vision.camera.camera import R_ENU_NED, R_GIMBAL_CAM
 from vision.video.coded_frames import CodedFilm
 
-__all__ = ["KlvExport", "sight_of"]
-
 TIME_BASE = Fraction(1, 90_000)
 CODECS = ("h264", "hevc", "mpeg2video", "mpeg4")
 """That MPEG-TS carries and others expect there."""

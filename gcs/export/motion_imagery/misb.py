@@ -10,8 +10,6 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Final
 
-__all__ = ["CHECKSUM", "SETS_KEY", "SIGNED", "TIME", "UNSIGNED", "checksum", "klv_set"]
-
 SETS_KEY: Final = bytes.fromhex("060e2b34020b01010e01030101000000")
 CHECKSUM: Final = 1
 TIME: Final = 2

@@ -19,8 +19,6 @@ from av.bitstream import BitStreamFilterContext
 from vision.video.coded_frames import CodedFilm
 from vision.video.video import VideoFile
 
-__all__ = ["pictures_of"]
-
 SEQUENCE: Final = 7
 """Type of the NAL unit with a stream's parameters (ITU-T H.264, table 7-1)."""
 KEY: Final = 5

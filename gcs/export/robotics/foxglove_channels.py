@@ -11,10 +11,9 @@ from foxglove.messages import Log, LogLevel
 
 from gcs.export.robotics.foxglove_views import annotations_of, fix_of, scene_of, stamp_of
 from gcs.session.identity_log import json_row
-from gcs.snapshot import Level, Snapshot
+from gcs.snapshot import Snapshot
 from infra.plain_text import plain
-
-__all__ = ["FoxgloveChannels"]
+from mavlink.state import Level
 
 LEVELS: Final = {"info": LogLevel.Info, "warning": LogLevel.Warning, "alarm": LogLevel.Error}
 IDENTITY_SCHEMA: Final = {

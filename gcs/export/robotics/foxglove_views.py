@@ -38,8 +38,6 @@ from gcs.report.overlay import DARK, STANDING_RGB, label_of, standing_of
 from gcs.snapshot import Box, Snapshot, VehicleRow
 from infra.plain_text import plain
 
-__all__ = ["annotations_of", "fix_of", "scene_of", "stamp_of"]
-
 USUAL_M: Final = (2.0, 1.2)
 """Length and width of a vehicle of which the picture does not tell them."""
 HEIGHT_M: Final = 1.0

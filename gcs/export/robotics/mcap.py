@@ -31,8 +31,6 @@ from gcs.report.vehicle_names import text_with_sender
 from gcs.snapshot import Snapshot
 from infra.plain_text import plain
 
-__all__ = ["McapExport"]
-
 
 class McapExport:
     """One file; the film's pictures are written as their frames come, all of them also where frames are left out."""

@@ -29,8 +29,6 @@ from gcs.snapshot import Box, Snapshot, VehicleRow
 from infra.plain_text import plain
 from vision.video.video import Frame, VideoFile
 
-__all__ = ["RosbagExport", "typestore"]
-
 LEVELS: Final = {"info": 20, "warning": 30, "alarm": 40}
 JPEG_QUALITY: Final = 90
 LAST_US: Final = 1_000_000 * (2**31 - 1)

@@ -24,8 +24,6 @@ from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
 from infra.plain_text import plain
 
-__all__ = ["AssExport", "AssNames", "ass_header"]
-
 EMPTY_SIZE: Final = (1280, 720)
 SQUARE_PX: Final = 4
 """Labels are placed in squares of so many pixels."""

@@ -14,8 +14,6 @@ from gcs.export.job import ExportJob
 from gcs.snapshot import HELD_SHOWN_S, Snapshot
 from vision.video.video import VideoFile
 
-__all__ = ["Cue", "Cues", "film_times_us"]
-
 HELD_US = round(HELD_SHOWN_S * 1e6)
 LAST_US = 100_000
 """How long a single frame is shown."""

@@ -24,8 +24,6 @@ from gcs.snapshot import Snapshot
 from infra.plain_text import plain
 from vision.video.coded_frames import CodedFilm
 
-__all__ = ["MkvExport"]
-
 TIME_BASE = Fraction(1, 1000)
 
 

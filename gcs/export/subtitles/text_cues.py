@@ -17,8 +17,6 @@ from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
 from infra.plain_text import plain
 
-__all__ = ["SrtExport", "VttExport"]
-
 _SRT_LETTERS = str.maketrans("<>{}\\&", "＜＞｛｝＼＆")
 """SubRip has no way to write them as letters; these are their wide twins."""
 _VTT_LETTERS = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;"})

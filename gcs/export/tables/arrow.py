@@ -6,8 +6,6 @@ from types import ModuleType
 
 from gcs.errors import GcsError
 
-__all__ = ["import_pyarrow", "writer_settings"]
-
 
 def import_pyarrow() -> ModuleType:
     """pyarrow, where it is installed.

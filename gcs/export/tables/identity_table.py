@@ -13,8 +13,6 @@ import msgspec
 
 from gcs.export.tables.arrow import import_pyarrow, writer_settings
 
-__all__ = ["COLUMNS", "EvidenceRow", "IdentityTable", "column_values"]
-
 ROWS = 65_536
 """Rows of one group: what is held in memory at once."""
 COLUMNS = {

@@ -13,8 +13,6 @@ from gcs.errors import GcsError
 from gcs.export.tables.arrow import import_pyarrow
 from gcs.export.tables.identity_table import COLUMNS, EvidenceRow, column_values
 
-__all__ = ["NamedBoxes"]
-
 _TYPES: Mapping[str, tuple[type, object]] = {
     "int64": (np.int64, 0),
     "int16": (np.int16, 0),

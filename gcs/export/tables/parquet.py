@@ -10,8 +10,6 @@ from gcs.export.unfinished import Unfinished
 from gcs.session.identity_log import json_row
 from gcs.snapshot import Snapshot
 
-__all__ = ["ParquetExport"]
-
 
 class ParquetExport:
     """null is unknown."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gcs.mission.mission import Camera, Mission
 from gcs.snapshot import Event
-from mavlink.fleet.fleet import UavState
+from mavlink.state import UavState
 from vision.camera.camera import CameraPose, Mount, camera_pose
 
 __all__ = ["CameraDirection", "mount_of"]

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from assoc.camera_search.inputs import FilmedFleet, KnownMount, MountKind
 from assoc.camera_search.search import CameraFit, CameraVerdict, find_camera, refined
 from gcs.mission.mission import Camera
-from gcs.snapshot import Event, Level
-from mavlink.state import FleetState
+from gcs.snapshot import Event
+from mavlink.state import FleetState, Level
 from vision.detect.detections import Detections
 from vision.track.tracks import Tracks
 

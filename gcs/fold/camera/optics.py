@@ -15,8 +15,8 @@ from __future__ import annotations
 import math
 
 from gcs.mission.mission import Camera
-from gcs.snapshot import Event, Level
-from mavlink.fleet.fleet import CameraReport
+from gcs.snapshot import Event
+from mavlink.state import CameraReport, Level
 from vision.camera.intrinsics import Intrinsics, from_field_of_view, resized, zoomed
 from vision.errors import CameraError
 

@@ -23,8 +23,6 @@ from gcs.importing.vehicle_log import (
     at_times,
 )
 
-__all__ = ["read_ardupilot"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Rows = NDArray[np.void]

@@ -38,8 +38,6 @@ from gcs.importing.vehicle_log import (
 from infra.plain_text import plain
 from infra.text_numbers import number_or_nan
 
-__all__ = ["read_csv"]
-
 Floats = NDArray[np.float64]
 
 _LATEST_US = 4_102_444_800_000_000  # the year 2100

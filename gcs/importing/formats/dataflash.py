@@ -25,8 +25,6 @@ from gcs.importing.formats.text_file import LOOKED_AT, open_file, text_lines
 from infra.clock_steps import restarts
 from infra.text_numbers import number_or_nan
 
-__all__ = ["DataflashTables", "is_dataflash", "read_tables"]
-
 _HEAD = b"\xa3\x95"
 _FMT, _FMT_BYTES = 128, 89
 _FIRST_FORMAT = re.compile(rb"(?:^|[\r\n])FMT, *\d+, *\d+, *\w+, *\w+, *\w")

@@ -19,8 +19,6 @@ import re
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-__all__ = ["DjiCue", "read_cue"]
-
 _NUMBER = r"[-+]?[0-9]{1,9}+(?:[.,][0-9]{1,12}+)?+"
 _KEYED = re.compile(rf"\b([a-z_]{{2,16}})\s*:\s*({_NUMBER})(?=m{{0,2}}(?![\w/]))", re.IGNORECASE)
 _BLOCK = re.compile(r"\b(drone|gimbal)\s?:\s?([a-z][^\[\]<]{4,80})", re.IGNORECASE)

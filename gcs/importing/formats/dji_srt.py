@@ -22,8 +22,6 @@ from gcs.importing.row_times import check_one_clock, first_frame_us, row_times
 from gcs.importing.smoothing import smoothed_places
 from gcs.importing.vehicle_log import AngleTrack, ImportNotes, PlaceTrack, VehicleLog, ViewTrack, whole_places
 
-__all__ = ["log_of_cues"]
-
 Floats = NDArray[np.float64]
 
 _DEG_M = 111_320.0

@@ -21,8 +21,6 @@ from gcs.importing.formats.timed_bytes import TimedBytes
 from infra.plain_text import plain
 from vision.video.frame_index import film_stream, open_video
 
-__all__ = ["FilmStreams", "read_streams"]
-
 _MOST_BYTES = 256 << 20
 """Maximum bytes of everything that is kept: three hours of messages with each picture."""
 _MOST_MESSAGES = MOST_CUES

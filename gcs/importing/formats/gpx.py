@@ -14,8 +14,6 @@ from gcs.importing.row_times import NO_ZONE, unix_seconds
 from gcs.importing.vehicle_log import VehicleLog
 from infra.text_numbers import number_or_nan
 
-__all__ = ["read_gpx"]
-
 _MOST_TEXT = 200
 
 

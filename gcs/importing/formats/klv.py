@@ -28,8 +28,6 @@ from gcs.importing.vehicle_log import (
 )
 from mavlink.geodesy import rotation_from_euler
 
-__all__ = ["log_of_klv"]
-
 _MOST_SET = 1 << 20
 _LATEST_US = 4_102_444_800_000_000
 """Year 2100: what is later is a date that is not known."""

@@ -17,8 +17,6 @@ from gcs.importing.row_times import NO_ZONE, unix_seconds
 from gcs.importing.vehicle_log import VehicleLog
 from infra.text_numbers import number_or_nan
 
-__all__ = ["read_kml"]
-
 _MOST_TEXT = 400
 """Letters of a value: three coordinates of two points have less."""
 _SHAPES = ("Point", "LineString", "Track")

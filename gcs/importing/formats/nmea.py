@@ -18,8 +18,6 @@ from gcs.importing.formats.text_file import text_lines
 from gcs.importing.vehicle_log import M_PER_HDOP, VehicleLog
 from infra.text_numbers import number, number_or_nan
 
-__all__ = ["is_nmea", "read_nmea"]
-
 _SENTENCE = re.compile(r"\$([A-Z]{2})(GGA|GNS|RMC|GST|ZDA),([^*$]*)(?:\*([0-9A-Fa-f]{2}))?\s*$")
 _FIRST = re.compile(rb"(?:^|[\r\n])[^\r\n$]{0,40}\$[A-Z]{2}(?:GGA|GNS|RMC|GSA|GSV|GLL|VTG|GST|ZDA|TXT),")
 _TIME = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-5]\d(?:\.\d{1,9})?)$", re.ASCII)

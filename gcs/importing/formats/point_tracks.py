@@ -19,8 +19,6 @@ from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog, whole
 from infra.plain_text import plain
 from infra.xml_text import ElementHandler, XmlRefusedError, read_elements
 
-__all__ = ["PointTracks", "read_xml_tracks"]
-
 _MOST_POINTS = 1_000_000
 _MOST_TRACKS = 255
 _MOST_NAME = 200

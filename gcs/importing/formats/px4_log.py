@@ -34,8 +34,6 @@ from infra.files.safe_open import open_to_read
 from infra.processes.bounded import UnreadError, answer_parent, ask_child
 from mavlink.geodesy import euler_from_quaternion
 
-__all__ = ["UlogTopics", "read_px4", "read_topics"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Columns = Mapping[str, NDArray[Any]]

@@ -29,8 +29,6 @@ from gcs.importing.vehicle_log import (
     whole_places,
 )
 
-__all__ = ["TELEMETRY_UUID", "log_of_messages", "unregistered_messages"]
-
 TELEMETRY_UUID = bytes.fromhex("8d646b4e556f4a908b7c35e629510321")
 _SCHEMA = "apcg.telemetry.v1"
 _USER_DATA = 5

@@ -24,8 +24,6 @@ from gcs.importing.row_times import check_one_clock, first_frame_us, row_times
 from gcs.importing.smoothing import smoothed_places
 from gcs.importing.vehicle_log import AngleTrack, ImportNotes, VehicleLog, whole_places
 
-__all__ = ["is_siyi", "siyi_log"]
-
 _ANGLE = r"([NSEW])\s?([0-9]{1,3})°\s?([0-9]{1,2})['′]\s?([0-9]{1,2}(?:\.[0-9]{1,6})?)[\"″]"
 _LAT = re.compile(rf"latitude\s?:\s?{_ANGLE}")
 _LON = re.compile(rf"longitude\s?:\s?{_ANGLE}")

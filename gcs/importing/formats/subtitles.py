@@ -13,8 +13,6 @@ from pathlib import Path
 from gcs.errors import ImportFileError
 from gcs.importing.formats.text_file import text_lines
 
-__all__ = ["MOST_CUES", "SubtitleCue", "cues_of", "read_cues"]
-
 MOST_CUES = 1_000_000
 """Nine hours at 30 a second."""
 _MOST_TEXT_LINES, _MOST_LINE = 24, 1000

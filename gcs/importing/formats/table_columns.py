@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from gcs.errors import ImportFileError
 from gcs.importing.vehicle_log import LogClock
 
-__all__ = ["KNOWN", "TIMES", "column_of", "in_our_units", "unix_us"]
-
 Floats = NDArray[np.float64]
 
 _ALIASES = {

@@ -12,8 +12,6 @@ from typing import BinaryIO, TextIO
 from gcs.errors import ImportFileError
 from infra.files.safe_open import open_to_read
 
-__all__ = ["LOOKED_AT", "MOST_LINE_CHARS", "open_file", "text_lines"]
-
 MOST_LINE_CHARS = 4096
 """No line of a subtitle or table that is one is longer."""
 _MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))

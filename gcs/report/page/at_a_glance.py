@@ -14,8 +14,6 @@ from gcs.report.page.vehicle_parts import standing_of
 from gcs.report.score import Matched, score
 from gcs.report.vehicle_names import text_with_sender
 
-__all__ = ["at_a_glance"]
-
 MOST_NAMES: Final = 8
 """Most vehicles named in one line; the roll call has all of them."""
 

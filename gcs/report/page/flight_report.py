@@ -20,8 +20,6 @@ from gcs.report.score import Matched
 from gcs.report.vehicle_names import text_with_sender
 from gcs.snapshot import Reported
 
-__all__ = ["Provenance", "flight_report"]
-
 MOST_LISTED: Final = 1000
 """Alarms, and other events, of one flight that the page lists; the rest is counted."""
 _REPORTED: Final[Mapping[Reported, str]] = {

@@ -18,8 +18,6 @@ from gcs.report.rollcall import RollCall
 from gcs.snapshot import Box, Event, Snapshot, VehicleRow
 from mavlink.geodesy import LocalFrame
 
-__all__ = ["FlightSummary", "Spread", "VehicleRecord"]
-
 FloatArray = NDArray[np.float64]
 
 MOST_PARTS: Final = 400

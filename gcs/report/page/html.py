@@ -10,26 +10,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
-from gcs.report.page.style import COLOURS, SHARE_STEPS, STYLE
+from gcs.report.page.style import SHARE_STEPS, STYLE
 from infra.plain_text import plain
-
-__all__ = [
-    "CHART_WIDTH",
-    "COLOURS",
-    "DASHES",
-    "Line",
-    "Section",
-    "bar",
-    "card",
-    "chart",
-    "empty",
-    "fixed",
-    "listed",
-    "page",
-    "section",
-    "table",
-    "words",
-]
 
 POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 """Policy for browsers: they may show the page, no more."""

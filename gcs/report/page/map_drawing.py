@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from gcs.report.label_grid import Cells, Grid
 from gcs.report.labels import Label, leader_of, place_labels
 from gcs.report.page.flight_summary import FlightSummary, VehicleRecord
-from gcs.report.page.html import CHART_WIDTH, COLOURS, DASHES, chart, empty, words
+from gcs.report.page.html import CHART_WIDTH, DASHES, chart, empty, words
+from gcs.report.page.style import COLOURS
 from infra.plain_text import plain
-
-__all__ = ["colour_of", "draw_map"]
 
 WIDTH: Final = CHART_WIDTH
 MARGIN: Final = 60

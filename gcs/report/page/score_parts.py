@@ -10,8 +10,6 @@ import numpy as np
 from gcs.report.page.html import fixed, table
 from gcs.report.score import Matched, score
 
-__all__ = ["score_parts"]
-
 SIDE, MARGIN = 320, 46
 BINS: Final = np.array([0.0, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0])
 """Edges of the bins of confidence: finer where most names are."""

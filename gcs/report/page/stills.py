@@ -17,8 +17,6 @@ from gcs.report.page.timeline import clock
 from gcs.report.vehicle_names import text_with_sender
 from gcs.snapshot import Snapshot
 
-__all__ = ["Stills"]
-
 Kind = Literal["name", "change", "alarm", "least sure"]
 
 MOST: Final[dict[Kind, int]] = {"name": 4, "change": 4, "alarm": 4, "least sure": 1}

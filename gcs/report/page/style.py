@@ -9,8 +9,6 @@ from typing import Final
 from gcs.report.overlay import DARK as PICTURE_PAPER
 from gcs.report.overlay import STANDING_RGB
 
-__all__ = ["COLOURS", "DARK", "LIGHT", "SHARE_STEPS", "STYLE", "VEHICLES_DARK", "VEHICLES_LIGHT"]
-
 Rgb = tuple[int, int, int]
 
 LIGHT: Final[Mapping[str, Rgb]] = MappingProxyType(

@@ -11,9 +11,8 @@ import numpy as np
 from gcs.certainty import CONFIRMED
 from gcs.health.alarm_history import AlarmSpan
 from gcs.report.page.flight_summary import FlightSummary, VehicleRecord
-from gcs.report.page.html import CHART_WIDTH, COLOURS, chart, words
-
-__all__ = ["clock", "draw_sources", "draw_timeline"]
+from gcs.report.page.html import CHART_WIDTH, chart, words
+from gcs.report.page.style import COLOURS
 
 LEFT, WIDTH, RIGHT = 160, CHART_WIDTH, 10
 ROW, GAP = 34, 8

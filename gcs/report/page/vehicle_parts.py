@@ -12,8 +12,6 @@ from gcs.report.page.html import bar, fixed, table, words
 from gcs.report.page.timeline import clock
 from gcs.report.rollcall import RollCallRow
 
-__all__ = ["rollcall_table", "standing_of", "vehicle_parts"]
-
 _STANDINGS: Final = MappingProxyType({"confirmed": "confirmed", "tentative": "tentative", "never named": "never"})
 """How each looks."""
 

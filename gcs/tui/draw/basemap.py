@@ -13,8 +13,6 @@ from gcs.mission.tile_file import TILE_PX, TileFile
 from gcs.tui.draw.ground_view import MapView
 from mavlink.geodesy import LocalFrame
 
-__all__ = ["Basemap"]
-
 STRENGTH: Final = 0.4
 """Opacity of the picture over the background, 0..1."""
 MOST_TILES: Final = 64

@@ -18,8 +18,6 @@ from gcs.tui.draw.mosaic import HALF, Mosaic
 from gcs.tui.palette import depth_in_use, terminal_colour
 from gcs.tui.themes import Depth
 
-__all__ = ["CellGrid"]
-
 CACHE_SIZE = 24_576
 
 

@@ -11,8 +11,6 @@ from gcs.report.labels import Labelling, Place, leader_of
 from gcs.tui.draw.braille import BrailleCanvas
 from gcs.tui.draw.cell_grid import CellGrid
 
-__all__ = ["draw_leaders", "measure_cells", "shows_in_cells", "write_labels"]
-
 
 def measure_cells(text: str) -> tuple[int, int]:
     """Width and height."""

@@ -8,11 +8,11 @@ from collections.abc import Iterator
 
 from gcs.limits import Limits
 from gcs.snapshot import Snapshot, VehicleRow
-from gcs.tui.draw.format import degrees, metres, percent, plain
+from gcs.tui.draw.format import degrees, metres, percent
 from gcs.tui.draw.freshness import UNKNOWN, aged
-from gcs.tui.palette import ALARM, FAINT, INK, WARN, Colour
-
-__all__ = ["battery", "condition_facts", "from_uav", "hdop", "radio", "satellites"]
+from gcs.tui.palette import ALARM, FAINT, INK, WARN
+from gcs.tui.themes import Colour
+from infra.plain_text import plain
 
 REJECTING = 1.0
 """Innovation over what the filter allows: from here on it rejects the measurement."""

@@ -10,8 +10,6 @@ from typing import Final
 
 from gcs.snapshot import Event
 
-__all__ = ["EventRow", "found_events", "rows_of"]
-
 CHATTER: Final = "text"
 """The kind of events that vehicles word themselves: of these alone a run is folded."""
 WAYPOINT: Final = "waypoint"

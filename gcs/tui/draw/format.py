@@ -12,23 +12,6 @@ from rich.cells import cell_len
 from gcs.snapshot import Reported, Standing
 from infra.plain_text import plain
 
-__all__ = [
-    "NOT_ANALYSED",
-    "REPORTED_WORDS",
-    "age",
-    "bytes_text",
-    "clock",
-    "degrees",
-    "duration",
-    "metres",
-    "name_or_id",
-    "number",
-    "percent",
-    "plain",
-    "position",
-    "standing_word",
-]
-
 NOT_ANALYSED: Final = "not analysed yet"
 """In place of all that is not known of a place of a recording."""
 REPORTED_WORDS: Final[Mapping[Reported, str]] = {"": "", "then": "then: ", "now": "now recomputed: "}

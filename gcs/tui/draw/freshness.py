@@ -10,10 +10,9 @@ from typing import Final, Literal
 
 from gcs.snapshot import VehicleRow
 from gcs.tui.draw.format import age, metres
-from gcs.tui.palette import FAINT, Colour
+from gcs.tui.palette import FAINT
+from gcs.tui.themes import Colour
 from mavlink.state import SILENT_S
-
-__all__ = ["GONE_S", "UNKNOWN", "USABLE_M", "Freshness", "aged", "fix_age_s", "freshness", "spread"]
 
 Freshness = Literal["fresh", "old", "gone"]
 """``fresh`` is shown as it is, ``old`` dimmed and with its age where there is room, ``gone`` not at all."""

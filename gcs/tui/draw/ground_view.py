@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from gcs.snapshot import Snapshot
 
-__all__ = ["HOME_ENU", "MapView", "map_view_of", "points_of", "scale_bar", "step_scale"]
-
 STEPS = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)
 """Scales of a decade: the map changes in steps, not with every metre driven."""
 FINEST_M, COARSEST_M = 0.01, 10_000.0

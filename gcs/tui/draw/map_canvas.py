@@ -19,7 +19,7 @@ from gcs.trails import Trail
 from gcs.tui.draw.braille import BrailleCanvas
 from gcs.tui.draw.cell_grid import CellGrid
 from gcs.tui.draw.cell_labels import draw_leaders, measure_cells, shows_in_cells, write_labels
-from gcs.tui.draw.format import plain, position
+from gcs.tui.draw.format import position
 from gcs.tui.draw.freshness import USABLE_M, freshness
 from gcs.tui.draw.ground_view import HOME_ENU, MapView, scale_bar
 from gcs.tui.draw.map_lines import (
@@ -33,9 +33,9 @@ from gcs.tui.draw.map_lines import (
     ruler_texts,
 )
 from gcs.tui.draw.mosaic import HALF
-from gcs.tui.palette import ACCENT, BRIGHT, FAINT, INK, LINE, PANEL, Colour, pack, standing_colour
-
-__all__ = ["BOX_MARK", "STANDING_MARKS", "UAV_MARK", "MapExtras", "chart_cells", "map_labels", "marked_at"]
+from gcs.tui.palette import ACCENT, BRIGHT, FAINT, INK, LINE, PANEL, pack, standing_colour
+from gcs.tui.themes import Colour
+from infra.plain_text import plain
 
 STANDING_MARKS: Final[Mapping[Standing, str]] = MappingProxyType(
     {

@@ -16,8 +16,6 @@ from gcs.tui.draw.format import degrees, metres
 from gcs.tui.draw.ground_view import MapView
 from gcs.tui.palette import BRIGHT, PANEL, WARN, pack
 
-__all__ = ["CURSOR_MARK", "HOME_MARK", "PICK_MARKS", "Ruler", "draw_fences", "draw_ruler", "draw_trails", "ruler_texts"]
-
 CURSOR_MARK: Final = "┼"
 PICK_MARKS: Final = ("⊕", "⊗")
 """The first and the second place that are measured."""

@@ -10,8 +10,6 @@ import numpy as np
 from gcs.snapshot import Event
 from gcs.station import Gap
 
-__all__ = ["KINDS", "SIGNS", "Moment", "cell_of", "cells_of", "kind_of", "times_of"]
-
 Moment = Literal["identity", "warning", "gap", "mark", "alarm"]
 KINDS: Final[tuple[Moment, ...]] = ("identity", "warning", "gap", "mark", "alarm")
 """The last one wins a cell in which there are several."""

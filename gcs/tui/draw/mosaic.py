@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from gcs.tui.draw.xterm_palette import LUMA_BGR, dithered, in_four_greys
 from gcs.tui.themes import Depth
 
-__all__ = ["HALF", "HALF_BLOCKS", "Grain", "Mosaic", "PictureMode", "fit", "mosaic_of"]
-
 Grain = Literal["halves", "sextants", "octants"]
 """How a cell is divided."""
 HALF: Final = ord("▀")

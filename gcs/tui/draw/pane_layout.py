@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-__all__ = ["PANES", "LayoutState", "Rect", "arranged", "default_panes"]
-
 Rect = tuple[int, int, int, int]
 """Left, top, width, height in cells."""
 

@@ -27,8 +27,6 @@ from gcs.tui.draw.terminal_kind import ask_version, finest_grain, has_terminal, 
 from gcs.tui.terminal.question import ask
 from gcs.tui.themes import Depth
 
-__all__ = ["Graphics", "Pixels", "depth_of", "inline_image", "picture_mode", "pixel_images"]
-
 Graphics = Literal["auto", "pixels", "blocks", "sextants", "octants"]
 SHOW_INLINE = frozenset({"iTerm.app", "WarpTerminal"})
 """TERM_PROGRAM of terminals that show iTerm2's images, and in some versions neither kitty's nor sixels."""

@@ -10,9 +10,8 @@ from rich.segment import Segment
 from rich.style import Style
 from textual.strip import Strip
 
-from gcs.tui.palette import HEAD, INK, LINE, PANEL, Colour, ink
-
-__all__ = ["Part", "bar", "blank", "clickable", "fitted", "folded", "line", "split_line", "width_of"]
+from gcs.tui.palette import HEAD, INK, LINE, PANEL, ink
+from gcs.tui.themes import Colour
 
 Part = tuple[str, Style]
 """Plain text and how it looks; the text must already be free of control characters."""

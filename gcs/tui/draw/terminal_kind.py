@@ -13,8 +13,6 @@ from typing import Final
 from gcs.tui.draw.mosaic import Grain
 from gcs.tui.terminal.question import ask
 
-__all__ = ["ask_version", "finest_grain", "has_terminal", "is_in_multiplexer"]
-
 Version = tuple[int, ...]
 OCTANTS_SINCE: Final[Mapping[str, Version]] = {"kitty": (0, 40), "foot": (1, 20), "ghostty": (1, 2), "vte": (7800,)}
 SEXTANTS_SINCE: Final[Mapping[str, Version]] = {

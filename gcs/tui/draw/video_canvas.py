@@ -26,12 +26,10 @@ from gcs.snapshot import Box, Snapshot
 from gcs.tui.draw.braille import BrailleCanvas
 from gcs.tui.draw.cell_grid import CellGrid
 from gcs.tui.draw.cell_labels import draw_leaders, measure_cells, shows_in_cells, write_labels
-from gcs.tui.draw.format import plain
 from gcs.tui.draw.mosaic import HALF_BLOCKS, PictureMode, fit, mosaic_of
-from gcs.tui.palette import ALARM, BRIGHT, FAINT, HEAD, INK, PANEL, Colour, pack, standing_colour
-from gcs.tui.themes import DARK
-
-__all__ = ["box_at", "video_cells", "video_inset", "video_labels"]
+from gcs.tui.palette import ALARM, BRIGHT, FAINT, HEAD, INK, PANEL, pack, standing_colour
+from gcs.tui.themes import DARK, Colour
+from infra.plain_text import plain
 
 NO_VIDEO = "no video"
 

@@ -8,18 +8,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "FIRST",
-    "GREYS_OF_SIXTEEN",
-    "LUMA_BGR",
-    "PALETTE",
-    "SIXTEEN",
-    "dithered",
-    "in_four_greys",
-    "nearest",
-    "nearest_of_sixteen",
-]
-
 FIRST: Final = 16
 """Number of the cube's first colour; the sixteen before look different on every terminal."""
 CUBE: Final = np.array([0, 95, 135, 175, 215, 255], dtype=np.int64)

@@ -14,24 +14,12 @@ from textual.strip import Strip
 
 from gcs.health.station_alarms import first_of
 from gcs.snapshot import Alarm, Snapshot
-from gcs.tui.draw.format import REPORTED_WORDS, age, plain
+from gcs.tui.draw.format import REPORTED_WORDS, age
 from gcs.tui.draw.strips import Part, folded, line
 from gcs.tui.messages import AlarmsSeen, VehiclePicked
 from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, PANEL, PICKED, WARN, ink, level_colour
 from gcs.tui.panes.pane import Pane
-
-__all__ = [
-    "AlarmPane",
-    "Seen",
-    "alarm_counts",
-    "alike",
-    "count_parts",
-    "text_of",
-    "token",
-    "trouble_of",
-    "unseen",
-    "worst_alarm",
-]
+from infra.plain_text import plain
 
 ADVICE_INDENT: Final = "    "
 HANGING_FROM: Final = 60

@@ -13,12 +13,11 @@ from textual.widget import Widget
 from gcs.errors import FlightError
 from gcs.report.vehicle_names import text_with_sender
 from gcs.snapshot import Alarm, Event, Snapshot
-from gcs.tui.draw.format import NOT_ANALYSED, REPORTED_WORDS, age, clock, plain
+from gcs.tui.draw.format import NOT_ANALYSED, REPORTED_WORDS, age, clock
 from gcs.tui.draw.strips import cut_between_words, fitted, line, width_of
 from gcs.tui.palette import ALARM, FAINT, HEAD, PANEL, WARN, ink
 from gcs.tui.panes.alarms import Seen, unseen
-
-__all__ = ["Alert", "Banner", "alert_of", "error_line"]
+from infra.plain_text import plain
 
 EVENT_SHOWN_US = 8_000_000
 """For how long an alarm of the event log that is in no list of alarms is shown: time to read two lines."""

@@ -12,14 +12,14 @@ from textual.reactive import reactive
 from textual.strip import Strip
 
 from gcs.report.vehicle_names import text_with_sender
-from gcs.snapshot import Event, Level, Snapshot
+from gcs.snapshot import Event, Snapshot
 from gcs.tui.draw.event_rows import EventRow, found_events, rows_of
-from gcs.tui.draw.format import REPORTED_WORDS, clock, plain
+from gcs.tui.draw.format import REPORTED_WORDS, clock
 from gcs.tui.draw.strips import Part, cut_between_words, fitted, folded, line, width_of
 from gcs.tui.palette import ACCENT, BRIGHT, FAINT, HEAD, WARN, ink, level_colour
 from gcs.tui.panes.pane import Pane
-
-__all__ = ["EventPane", "events_from"]
+from infra.plain_text import plain
+from mavlink.state import Level
 
 FILTERS: Final[tuple[Level, ...]] = ("info", "warning", "alarm")
 LEVEL_LABELS: Final = {"info": "all", "warning": "warnings", "alarm": "alarms"}

@@ -14,9 +14,9 @@ from textual.reactive import reactive
 from textual.strip import Strip
 
 from gcs.certainty import certainty, named
-from gcs.snapshot import Level, Snapshot, VehicleRow
+from gcs.snapshot import Snapshot, VehicleRow
 from gcs.tui.draw.condition import battery, from_uav, hdop, radio, satellites
-from gcs.tui.draw.format import NOT_ANALYSED, age, name_or_id, number, percent, plain, position, standing_word
+from gcs.tui.draw.format import NOT_ANALYSED, age, name_or_id, number, percent, position, standing_word
 from gcs.tui.draw.freshness import UNKNOWN, aged, fix_age_s, spread
 from gcs.tui.draw.map_canvas import STANDING_MARKS, UAV_MARK
 from gcs.tui.draw.strips import Part, fitted, line, split_line
@@ -30,7 +30,6 @@ from gcs.tui.palette import (
     INK,
     PICKED,
     WARN,
-    Colour,
     ink,
     level_colour,
     level_tint,
@@ -39,10 +38,10 @@ from gcs.tui.palette import (
 )
 from gcs.tui.panes.alarms import worst_alarm
 from gcs.tui.panes.pane import Pane
-from mavlink.state import SILENT_S
+from gcs.tui.themes import Colour
+from infra.plain_text import plain
+from mavlink.state import SILENT_S, Level
 from mavlink.transmit.message_rates import LOSSY
-
-__all__ = ["FleetPane", "columns_for", "condition_columns", "ordered"]
 
 IDENTITY, IDENTITY_CELLS = "IDENTITY", 15
 MARKS: Final = {"info": "  ", "warning": " !", "alarm": "!!"}

@@ -19,18 +19,7 @@ from gcs.report.box_shapes import drawable
 from gcs.report.overlay import named_count, standing_of
 from gcs.snapshot import HELD_SHOWN_S, Box, Candidate, Snapshot, Standing, VehicleRow
 from gcs.tui.draw.condition import condition_facts
-from gcs.tui.draw.format import (
-    NOT_ANALYSED,
-    age,
-    degrees,
-    metres,
-    name_or_id,
-    number,
-    percent,
-    plain,
-    position,
-    standing_word,
-)
+from gcs.tui.draw.format import NOT_ANALYSED, age, degrees, metres, name_or_id, number, percent, position, standing_word
 from gcs.tui.draw.freshness import UNKNOWN, aged, fix_age_s, spread
 from gcs.tui.draw.map_canvas import BOX_MARK, STANDING_MARKS
 from gcs.tui.draw.strips import Part, bar, fitted, folded, line, width_of
@@ -42,7 +31,6 @@ from gcs.tui.palette import (
     HEAD,
     INK,
     WARN,
-    Colour,
     count_colour,
     ink,
     level_colour,
@@ -52,9 +40,9 @@ from gcs.tui.palette import (
 from gcs.tui.panes.alarms import trouble_of, worst_alarm
 from gcs.tui.panes.pane import Pane
 from gcs.tui.picking import picked_box
+from gcs.tui.themes import Colour
+from infra.plain_text import plain
 from mavlink.state import SILENT_S
-
-__all__ = ["IdentityPane", "expected_place"]
 
 DOUBTS: Final[tuple[Standing, ...]] = (
     *("tentative", "coasting", "unidentified", "out of view", "no position", "misplaced", "no new frame"),

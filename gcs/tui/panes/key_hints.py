@@ -11,9 +11,8 @@ from textual.widget import Widget
 
 from gcs.tui.draw.strips import Part, clickable, line, width_of
 from gcs.tui.keys import Hint, hints_for, signs_in
-from gcs.tui.palette import ACCENT, FAINT, PANEL, Colour, ink
-
-__all__ = ["KeyHints", "hint_parts"]
+from gcs.tui.palette import ACCENT, FAINT, PANEL, ink
+from gcs.tui.themes import Colour
 
 
 def hint_parts(hint: Hint, paper: Colour = PANEL) -> list[Part]:

@@ -31,8 +31,6 @@ from gcs.tui.palette import FAINT, HEAD, PANEL, ink, pack
 from gcs.tui.panes.pane import Pane
 from mavlink.geodesy import LocalFrame
 
-__all__ = ["MapPane", "TrailSource", "map_pane"]
-
 FOLLOW: Final = ("all", "UAV", "selected")
 ZOOM_LIMIT: Final = 14
 TRAILS_S: Final = (30.0, 120.0, 600.0, 0.0, 10.0)

@@ -18,8 +18,6 @@ from gcs.tui.keys import PANE_HINTS
 from gcs.tui.palette import ACCENT, BRIGHT, HEAD, ink
 from gcs.tui.panes.key_hints import hint_parts
 
-__all__ = ["Pane"]
-
 
 class Pane(Widget, can_focus=True):
     """A panel of the screen; the app binds ``snapshot`` and what is picked to every pane."""

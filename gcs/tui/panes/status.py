@@ -15,12 +15,12 @@ from gcs.health.link_alarms import is_silent
 from gcs.health.station_alarms import LATE_S, LOW_BYTES, LOW_S, STALLED_S
 from gcs.report.overlay import named_count
 from gcs.snapshot import HELD_SHOWN_S, Health, Snapshot
-from gcs.tui.draw.format import NOT_ANALYSED, age, clock, duration, plain
+from gcs.tui.draw.format import NOT_ANALYSED, age, clock, duration
 from gcs.tui.draw.strips import Part, clickable, split_line, width_of
-from gcs.tui.palette import ALARM, BRIGHT, FAINT, HEAD, INK, WARN, Colour, count_colour, ink
+from gcs.tui.palette import ALARM, BRIGHT, FAINT, HEAD, INK, WARN, count_colour, ink
 from gcs.tui.panes.alarms import alarm_counts
-
-__all__ = ["Room", "StatusBar", "status_line"]
+from gcs.tui.themes import Colour
+from infra.plain_text import plain
 
 FORECAST_S = 3600.0
 """A disk that lasts longer than an hour is not worth a word."""

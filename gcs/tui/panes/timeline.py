@@ -15,13 +15,13 @@ from textual.widget import Widget
 from gcs.certainty import CONFIRMED
 from gcs.snapshot import Event
 from gcs.station import Gap, Timeline
-from gcs.tui.draw.format import clock, duration, plain
+from gcs.tui.draw.format import clock, duration
 from gcs.tui.draw.moments import SIGNS, Moment, cell_of, cells_of
 from gcs.tui.draw.strips import Part, blank, clickable, fitted, line, width_of
 from gcs.tui.messages import SeekTo
-from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, LINE, WARN, Colour, ink
-
-__all__ = ["TimelineBar"]
+from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, LINE, WARN, ink
+from gcs.tui.themes import Colour
+from infra.plain_text import plain
 
 State = tuple[int, int, int, bool, float]
 """Start, stop, now, playing, speed."""

@@ -15,7 +15,7 @@ from gcs.report.inset import Inset
 from gcs.report.labels import Labelling
 from gcs.report.overlay import draw, image_inset, image_labels
 from gcs.snapshot import HELD_SHOWN_S, Snapshot
-from gcs.tui.draw.format import age, plain
+from gcs.tui.draw.format import age
 from gcs.tui.draw.mosaic import HALF_BLOCKS, PictureMode
 from gcs.tui.draw.pixels import Pixels
 from gcs.tui.draw.strips import Part, line
@@ -24,8 +24,7 @@ from gcs.tui.framing import PictureRegion, frame_for, framed
 from gcs.tui.messages import VehiclePicked
 from gcs.tui.palette import ALARM, FAINT, HEAD, INK, WARN, ink
 from gcs.tui.panes.pane import Pane
-
-__all__ = ["VideoPane"]
+from infra.plain_text import plain
 
 PIXELS_EVERY_S = 0.15
 """Least time between images; a terminal that takes longer is given as long again to answer keys."""

@@ -13,10 +13,8 @@ from textual.screen import ModalScreen
 from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
-from gcs.tui.draw.format import plain
 from gcs.tui.palette import ACCENT, FAINT, HEAD, INK, ink
-
-__all__ = ["ChoiceList"]
+from infra.plain_text import plain
 
 
 class ChoiceList(ModalScreen[str | None]):

@@ -9,11 +9,9 @@ from textual.app import App
 from textual.binding import Binding, BindingType
 
 from gcs.station import Commands
-from gcs.tui.draw.format import plain
 from gcs.tui.screens.choice import ChoiceList
 from gcs.tui.screens.prompts import Confirm
-
-__all__ = ["OrderList", "ask_for_order"]
+from infra.plain_text import plain
 
 LISTENS_ONLY = "this station listens only and sends nothing: start it with gcs fly --command to command the UAV"
 RECORDING = "a recording takes no commands"

@@ -12,11 +12,10 @@ from textual.widgets import OptionList
 
 from gcs.snapshot import FleetChange, Snapshot
 from gcs.station import Newcomer, Station
-from gcs.tui.draw.format import metres, plain
+from gcs.tui.draw.format import metres
 from gcs.tui.screens.choice import ChoiceList
 from gcs.tui.screens.prompts import Prompt
-
-__all__ = ["FleetList", "ask_for_fleet", "tell_newcomers"]
+from infra.plain_text import plain
 
 OFFER_S = 20.0
 

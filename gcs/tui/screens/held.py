@@ -10,10 +10,9 @@ from textual.app import App
 
 from gcs.snapshot import Snapshot, VehicleRow
 from gcs.station import Station
-from gcs.tui.draw.format import age, plain
+from gcs.tui.draw.format import age
 from gcs.tui.screens.prompts import Confirm
-
-__all__ = ["ask_to_accept", "held_rows"]
+from infra.plain_text import plain
 
 NONE_HELD = "no vehicle has signed packets that are held"
 RECORDING = "a recording accepts no vehicle: what was held stays held"

@@ -15,10 +15,9 @@ from textual.widget import Widget
 
 from gcs.tui.actions import Action
 from gcs.tui.draw.strips import Part, blank, fitted, folded, line, split_line
-from gcs.tui.palette import ACCENT, BRIGHT, FAINT, HEAD, INK, Colour, ink
+from gcs.tui.palette import ACCENT, BRIGHT, FAINT, HEAD, INK, ink
 from gcs.tui.screens.legend import LEGEND
-
-__all__ = ["HelpScreen", "pages"]
+from gcs.tui.themes import Colour
 
 KEY_CELLS: Final = 12
 COLUMN_CELLS: Final = 58

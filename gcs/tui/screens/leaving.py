@@ -13,8 +13,6 @@ from textual.widgets import Static
 
 from gcs.tui.palette import ACCENT, FAINT, HEAD, INK, ink
 
-__all__ = ["Leave", "LeaveFlight"]
-
 Leave = Literal["end", "screen", "stay"]
 """End the flight, leave its screen only, or neither."""
 

@@ -11,10 +11,9 @@ from gcs.tui.draw.freshness import GONE_S
 from gcs.tui.draw.map_canvas import BOX_MARK, STANDING_MARKS, UAV_MARK
 from gcs.tui.draw.map_lines import CURSOR_MARK, HOME_MARK, PICK_MARKS
 from gcs.tui.draw.moments import SIGNS as MOMENT_SIGNS
-from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, INK, LINE, WARN, Colour, standing_colour
+from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, INK, LINE, WARN, standing_colour
+from gcs.tui.themes import Colour
 from mavlink.state import SILENT_S
-
-__all__ = ["LEGEND"]
 
 MEANINGS: Final[Mapping[Standing, str]] = MappingProxyType(
     {

@@ -8,11 +8,10 @@ from textual.app import App
 
 from gcs.snapshot import Snapshot
 from gcs.station import Station
-from gcs.tui.draw.format import clock, plain
+from gcs.tui.draw.format import clock
 from gcs.tui.screens.prompts import Prompt
+from infra.plain_text import plain
 from infra.wall_clock import now_us
-
-__all__ = ["ask_for_mark"]
 
 LONGEST = 200
 """Letters of a mark: a line of the log, not a report."""

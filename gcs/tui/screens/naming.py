@@ -15,8 +15,6 @@ from gcs.tui.draw.format import metres
 from gcs.tui.picking import Pick, picked_box
 from gcs.tui.screens.choice import ChoiceList
 
-__all__ = ["NameList", "ask_for_name", "choices_of", "withdraw_name"]
-
 RECORDING = "a recording takes no statements: those of the flight are in it"
 NOTHING_PICKED = "pick a box first, by the arrow keys or a click"
 NOT_TRACKED = "this box is not tracked yet: only what is seen in several frames can be named"

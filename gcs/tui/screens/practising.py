@@ -10,8 +10,6 @@ from gcs.snapshot import Snapshot
 from gcs.station import Station
 from gcs.tui.screens.choice import ChoiceList
 
-__all__ = ["ask_for_trouble"]
-
 REAL = "troubles are for simulated fleets: gcs demo --live, or gcs fly --practise"
 
 

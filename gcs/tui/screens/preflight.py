@@ -13,10 +13,9 @@ from textual.widgets import Static
 
 from gcs.health.preflight import Check, Verdict, preflight
 from gcs.station import Station
-from gcs.tui.draw.format import plain
-from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, INK, WARN, Colour, ink
-
-__all__ = ["PreflightScreen"]
+from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, INK, WARN, ink
+from gcs.tui.themes import Colour
+from infra.plain_text import plain
 
 EVERY_S = 0.5
 _MARKS: dict[Verdict, tuple[str, Colour]] = {"ok": ("✓", GOOD), "short": ("!", WARN), "bad": ("✗", ALARM)}

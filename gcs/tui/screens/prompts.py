@@ -14,10 +14,8 @@ from textual.widgets import Input, Static
 
 from gcs.snapshot import Snapshot
 from gcs.station import Station
-from gcs.tui.draw.format import plain
 from gcs.tui.palette import ACCENT, ALARM, FAINT, HEAD, ink
-
-__all__ = ["Confirm", "Prompt", "ask_for_rival_video"]
+from infra.plain_text import plain
 
 Answer = TypeVar("Answer")
 

@@ -19,12 +19,11 @@ from textual.app import App
 from gcs.report.overlay import draw
 from gcs.snapshot import Event, Snapshot
 from gcs.station import Station
-from gcs.tui.draw.format import clock, plain
+from gcs.tui.draw.format import clock
 from gcs.tui.screens.prompts import Prompt
 from infra.files.safe_open import create, open_folder
+from infra.plain_text import plain
 from infra.wall_clock import now_us
-
-__all__ = ["ask_to_save_screen", "save_new", "save_still"]
 
 SCREENSHOT_TITLE = "Rollcall"
 STILLS = "stills"

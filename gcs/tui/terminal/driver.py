@@ -28,8 +28,6 @@ from gcs.tui.terminal.pacing import LOST_S, QUESTION, Pacing
 from gcs.tui.terminal.pending import PendingCells
 from gcs.tui.terminal.replies import REPORT, Replies
 
-__all__ = ["TerminalDriver"]
-
 READ_BYTES = 65_536
 WAKE_S = 0.1
 """The input thread looks this often whether it is to end."""

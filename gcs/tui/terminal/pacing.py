@@ -12,8 +12,6 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-__all__ = ["QUESTION", "Pacing"]
-
 QUESTION = b"\x1b[5n"
 """Device status report; terminals reply ``ESC [ 0 n`` at once, in order with what they show."""
 QUEUE_S = 0.06

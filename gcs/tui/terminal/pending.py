@@ -8,8 +8,6 @@ from rich.console import Console
 from textual._compositor import ChopsUpdate, CompositorUpdate, LayoutUpdate
 from textual.strip import Strip
 
-__all__ = ["PendingCells"]
-
 PICTURE_SEGMENTS = 0.4
 """Changes of colour a cell from which a row is a picture: half blocks have nearly 1, tables 0.2."""
 TEXT_SHARE = 0.75

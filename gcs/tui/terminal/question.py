@@ -13,8 +13,6 @@ from typing import Final
 
 from gcs.tui.terminal.replies import Replies
 
-__all__ = ["ask"]
-
 LAST_QUESTION: Final = b"\x1b[c"
 """The primary device attributes, to which all terminals reply, and in order: then no other reply will come."""
 WAIT_S: Final = 0.3

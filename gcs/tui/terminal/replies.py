@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
-__all__ = ["REPORT", "Replies"]
-
 REPORT = "\x1b[0n"
 """The reply to a device status request: all is well."""
 

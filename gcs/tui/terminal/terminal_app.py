@@ -24,8 +24,6 @@ from gcs.tui.draw.terminal_kind import has_terminal
 from gcs.tui.terminal.driver import TerminalDriver
 from gcs.tui.themes import THEMES, ThemeName, next_theme, textual_theme
 
-__all__ = ["MOST_FPS", "TerminalApp"]
-
 MOST_FPS = 12.0
 """Pictures a second that are drawn at most, on any terminal."""
 

@@ -20,7 +20,7 @@ from mavlink.protocol.packet import Auth
 from mavlink.signing.keys import FLEET, Key, key_path, passphrase_secret, read_ring, write_key
 from mavlink.signing.store import StreamStore
 from mavlink.signing.verifier import without_secret
-from mavlink.tlog.log import TlogWriter
+from mavlink.tlog.writer import TlogWriter
 from tests.support.signed_vehicles import NOW, T0, Sender, secret_of, shown_anywhere
 
 PASSPHRASE = "the quick brown fox, sworn to secrecy"

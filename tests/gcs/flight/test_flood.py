@@ -13,7 +13,8 @@ from gcs.mission.mission import load_mission
 from gcs.session.event_log import EventLog
 from gcs.snapshot import Event
 from mavlink.protocol.packet import Packet
-from mavlink.tlog.log import Tlog, TlogWriter
+from mavlink.tlog.log import Tlog
+from mavlink.tlog.writer import TlogWriter
 from sim.faults.fault_traffic import HEARTBEAT, HOSTILE_TEXTS, TEXT, SenderEncoder
 from tests.support.fake_station import START_US, FakeStation, running, screen_text
 

@@ -8,8 +8,9 @@ from pymavlink import mavutil
 
 from mavlink.errors import TlogError
 from mavlink.protocol.packet import Packet
-from mavlink.tlog.log import Tlog, TlogWriter, message_dtype
+from mavlink.tlog.log import Tlog, message_dtype
 from mavlink.tlog.summary import info
+from mavlink.tlog.writer import TlogWriter
 from tests.support.bundled import ROOT
 from tests.support.tlog_records import PACKETS, STEP_US, T0, index_of, record
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from sim.render.exposure import Exposure
-from sim.render.randomise import FIRST_KIND, HEAVY, SIZES, URBAN, VEHICLES, random_catalogue, random_scene, random_style
+from sim.render.open_scene import random_scene
+from sim.render.randomise import FIRST_KIND, HEAVY, SIZES, URBAN, VEHICLES, random_catalogue, random_style
 from sim.render.render import DEFAULT_MODELS, Renderer
 from sim.render.training_ground import random_training_ground
 from sim.world.view import OCCLUDER, UGV, Bodies, CameraView, Scene, ray_ground

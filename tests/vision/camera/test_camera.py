@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from vision.camera.camera import (
     R_ENU_NED,
     CameraPose,
-    Intrinsics,
     Mount,
     camera_pose,
     footprint,
@@ -20,6 +19,7 @@ from vision.camera.camera import (
     image_warp,
     project,
 )
+from vision.camera.intrinsics import Intrinsics
 from vision.camera.lens import distort, fold_radius
 from vision.errors import CameraError
 

@@ -10,10 +10,10 @@ from gcs.fold.camera.optics import Optics
 from gcs.fold.pipeline import Pipeline
 from gcs.mission.mission import Camera, load_mission, parse_mission
 from gcs.session.metadata import mission_table
-from mavlink.fleet.fleet import CameraReport
 from mavlink.geodesy import LocalFrame
 from mavlink.protocol.encoder import COPTER, MavlinkEncoder
 from mavlink.protocol.packet import Packet
+from mavlink.state import CameraReport
 from vision.camera.intrinsics import Intrinsics
 from vision.camera.lens_file import lens_text
 

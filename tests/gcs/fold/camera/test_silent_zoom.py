@@ -10,7 +10,7 @@ from gcs.fold.camera.optics import Optics
 from gcs.fold.camera.silent_zoom import SilentZoom, magnified
 from gcs.fold.ground.surface import GroundSurface
 from gcs.mission.mission import Camera
-from mavlink.fleet.fleet import CameraReport
+from mavlink.state import CameraReport
 from vision.camera.camera import CameraPose
 from vision.camera.intrinsics import Intrinsics
 from vision.detect.detections import Detections

@@ -10,7 +10,8 @@ from gcs.fold.ground.contact import box_lengths, contact_rays
 from gcs.fold.ground.surface import GroundSurface
 from sim.world.boxes import true_boxes
 from sim.world.view import Bodies, CameraView
-from vision.camera.camera import CameraPose, Intrinsics, Mount, camera_pose
+from vision.camera.camera import CameraPose, Mount, camera_pose
+from vision.camera.intrinsics import Intrinsics
 
 LEVEL = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 BODIES = {"small": (2.2, 1.4, 0.9), "car": (4.5, 1.9, 1.6)}

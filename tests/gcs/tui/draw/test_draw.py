@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from gcs.tui import playback
 from gcs.tui.draw.braille import BrailleCanvas
 from gcs.tui.draw.cell_grid import CellGrid
-from gcs.tui.draw.format import age, bytes_text, clock, degrees, duration, metres, plain, position
+from gcs.tui.draw.format import age, bytes_text, clock, degrees, duration, metres, position
 from gcs.tui.draw.ground_view import map_view_of, points_of, scale_bar, step_scale
 from gcs.tui.draw.map_canvas import chart_cells
 from gcs.tui.draw.mosaic import HALF, Mosaic, fit
@@ -21,6 +21,7 @@ from gcs.tui.draw.strips import bar, fitted, line
 from gcs.tui.draw.video_canvas import box_at, video_cells
 from gcs.tui.panes.fleet import columns_for
 from gcs.tui.screens.saving import save_new
+from infra.plain_text import plain
 from tests.support.fake_station import START_US, STOP_US, FakeTimeline, make_events, make_snapshot
 
 SNAPSHOT = make_snapshot()
