@@ -13,18 +13,6 @@ GcsError
 
 from __future__ import annotations
 
-__all__ = [
-    "BatchError",
-    "ClusterError",
-    "ConfigError",
-    "FlightError",
-    "GcsError",
-    "ImportFileError",
-    "ScoreError",
-    "SessionError",
-    "StoreError",
-]
-
 
 class GcsError(Exception):
     """Base; the message is one line: what, where, and what to do."""

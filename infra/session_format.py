@@ -8,26 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = [
-    "CLOCK",
-    "DETECTIONS",
-    "EVENTS",
-    "FOLDS",
-    "FRAMES",
-    "IDENTITY",
-    "IDENTITY_EVIDENCE",
-    "LOG",
-    "MARKS",
-    "METADATA",
-    "MOTION",
-    "PROGRAM_LOG",
-    "REFUSED",
-    "SENDERS",
-    "TRUTH",
-    "UNFOLDED",
-    "TableFormat",
-]
-
 METADATA = "session.toml"
 PROGRAM_LOG = "program.log"
 LOG = "telemetry.tlog"

@@ -9,8 +9,6 @@ MavlinkError
 
 from __future__ import annotations
 
-__all__ = ["GeodesyError", "LinkError", "MavlinkError", "SigningError", "TlogError"]
-
 
 class MavlinkError(Exception):
     """Base of everything this package raises on purpose."""

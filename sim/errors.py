@@ -10,8 +10,6 @@ SimError
 
 from __future__ import annotations
 
-__all__ = ["AnnotationError", "PlayError", "ScenarioError", "SessionWriteError", "SimError", "UnusedLabelError"]
-
 
 class SimError(Exception):
     """Base of all errors of the simulator."""

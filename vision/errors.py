@@ -10,8 +10,6 @@ VisionError
 
 from __future__ import annotations
 
-__all__ = ["CameraError", "LabelError", "ModelError", "TrainingError", "VideoError", "VisionError"]
-
 
 class VisionError(Exception):
     """Base of all errors of this package; the message names the fault, the place and the remedy."""

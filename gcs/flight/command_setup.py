@@ -15,8 +15,6 @@ from mavlink.signing.signer import Signer
 from mavlink.transmit.message_rates import uav_rates
 from mavlink.transmit.transmitter import Transmitter
 
-__all__ = ["open_command_service", "place_of"]
-
 FRESH_US = 2_000_000
 """A snapshot older than this, or one of telemetry that old, is not of now."""
 

@@ -45,8 +45,6 @@ from vision.detect.detector import Detector
 if TYPE_CHECKING:
     from gcs.command import CommandService
 
-__all__ = ["Flight", "FlightPlan"]
-
 _log = logging.getLogger(__name__)
 
 READ_S = 0.2

@@ -22,8 +22,6 @@ from vision.motion.estimator import MotionEstimator
 from vision.motion.image_motion import ImageMotion
 from vision.video.video import Frame
 
-__all__ = ["FrameLoop"]
-
 MOST_EVENTS = 2000
 MOST_WAITING = 200_000
 """Packets: half a minute of the fastest fleet."""

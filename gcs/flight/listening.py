@@ -27,8 +27,6 @@ from vision.stream.port import bind
 from vision.stream.source import PORT, offered
 from vision.stream.trial import looks_like
 
-__all__ = ["HEARD_VIDEO", "USUAL_LINKS", "Listening", "open_ingest", "serial_hint", "usual_links"]
-
 USUAL_LINKS = tuple(f"udpin:0.0.0.0:{port}" for port in (14550, 14540, 14551))
 """The UDP ports that autopilots, simulators and routers send to unless they are told otherwise."""
 HEARD_VIDEO = f"udp://:{PORT}"

@@ -21,8 +21,6 @@ from mavlink.protocol.messages import VideoStreamInformation
 from mavlink.state import Level
 from mavlink.transmit.message_rates import MessageRates
 
-__all__ = ["FlightMonitor", "Throughput"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Throughput:

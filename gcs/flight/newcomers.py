@@ -14,8 +14,6 @@ from gcs.snapshot import Event, Snapshot
 from gcs.station import Newcomer
 from mavlink.protocol.packet import Auth, Packet
 
-__all__ = ["Newcomers"]
-
 LEAST_POSITIONS = 5
 """Positions after which a vehicle is offered: who passes by or is made up for a moment is not."""
 NEAR_M = 2000.0

@@ -7,8 +7,6 @@ from collections.abc import Callable, Sequence
 
 from sim.practice import TROUBLES, VIDEO
 
-__all__ = ["PractisedFleet"]
-
 
 class PractisedFleet:
     """Asks the fleet's simulator, by datagrams to a port of this computer.

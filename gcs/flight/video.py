@@ -17,8 +17,6 @@ from vision.stream.source import offered, parse_source
 from vision.stream.stream import VideoStream
 from vision.video.video import Frame
 
-__all__ = ["AUTO", "FlightVideo", "check_source"]
-
 AUTO = "auto"
 """In place of a video's URL: what the UAV offers."""
 MANY_REFUSED = 20

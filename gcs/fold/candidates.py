@@ -13,8 +13,6 @@ from gcs.health.vehicle_alarms import CONTRADICTED
 from gcs.snapshot import Candidate, VehicleRow
 from mavlink.state import FleetState, VehicleStatus
 
-__all__ = ["CandidateWords", "doubt_words", "missing_because"]
-
 OLD_S = 2.0
 """A report older than this does not count as where the vehicle is: at 5 m/s it has gone ten metres."""
 FAR_DEVIATIONS = 3.0

@@ -10,8 +10,6 @@ from gcs.certainty import CONFIRMED
 from gcs.health.vehicle_alarms import APART_M, APART_S, APART_STDS, FITS_S, LEFT_S
 from mavlink.state import FleetState
 
-__all__ = ["Contradictions"]
-
 FITS = 0.75
 """Share of the distance from which on a vehicle is contradicted: one that is nearer to its box fits."""
 FRESH_S = 2.0

@@ -16,8 +16,6 @@ from vision.detect.front import BUNDLED_FRONT, FrontedDetector, open_front_class
 from vision.errors import ModelError
 from vision.track.tracks import WEAK_SCORE
 
-__all__ = ["fingerprints", "open_mission_detector"]
-
 
 def open_mission_detector(choice: DetectorChoice, *, threads: int = 1) -> Detector:
     """Load the mission's networks; their boxes include weak ones, which the tracker alone makes use of.

@@ -15,8 +15,6 @@ from vision.camera.intrinsics import Intrinsics
 from vision.detect.detections import Detections
 from vision.track.tracks import Tracks
 
-__all__ = ["camera_of", "observation_of", "reports_of"]
-
 LONGEST_AGO_S = 2.0
 """Reports that are older are late by radio; the camera is taken to have flown straight on for so long."""
 

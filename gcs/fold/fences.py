@@ -14,8 +14,6 @@ from gcs.mission.mission import Mission
 from gcs.snapshot import VehicleRow
 from mavlink.geodesy import LocalFrame
 
-__all__ = ["Fences", "distance_inside"]
-
 FloatArray = NDArray[np.float64]
 CIRCLE_CORNERS = 72
 """Corners of the outline that is drawn of a circle: off by a thousandth of its radius."""

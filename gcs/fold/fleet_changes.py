@@ -9,8 +9,6 @@ from gcs.mission.fleet_changes import changed, words_of
 from gcs.mission.mission import Mission
 from gcs.snapshot import Event, FleetChange
 
-__all__ = ["FleetChanges"]
-
 
 class FleetChanges:
     """Holds changes, of the operator or of a recording, until the turn from which on they count: one a turn."""

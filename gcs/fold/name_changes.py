@@ -14,8 +14,6 @@ from gcs.snapshot import Event
 from mavlink.state import FleetState, Level
 from vision.track.tracks import Tracks
 
-__all__ = ["NameChanges"]
-
 NONE_LIKELIER = 0.5
 """Probability of "none of ours" above which it is why a name went."""
 

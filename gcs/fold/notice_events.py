@@ -7,8 +7,6 @@ from gcs.snapshot import Event
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.state import FleetState, Notice
 
-__all__ = ["NoticeEvents"]
-
 
 class NoticeEvents:
     """Makes events of one mission's notices."""

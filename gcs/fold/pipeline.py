@@ -46,8 +46,6 @@ from vision.track.parts import Parts, Wholes
 from vision.track.tracker import Tracker
 from vision.track.tracks import Stitch, TrackerParams, Tracks
 
-__all__ = ["Pipeline"]
-
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
 MOST_BOXES = 300

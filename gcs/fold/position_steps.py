@@ -12,8 +12,6 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["StepFilter"]
-
 FloatArray = NDArray[np.float64]
 
 _STEP_M, _REST_M, _ACCELERATION = 6.0, 1.0, 12.0

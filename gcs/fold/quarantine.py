@@ -13,8 +13,6 @@ from assoc.identification.doubts import AnswerDoubt
 from assoc.identification.identifier import Identities
 from mavlink.state import FleetState
 
-__all__ = ["limit_doubted", "withhold_names"]
-
 _OF_THE_NAME = ("confidence", "residual_m", "position_age_s", "projection", "topology", "fused")
 _DOUBTED_MOST = 0.75
 """Confidence in a name whose vehicle doubts its own position: it rests on what was seen before."""

@@ -24,8 +24,6 @@ from vision.detect.detections import Detections
 from vision.track.parts import Wholes
 from vision.track.tracks import Tracks
 
-__all__ = ["boxes_of", "standing_of", "vehicle_rows", "with_camera_errors", "with_standings"]
-
 FloatArray = NDArray[np.float64]
 EVIDENCE = (
     *("system_id", "runner_up"),

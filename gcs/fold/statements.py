@@ -15,8 +15,6 @@ from gcs.snapshot import Event, Statement
 from mavlink.state import FleetState, Level
 from vision.track.tracks import Tracks
 
-__all__ = ["Statements"]
-
 CONTRADICTED_US = 3_000_000
 """A statement is withdrawn once another answer has been sure for so long: doubts about neighbours pass in a second."""
 HOLE_US, HOLE_STEPS = 1_000_000, 2

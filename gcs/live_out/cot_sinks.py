@@ -13,8 +13,6 @@ from gcs.live_out.sink_url import SinkUrl
 from gcs.snapshot import Snapshot
 from infra.wall_clock import now_us
 
-__all__ = ["CotTcp", "CotTls", "CotUdp"]
-
 TTL = 1
 """TTL of multicast datagrams: they stay on the local network."""
 CONNECT_S, SEND_S = 3.0, 2.0

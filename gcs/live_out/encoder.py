@@ -13,8 +13,6 @@ import numpy as np
 from av.video.frame import PictureType
 from numpy.typing import NDArray
 
-__all__ = ["CODEC", "OPTIONS", "LiveEncoder"]
-
 CODEC: Final = "libx264"
 OPTIONS: Final = {
     "preset": "ultrafast",

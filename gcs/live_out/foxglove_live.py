@@ -20,8 +20,6 @@ from gcs.live_out.sink_url import SinkUrl
 from gcs.snapshot import Snapshot
 from infra.plain_text import plain
 
-__all__ = ["FoxgloveLive"]
-
 BACKLOG = 64
 """Messages that wait for a slow viewer, for which the oldest are dropped."""
 

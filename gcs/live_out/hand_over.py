@@ -18,8 +18,6 @@ import numpy as np
 from gcs.snapshot import Snapshot
 from infra.shared_memory import NewestValue, make_memory, map_memory
 
-__all__ = ["SnapshotReader", "SnapshotWriter"]
-
 _CURSOR_BYTES = 8
 _SLOTS, _PICTURES = 2, 3
 SNAPSHOT_BYTES = 4 << 20

@@ -16,8 +16,6 @@ from gcs.session.identity_log import json_row
 from gcs.snapshot import Snapshot, VehicleRow
 from infra.plain_text import plain
 
-__all__ = ["JsonTcp", "JsonUdp", "json_line"]
-
 FORMAT, VERSION = "rollcall live", 1
 DATAGRAM_BYTES = 65_507
 """The largest UDP datagram over IPv4."""

@@ -18,8 +18,6 @@ from infra.processes.supervisor import Supervisor
 from infra.reporting import Throttle
 from mavlink.state import Level
 
-__all__ = ["LiveOut"]
-
 _log = logging.getLogger(__name__)
 
 LOOK_S = 0.01

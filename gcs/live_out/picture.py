@@ -24,8 +24,6 @@ from gcs.report.labels import Labelling
 from gcs.report.overlay import draw, image_labels
 from gcs.snapshot import Snapshot
 
-__all__ = ["MpegTsPicture", "RtpPicture", "sdp"]
-
 MOST_WIDTH: Final = 1920
 """Wider pictures are made smaller, unless another width is asked for."""
 TTL: Final = 1

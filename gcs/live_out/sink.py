@@ -11,8 +11,6 @@ import msgspec
 from gcs.live_out.sink_url import SinkUrl
 from gcs.snapshot import Snapshot
 
-__all__ = ["Sink", "SinkReport", "SinkSettings", "SinkSource", "open_sink"]
-
 
 class SinkSource(msgspec.Struct, frozen=True, kw_only=True):
     """Flight or replay that is told of."""

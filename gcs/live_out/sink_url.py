@@ -21,8 +21,6 @@ from mavlink.errors import LinkError
 from mavlink.links.kinds import parse_url
 from mavlink.links.url import network_url
 
-__all__ = ["SHOW_SCHEMES", "TELL_SCHEMES", "SinkUrl", "check_apart", "parse_show", "parse_tell"]
-
 OPEN = "open"
 """Option without a value: serve other addresses than the loopback too."""
 WIDTHS = (160, 7680)

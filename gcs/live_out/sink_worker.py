@@ -16,8 +16,6 @@ from infra.plain_text import plain
 from infra.processes.channel import MessageChannel, connect_to_parent
 from infra.reporting import Backoff
 
-__all__ = ["main"]
-
 _log = logging.getLogger(__name__)
 
 POLL_S = 0.005

@@ -23,8 +23,6 @@ from infra.session_format import CLOCK
 from mavlink.tlog.clocks import sender_clocks
 from mavlink.tlog.log import Tlog
 
-__all__ = ["ClockSteps", "close_leaps", "infer_steps"]
-
 Ints = NDArray[np.int64]
 
 SEARCH_US = 1_000_000

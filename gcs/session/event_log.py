@@ -22,17 +22,6 @@ from infra.plain_text import plain
 from infra.session_format import EVENTS, MARKS
 from mavlink.state import Level
 
-__all__ = [
-    "EventLog",
-    "append_event",
-    "event_row",
-    "marks_path",
-    "read_changes",
-    "read_events",
-    "read_marks",
-    "read_statements",
-]
-
 _LEVELS: Mapping[Level, int] = {"info": logging.INFO, "warning": logging.WARNING, "alarm": logging.ERROR}
 
 _log = logging.getLogger(__name__)

@@ -18,8 +18,6 @@ from gcs.session.tables import read_table
 from infra.files.segment import segments
 from infra.session_format import FOLDS, UNFOLDED
 
-__all__ = ["NO_FRAME", "FoldOrder", "FoldTurn", "unfolded_row"]
-
 NO_FRAME = -1
 """In place of a frame: the fleet alone was looked at."""
 

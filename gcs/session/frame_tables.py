@@ -19,19 +19,6 @@ from mavlink.tlog.timestamps import times_ok
 from vision.detect.detections import Detections
 from vision.motion.image_motion import ImageMotion
 
-__all__ = [
-    "FrameDetections",
-    "FrameMotions",
-    "FrameTimes",
-    "detection_rows",
-    "frame_row",
-    "motion_row",
-    "read_detections",
-    "read_motions",
-    "read_times",
-    "read_truth",
-]
-
 MOST_MISSING, ROOMY = 100_000, 64
 """Frames that may lack their row, at once and for each row that there is: bounds the memory of a frame index."""
 

@@ -22,8 +22,6 @@ from gcs.snapshot import Box, Snapshot
 from infra.plain_text import plain
 from infra.session_format import IDENTITY, IDENTITY_EVIDENCE
 
-__all__ = ["IdentityLog", "json_row", "read_identity"]
-
 
 class IdentityLog:
     """Writes ``identity.csv`` and ``identity.jsonl`` into a folder.

@@ -13,8 +13,6 @@ from gcs.session.tables import Table
 from gcs.snapshot import NAN, Box, Health, Snapshot, VehicleRow
 from vision.video.video import VideoFile
 
-__all__ = ["read_snapshots"]
-
 
 def read_snapshots(
     identity: Path, mission: Mission, video: VideoFile | None, warn: Callable[[str], None] = lambda text: None

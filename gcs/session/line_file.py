@@ -16,8 +16,6 @@ from infra.files.disk import OS_DISK, Disk
 from infra.files.record_state import RecordState
 from infra.files.write_buffer import Chunk, WriteBuffer
 
-__all__ = ["LineFile", "Lines", "open_new"]
-
 RAM_BYTES = 16 << 20
 """Over a minute of the evidence of twenty boxes at thirty frames a second."""
 HANG_S = 5.0

@@ -18,8 +18,6 @@ from mavlink.errors import TlogError
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.tlog.log import Tlog
 
-__all__ = ["SessionLog"]
-
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 

@@ -30,18 +30,6 @@ from infra.toml_tables import MOST_TOML_BYTES, parse_toml, toml_text
 from mavlink.errors import TlogError
 from mavlink.signing.keys import KeyRing
 
-__all__ = [
-    "PROGRAM",
-    "FlightNotes",
-    "Interrupted",
-    "SessionFile",
-    "in_flight",
-    "key_notes",
-    "mission_table",
-    "recorded_folders",
-    "seal",
-]
-
 Kind = TypeVar("Kind")
 
 PROGRAM = f"rollcall-gcs {version('rollcall-gcs')}"

@@ -40,8 +40,6 @@ from mavlink.state import Level
 from vision.detect.detections import Detections
 from vision.motion.image_motion import ImageMotion
 
-__all__ = ["Recorder", "RecordingEvents", "SpaceForecast"]
-
 SYNC_S = 0.5
 SETTLE_S = 0.05
 """A look at the files waits so long, all together, for lines that are just being written."""

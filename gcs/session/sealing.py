@@ -17,8 +17,6 @@ from pathlib import Path
 from gcs.session.metadata import Interrupted, recorded_folders, seal
 from infra.plain_text import plain
 
-__all__ = ["Sealing"]
-
 ROOT = str(Path(__file__).resolve().parents[2])
 NICENESS = 10
 """The flight's processes go first."""

@@ -17,8 +17,6 @@ from infra.files.segment import segments
 from infra.plain_text import from_cell
 from infra.session_format import SENDERS
 
-__all__ = ["RecordSenders"]
-
 Ints = NDArray[np.int64]
 _NUMBERS = SENDERS.columns.index("address")
 """The columns before are numbers, those from there on are words."""

@@ -25,8 +25,6 @@ from infra.files.safe_open import open_to_read
 from infra.files.segment import segments
 from infra.session_format import DETECTIONS, FOLDS, FRAMES, IDENTITY, LOG, METADATA, MOTION, TRUTH
 
-__all__ = ["Session", "create_folder", "open_session"]
-
 VIDEO_SUFFIXES = (".mkv", ".mp4", ".ts", ".mov", ".avi")
 
 

@@ -21,8 +21,6 @@ from infra.files.segment import segments
 from infra.session_format import TableFormat
 from infra.text_numbers import number
 
-__all__ = ["Table", "read_table"]
-
 MOST_ROW_CHARS = 4096
 """Our rows have less than 200."""
 MOST_BOXES = 1000

@@ -19,8 +19,6 @@ from vision.errors import VideoError
 from vision.video.frame_index import coded_packets, film_stream, open_video
 from vision.video.recording_parts import read_parts
 
-__all__ = ["CodedFilm", "CodedFrame"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CodedFrame:

@@ -24,20 +24,6 @@ from numpy.typing import NDArray
 from infra.clock_steps import restarts
 from vision.errors import VideoError
 
-__all__ = [
-    "ONE_FILE",
-    "FrameIndex",
-    "FrameReader",
-    "bgr",
-    "coded_packets",
-    "film_stream",
-    "first_picture",
-    "open_video",
-    "read_index",
-    "reason",
-]
-
-
 ONE_FILE = (
     "matroska,webm,mov,mp4,m4a,3gp,3g2,mj2,avi,mpegts,mpeg,mpegvideo,m4v,flv,ogg,asf,nut,mxf,gxf,dv,rm,wtv,ivf,obu,"
     "h264,hevc,vvc,av1,mjpeg,yuv4mpegpipe,gif"

@@ -13,8 +13,6 @@ from PIL import Image as Picture
 
 from infra.files.safe_open import read_small
 
-__all__ = ["MOST_SIDE_PX", "decoded", "read_image"]
-
 MOST_SIDE_PX = 16384
 """No camera has a longer side."""
 MOST_BYTES = 256 << 20

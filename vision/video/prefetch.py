@@ -14,8 +14,6 @@ from vision.detect.detections import Detections
 from vision.detect.detector import Detector
 from vision.video.video import Frame
 
-__all__ = ["look_ahead"]
-
 
 def look_ahead(
     frames: Iterable[Frame], detector: Detector, gsd_m: Callable[[Frame], float | None], *, workers: int = 2

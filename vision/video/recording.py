@@ -22,8 +22,6 @@ from av.video.stream import VideoStream as CodedStream
 from infra.files.restorable_file import RestorableFile
 from vision.errors import VideoError
 
-__all__ = ["FIRST_FRAME", "START_US", "DisplayOrder", "Recording", "require_new", "segment_path"]
-
 FIRST_FRAME, START_US = "FIRST_FRAME", "START_US"
 OPTIONS = {"cluster_time_limit": "0", "flush_packets": "1", "allow_raw_vfw": "1"}
 TICK = Fraction(1, 1000)

@@ -15,8 +15,6 @@ from vision.errors import VideoError
 from vision.video.frame_index import FrameIndex, FrameReader, open_video, read_index
 from vision.video.recording import FIRST_FRAME, START_US
 
-__all__ = ["RecordingPart", "read_parts"]
-
 MOST_BETWEEN = 1_000_000
 """Frames between two files, nine hours of them: a file that begins later than that carries a wrong number."""
 _FAR_US = 1 << 60

@@ -20,8 +20,6 @@ from numpy.typing import ArrayLike, NDArray
 from vision.errors import VideoError
 from vision.video.recording_parts import RecordingPart, read_parts
 
-__all__ = ["Frame", "VideoFile"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Frame:

@@ -15,8 +15,6 @@ from gcs.snapshot import Event
 from mavlink.state import UavState
 from vision.camera.camera import CameraPose, Mount, camera_pose
 
-__all__ = ["CameraDirection", "mount_of"]
-
 MOUNT_DOUBT = np.deg2rad(20.0)
 """The gimbal may report to look so far from where the mission's mount has the camera: mounts are set up by eye."""
 TURNED_US = 5_000_000

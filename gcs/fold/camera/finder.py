@@ -21,8 +21,6 @@ from mavlink.state import FleetState, Level
 from vision.detect.detections import Detections
 from vision.track.tracks import Tracks
 
-__all__ = ["CameraFinder"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

@@ -16,8 +16,6 @@ from mavlink.state import FleetState, UavState
 from vision.camera.camera import CameraPose, image_warp, project
 from vision.camera.intrinsics import Intrinsics
 
-__all__ = ["FrameCamera", "camera_aim", "expected_pixels", "ground_warp", "reported_pixels"]
-
 FloatArray = NDArray[np.float64]
 PRIOR = IdentifierParams()
 

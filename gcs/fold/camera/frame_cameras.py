@@ -31,8 +31,6 @@ from vision.motion.image_motion import ImageMotion
 from vision.motion.rotation import CameraTurn, GroundShift, rotation_of
 from vision.track.tracks import Tracks
 
-__all__ = ["FrameCameras"]
-
 LEAST_HEIGHT_M = 2.0
 """Above the ground; lower down nothing is level enough."""
 SPEED_STD, UNKNOWN_SPEED_STD = 0.3, 8.0

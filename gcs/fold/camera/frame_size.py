@@ -20,8 +20,6 @@ from gcs.mission.mission import Mission
 from gcs.session.frame_tables import FrameDetections
 from gcs.session.log import SessionLog
 
-__all__ = ["FrameSize", "fitting_size", "holds"]
-
 FloatArray = NDArray[np.float64]
 
 WIDTHS_PX = (

@@ -20,8 +20,6 @@ from mavlink.state import CameraReport, Level
 from vision.camera.intrinsics import Intrinsics, from_field_of_view, resized, zoomed
 from vision.errors import CameraError
 
-__all__ = ["Optics"]
-
 _SIZELESS = "nothing can be named: the recording does not have the size of its frames; give --frame-size"
 REPORTED_ZOOM = 0.03
 """Change of the focal length that is reported."""

@@ -19,8 +19,6 @@ from vision.camera.intrinsics import zoomed
 from vision.detect.detections import Detections
 from vision.track.tracks import Tracks
 
-__all__ = ["SilentZoom", "magnified"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]

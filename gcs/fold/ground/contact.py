@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from gcs.fold.camera.frame_camera import FrameCamera
 
-__all__ = ["box_lengths", "contact_rays", "ground_places", "pixel_lengths"]
-
 FloatArray = NDArray[np.float64]
 
 HALF_HEIGHT = 0.25

@@ -30,8 +30,6 @@ from gcs.fold.ground.vehicle_relief import VehicleRelief
 from gcs.snapshot import Event
 from mavlink.state import FleetState, UavState
 
-__all__ = ["GroundHeight"]
-
 FloatArray = NDArray[np.float64]
 
 UAV_ALTITUDE_STD_M = 4.0

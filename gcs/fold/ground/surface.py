@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 from gcs.mission.terrain_file import TerrainFile
 from mavlink.geodesy import LocalFrame
 
-__all__ = ["GroundSurface", "HeightSource", "Relief"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

@@ -12,8 +12,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["VehicleRelief"]
-
 FloatArray = NDArray[np.float64]
 
 FOLLOWS_S = 1.2

@@ -20,8 +20,6 @@ sys.path[:0] = [str(Path(__file__).parents[3])]
 from tests.support.imports.log_writers import dataflash, ulog  # noqa: E402 - this is a program too
 from tests.support.imports.straight import PITCH, ROLL, N, Straight  # noqa: E402
 
-__all__ = ["foreign_log"]
-
 
 def _clock_set(drive: Straight, rng: random.Random) -> None:
     """The recorder's clock, or GPS time, is set."""
