@@ -9,8 +9,6 @@
 
 from __future__ import annotations
 
-__all__ = ["AssocError", "DegenerateError", "ShapeError"]
-
 
 class AssocError(Exception):
     """Base of all errors of this package."""

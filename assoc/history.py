@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from assoc.records import CameraState, Observation
 
-__all__ = ["TrackHistory"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

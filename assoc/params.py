@@ -6,8 +6,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-__all__ = ["MANY_PAIRS", "IdentifierParams", "LearningParams", "LockParams", "ScheduleParams", "SearchParams"]
-
 MANY_PAIRS = 400
 """Pairs of track and vehicle that one update weighs within a frame's time, for example 20 × 20. Beyond it updates come
 less often, fewer starts are searched and pairs that are far apart are not compared."""

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from assoc.errors import ShapeError
 
-__all__ = ["CameraState", "Candidates", "Identities", "Observation", "VehicleReports"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from assoc.errors import ShapeError
 
-__all__ = ["FilmedFleet", "KnownMount", "MountKind"]
-
 FloatArray = NDArray[np.float64]
 MountKind = Literal["stabilized", "fixed", "gimbal"]
 """Support of a camera: a gimbal that holds the horizon and turns with the nose, the body, or a gimbal that reports

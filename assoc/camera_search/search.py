@@ -23,8 +23,6 @@ from assoc.camera_search.inputs import FilmedFleet, MountKind
 from assoc.clock_search.coarse import pair_scores
 from assoc.clock_search.fine import assignment
 
-__all__ = ["CameraFit", "CameraSearch", "CameraVerdict", "find_camera", "refined"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]

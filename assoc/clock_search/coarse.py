@@ -26,8 +26,6 @@ from numpy.typing import NDArray
 from assoc.clock_search.inputs import CameraPath, FleetLog
 from assoc.history import TrackHistory
 
-__all__ = ["GRID_S", "CoarseStart", "coarse_starts"]
-
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 BoolArray = NDArray[np.bool_]

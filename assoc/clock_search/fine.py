@@ -30,8 +30,6 @@ from assoc.hypotheses.search import UpdateContext, residual_blocks, scores
 from assoc.params import IdentifierParams
 from assoc.records import CameraState
 
-__all__ = ["OffsetFit", "assignment", "fit_at"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

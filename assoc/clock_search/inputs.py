@@ -16,8 +16,6 @@ from assoc.errors import ShapeError
 from assoc.history import TrackHistory
 from assoc.records import CameraState, Observation, VehicleReports
 
-__all__ = ["CameraPath", "FleetLog", "film_tracks", "under_path"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

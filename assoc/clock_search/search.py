@@ -20,8 +20,6 @@ from assoc.clock_search.fine import OffsetFit, fit_at
 from assoc.clock_search.inputs import CameraPath, FleetLog
 from assoc.history import TrackHistory
 
-__all__ = ["ClockSearch", "ClockVerdict", "find_clock"]
-
 _STARTS, _LEAST_STARTS, _START_SHARE = 30, 10, 0.5
 """Most offsets that are fitted; and fewer where the rough score of the rest is less than a share of the best."""
 _WIDTH_S = 1.0

@@ -14,8 +14,6 @@ from assoc.evidence.motion import WHITE_STD_M, Samples
 from assoc.geometry.ground import OFFSET, THETA, GroundTracks
 from assoc.params import MANY_PAIRS
 
-__all__ = ["LEAP_M", "LEAP_MPS", "Blocks", "interpolated", "make_blocks", "with_extrapolated_block"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]

@@ -28,22 +28,6 @@ from assoc.evidence.blocks import Blocks
 from assoc.geometry.ground import HEIGHT
 from assoc.geometry.plane import squared_magnitude, to_complex, to_east_north
 
-__all__ = [
-    "NEVER",
-    "PLACE_TAU_S",
-    "Noise",
-    "PairState",
-    "bound_variance",
-    "initial_state",
-    "log_density",
-    "place_ratio",
-    "replace_tracks",
-    "reset_tracks",
-    "run_filter",
-    "select_tracks",
-    "widen_tracks",
-]
-
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 

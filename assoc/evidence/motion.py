@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 from assoc.geometry.plane import squared_magnitude, to_complex, to_east_north
 from assoc.records import VehicleReports
 
-__all__ = ["WHITE_STD_M", "ReportLog", "Samples"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]

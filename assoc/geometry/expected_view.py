@@ -9,8 +9,6 @@ from scipy.special import ndtr
 from assoc.geometry.ground import ground_to_rays
 from assoc.records import CameraState
 
-__all__ = ["chance_in_view"]
-
 FloatArray = NDArray[np.float64]
 
 _HALF_VEHICLE_M = 1.0

@@ -15,24 +15,6 @@ from numpy.typing import NDArray
 
 from assoc.history import TrackHistory
 
-__all__ = [
-    "EAST",
-    "HEIGHT",
-    "LAG",
-    "NORTH",
-    "OFFSET",
-    "PITCH",
-    "ROLL",
-    "THETA",
-    "YAW",
-    "YAW_RATE",
-    "GroundTracks",
-    "angles_to_places",
-    "ground_to_rays",
-    "ground_tracks",
-    "rays_to_ground",
-]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

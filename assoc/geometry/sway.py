@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from assoc.geometry.ground import EAST, NORTH, PITCH, ROLL, THETA, YAW
 
-__all__ = ["FAST_MPS", "FREE_TURNS", "TURNS", "Sway", "SwayPrior", "wander_in_flight", "wander_of"]
-
 FloatArray = NDArray[np.float64]
 
 

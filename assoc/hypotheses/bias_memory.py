@@ -9,8 +9,6 @@ from assoc.evidence.likelihood import PairState, select_tracks
 from assoc.hypotheses.pose import BiasModels, log_evidence
 from assoc.hypotheses.search import Hypothesis, UpdateContext
 
-__all__ = ["BIAS_STD_M", "BIAS_TAU_S", "BiasMemory", "learn_bias_noise"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 _NEW_TRACK_VAR_M2 = 0.05

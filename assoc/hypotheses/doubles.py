@@ -21,8 +21,6 @@ from numpy.typing import NDArray
 from assoc.hypotheses.look_alikes import SPREAD_M, look_alike_gap
 from assoc.hypotheses.marginals import best_assignment
 
-__all__ = ["Shared", "share_discount", "share_evidence", "shared_tracks", "shares_of_two"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]

@@ -10,8 +10,6 @@ from assoc.hypotheses.look_alikes import discount_lookalikes
 from assoc.hypotheses.marginals import best_assignment, marginals
 from assoc.hypotheses.search import Hypothesis, UpdateContext, discounts_of
 
-__all__ = ["mixed_marginals", "most_probable_names", "posterior_weights"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]

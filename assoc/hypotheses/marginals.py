@@ -14,8 +14,6 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-__all__ = ["best_assignment", "exact_marginals", "least_losses", "loopy_marginals", "marginals", "separate"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 _ROUNDS = 40

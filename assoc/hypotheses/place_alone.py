@@ -26,8 +26,6 @@ from scipy.special import expit, ndtr
 
 from assoc.evidence.likelihood import log_density
 
-__all__ = ["StrangerLimit", "limit_by_place", "log_odds_among_strangers"]
-
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]

@@ -16,8 +16,6 @@ from assoc.evidence.blocks import Blocks
 from assoc.evidence.likelihood import Noise, PairState
 from assoc.geometry.ground import HEIGHT, THETA
 
-__all__ = ["BiasModels", "Fitted", "PosePrior", "Whitened", "fit", "is_gross", "log_evidence", "misfit", "whiten"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]

@@ -13,8 +13,6 @@ from assoc.hypotheses.pose import PosePrior
 from assoc.params import IdentifierParams
 from assoc.records import CameraState
 
-__all__ = ["OffsetPrior", "noise_of", "prior_of"]
-
 FloatArray = NDArray[np.float64]
 
 _EXTRA_WHITE_VAR = 0.01

@@ -22,8 +22,6 @@ from assoc.hypotheses.look_alikes import Discounts, discounts, unseen_evidence
 from assoc.hypotheses.marginals import best_assignment
 from assoc.hypotheses.pose import Fitted, PosePrior, fit, misfit, whiten
 
-__all__ = ["Hypothesis", "UpdateContext", "discounts_of", "keep_best", "posing_pairs", "refine", "shifts", "swaps"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]

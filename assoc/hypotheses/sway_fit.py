@@ -23,8 +23,6 @@ from assoc.geometry.ground import OFFSET, THETA, ground_tracks
 from assoc.geometry.sway import Sway, SwayPrior
 from assoc.hypotheses.search import Hypothesis, UpdateContext, posing_pairs
 
-__all__ = ["fit_sway"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

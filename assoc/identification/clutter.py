@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from assoc.hypotheses.search import UpdateContext
 from assoc.params import IdentifierParams
 
-__all__ = ["Clutter"]
-
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from assoc.records import Observation
 
-__all__ = ["CommonBoxes"]
-
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 

@@ -11,8 +11,6 @@ from assoc.hypotheses.doubles import shared_tracks, shares_of_two
 from assoc.hypotheses.labels import most_probable_names
 from assoc.hypotheses.search import Hypothesis, UpdateContext
 
-__all__ = ["ConflictMonitor", "ConflictReview"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]

@@ -13,8 +13,6 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["AnswerDoubt", "Doubted", "lowered"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

@@ -44,8 +44,6 @@ from assoc.tracks.co_visibility import CoVisibility
 from assoc.tracks.swap_risk import SwapRisk
 from assoc.tracks.track_handover import exchangeable, replaced_tracks
 
-__all__ = ["Estimator", "UpdateResult"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]

@@ -34,8 +34,6 @@ from assoc.hypotheses.pose import is_gross
 from assoc.hypotheses.search import Hypothesis, UpdateContext, refine
 from assoc.hypotheses.sway_fit import fit_sway
 
-__all__ = ["FleetFit", "evidence_of", "log_assignments", "unproven", "weighed"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]

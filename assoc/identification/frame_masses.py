@@ -10,8 +10,6 @@ from assoc.methods.belief import fuse, masses
 from assoc.methods.topology import topology_angles, topology_cost
 from assoc.records import CameraState, Observation
 
-__all__ = ["frame_masses"]
-
 FloatArray = NDArray[np.float64]
 
 

@@ -18,8 +18,6 @@ from assoc.hypotheses.search import UpdateContext, refine
 from assoc.identification.fleet_fit import FleetFit, evidence_of
 from assoc.records import CameraState
 
-__all__ = ["MIRROR", "GrossErrors"]
-
 FloatArray = NDArray[np.float64]
 
 _ROUNDS = 2

@@ -25,9 +25,7 @@ from assoc.identification.output import Beliefs, CandidateCache, MassCache, comp
 from assoc.identification.stated_tracks import NONE_OF_OURS, StatedTracks
 from assoc.methods.reattach import reattach_gated
 from assoc.params import MANY_PAIRS, IdentifierParams
-from assoc.records import CameraState, Candidates, Identities, Observation, VehicleReports
-
-__all__ = ["CameraState", "Candidates", "Identifier", "IdentifierParams", "Identities", "Observation", "VehicleReports"]
+from assoc.records import CameraState, Identities, Observation, VehicleReports
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -29,8 +29,6 @@ from assoc.identification.fleet_fit import log_assignments, unproven, weighed
 from assoc.params import MANY_PAIRS, IdentifierParams
 from assoc.records import CameraState, Observation
 
-__all__ = ["NearHorizon"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

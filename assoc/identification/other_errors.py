@@ -23,8 +23,6 @@ from assoc.hypotheses.search import Hypothesis, UpdateContext, refine
 from assoc.identification.fleet_fit import FleetFit
 from assoc.records import CameraState
 
-__all__ = ["OtherErrors"]
-
 _HOLDS_S = 3.0
 """Time for which the other comparison has to fit before names are given by it, seconds."""
 _LATER_BLOCKS, _LEAST_PRODUCTS, _TURNED = 4, 20, -0.5

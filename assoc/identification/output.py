@@ -14,8 +14,6 @@ from assoc.identification.estimate import Estimator
 from assoc.identification.frame_masses import frame_masses
 from assoc.records import CameraState, Candidates, Identities, Observation
 
-__all__ = ["Beliefs", "CandidateCache", "MassCache", "compose_identities", "empty_beliefs"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

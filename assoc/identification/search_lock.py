@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from assoc.params import LockParams
 
-__all__ = ["SearchLock", "SearchState"]
-
 FloatArray = NDArray[np.float64]
 
 

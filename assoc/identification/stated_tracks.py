@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from assoc.evidence.likelihood import PairState
 from assoc.history import TrackHistory
 
-__all__ = ["NONE_OF_OURS", "StatedTracks"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]

@@ -7,8 +7,6 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SteadyAnswers"]
-
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 

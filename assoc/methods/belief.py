@@ -12,8 +12,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["conflict", "fuse", "masses", "min_max_norm", "row_norm"]
-
 FloatArray = NDArray[np.float64]
 
 

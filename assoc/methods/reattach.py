@@ -10,8 +10,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["reattach", "reattach_gated"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

@@ -16,8 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-__all__ = ["associate_by_topology", "signed_angles", "signed_topology_cost", "topology_angles", "topology_cost"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

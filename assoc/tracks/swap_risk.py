@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from assoc.evidence.blocks import LEAP_M, LEAP_MPS
 from assoc.params import IdentifierParams
 
-__all__ = ["SwapRisk"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]

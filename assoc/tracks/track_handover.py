@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from assoc.geometry.ground import rays_to_ground
 from assoc.history import TrackHistory
 
-__all__ = ["exchangeable", "replaced_tracks"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]

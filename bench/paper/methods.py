@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.errors import DegenerateError
-from assoc.identification.identifier import CameraState, Identifier, IdentifierParams, Observation, VehicleReports
+from assoc.identification.identifier import Identifier
 from assoc.methods.belief import fuse, masses
 from assoc.methods.topology import (
     associate_by_topology,
@@ -21,7 +21,8 @@ from assoc.methods.topology import (
     topology_angles,
     topology_cost,
 )
-from assoc.params import ScheduleParams
+from assoc.params import IdentifierParams, ScheduleParams
+from assoc.records import CameraState, Observation, VehicleReports
 from bench.paper.films import CAMERA
 from bench.paper.projection import Projection, associate_by_projection, reprojection_errors
 from bench.paper.tts import associate_by_tts, associate_by_tts_once, tts_similarity

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.identification.identifier import CameraState, Identifier
+from assoc.identification.identifier import Identifier
+from assoc.records import CameraState
 from bench.paper.films import FPS, film
 from bench.paper.methods import LENS, START_US, camera_state, vehicle_reports
 from gcs.fold.evidence import observation_of

@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Iterator, Sequence
 
 from assoc.identification.doubts import AnswerDoubt
-from assoc.identification.identifier import Candidates, Identities
+from assoc.records import Candidates, Identities
 from gcs.certainty import CONFIRMED, certainty
 from gcs.health.heard import is_heard, refused_because
 from gcs.health.vehicle_alarms import CONTRADICTED

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 
-from assoc.identification.identifier import Identities
+from assoc.records import Identities
 from gcs.certainty import CONFIRMED
 from gcs.health.vehicle_alarms import APART_M, APART_S, APART_STDS, FITS_S, LEFT_S
 from mavlink.state import FleetState

@@ -6,7 +6,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from assoc.identification.identifier import Identities
+from assoc.records import Identities
 from gcs.certainty import certainty
 from gcs.health.vehicle_alarms import CONTRADICTED
 from gcs.mission.mission import Mission

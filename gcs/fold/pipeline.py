@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.geometry.ground import YAW
-from assoc.identification.identifier import CameraState, Identifier, IdentifierParams, Identities
+from assoc.identification.identifier import Identifier
+from assoc.params import IdentifierParams
+from assoc.records import CameraState, Identities
 from gcs.fold.camera.frame_camera import FrameCamera, camera_aim, expected_pixels, ground_warp, reported_pixels
 from gcs.fold.camera.frame_cameras import FrameCameras
 from gcs.fold.candidates import CandidateWords

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from assoc.identification.doubts import AnswerDoubt
-from assoc.identification.identifier import Identities
+from assoc.records import Identities
 from mavlink.state import FleetState
 
 _OF_THE_NAME = ("confidence", "residual_m", "position_age_s", "projection", "topology", "fused")

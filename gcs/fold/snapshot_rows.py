@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.geometry.ground import OFFSET, PITCH, YAW
-from assoc.identification.identifier import Identifier, Identities
+from assoc.identification.identifier import Identifier
+from assoc.records import Identities
 from gcs.certainty import CONFIRMED
 from gcs.fold.camera.frame_camera import FrameCamera
 from gcs.fold.candidates import doubt_words

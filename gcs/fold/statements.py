@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from assoc.identification.identifier import Identifier, Identities
+from assoc.identification.identifier import Identifier
+from assoc.records import Identities
 from gcs.certainty import CONFIRMED, certainty
 from gcs.mission.mission import Mission
 from gcs.snapshot import Event, Statement

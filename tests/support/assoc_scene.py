@@ -7,7 +7,7 @@ import numpy as np
 from assoc.evidence.blocks import Blocks
 from assoc.evidence.likelihood import Noise
 from assoc.geometry.ground import THETA
-from assoc.identification.identifier import CameraState, Observation, VehicleReports
+from assoc.records import CameraState, Observation, VehicleReports
 
 T0_US = 1_700_000_000_000_000
 FOCAL_PX = 1200.0

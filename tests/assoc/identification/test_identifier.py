@@ -5,7 +5,9 @@ import pytest
 
 from assoc.errors import ShapeError
 from assoc.identification.estimate import Estimator
-from assoc.identification.identifier import Identifier, IdentifierParams, Observation, VehicleReports
+from assoc.identification.identifier import Identifier
+from assoc.params import IdentifierParams
+from assoc.records import Observation, VehicleReports
 from tests.support.assoc_scene import T0_US, Fleet, camera, play
 
 IDS = (11, 12, 13, 14)

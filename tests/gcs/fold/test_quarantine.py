@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from assoc.identification.identifier import Candidates, Identities
+from assoc.records import Candidates, Identities
 from gcs.fold.candidates import doubt_words
 from gcs.fold.quarantine import limit_doubted, withhold_names
 from gcs.session.identity_log import IdentityLog, read_identity
