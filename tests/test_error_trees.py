@@ -1,6 +1,5 @@
 """The tree at the top of each package's errors.py is the tree of its classes, and no error is defined elsewhere."""
 
-import ast
 import importlib
 import re
 
@@ -21,11 +20,8 @@ def drawn(base, prefix=""):
 
 
 def exceptions_defined_in(path):
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ClassDef) and any(
-            re.search(r"(Error|Exception)$", ast.unparse(base)) for base in node.bases
-        ):
-            yield f"{path.relative_to(ROOT)}: {node.name}"
+    for name in re.findall(r"^ *class (\w+)\(.*(?:Error|Exception)\b", path.read_text(), re.MULTILINE):
+        yield f"{path.relative_to(ROOT)}: {name}"
 
 
 @pytest.mark.parametrize("package", PACKAGES)

@@ -12,6 +12,8 @@ from pyarrow import parquet
 from tests.support.batches.short_flights import broken_flights, short_flights
 from tests.support.command_line import run_gcs
 
+pytestmark = pytest.mark.slow
+
 PAGE = Path("docs/batch.md").read_text(encoding="utf-8")
 SQL = re.findall(r"```sql\n(.*?)```", PAGE, re.S)
 PYTHON = re.findall(r"```python\n(.*?)```", PAGE, re.S)
@@ -36,7 +38,6 @@ def answers(folder, monkeypatch):
     return [duckdb.sql(query).fetchall() for query in SQL]
 
 
-@pytest.mark.slow
 def test_the_queries_of_duckdb(folder, answers):
     worst, seen, never, cost, copied = answers
     assert [row[:2] for row in worst] == [("0002", "failed"), ("broken log", "failed"), ("a", "done")]
