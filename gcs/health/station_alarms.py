@@ -32,6 +32,8 @@ TURNED_STD_DEG, TURNED_FOR_S = 4.0, 5.0
 """1σ up to which such an error is known, and how long it must be found: an estimate may leap while little is seen."""
 FIT, NO_FIT_FOR_S = 0.1, 2.0
 """Below this probability video and telemetry do not belong together; a moment's cover of the camera is no news."""
+FEW_FPS = 1.0
+"""Vehicles cannot be followed from one frame to the next where fewer are looked at in a second."""
 CLOCK_STEP = "clock step"
 """The alarm that this computer's clock was set."""
 STEP_S = 0.5
@@ -78,6 +80,10 @@ def _camera_off(health: Health, error: float, std: float, limit_deg: float) -> b
 def _unsure(health: Health, std: float) -> bool:
     """Tell whether it is not known whether the camera still has that error."""
     return not (health.fit > 1.0 - FIT and math.degrees(std) < TURNED_STD_DEG)
+
+
+def _unmatched(health: Health) -> bool:
+    return health.fit < FIT and not 0.0 < health.fps < FEW_FPS
 
 
 def _off(error: float, more: str, less: str) -> str:
@@ -276,10 +282,10 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         text="video and telemetry do not match: clock, camera, place or recording",
         on_and_off="video and telemetry match now and then only",
         meaning=f"for {NO_FIT_FOR_S:g} s no more boxes are where vehicles report to be than chance would put there; "
-        "until they are, nothing is named",
+        f"until they are, nothing is named; not told below {FEW_FPS:g} frame/s looked at, which follow nobody",
         advice="check that the recording is of this flight, then the mission's video_offset_s, mount, pitch_deg, "
         "yaw_deg and focal length, and the UAV's heading and height",
-        condition=lambda health, _: health.fit < FIT,
+        condition=lambda health, _: _unmatched(health),
         kept_while=lambda health, _: math.isnan(health.fit),
         lasts_s=NO_FIT_FOR_S,
     ),

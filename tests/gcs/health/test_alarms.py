@@ -107,6 +107,10 @@ def test_every_trouble_of_the_station_is_an_alarm(watch, health, key, level):
     assert watch.see(10, health=SETTLED) == {}
 
 
+def test_a_film_is_not_said_to_be_of_something_else_where_hardly_a_frame_is_looked_at(watch):
+    assert watch.see(12, health=replace(WELL, fit=0.01, fps=0.5)) == {}
+
+
 @pytest.mark.parametrize(
     ("found", "key"),
     [
