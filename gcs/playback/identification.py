@@ -6,12 +6,13 @@ import contextlib
 import math
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gcs.errors import SessionError
+from gcs.health.alarm_history import AlarmSpan
 from gcs.playback.analysis import Analysis
 from gcs.playback.as_flown import FlownReports
 from gcs.playback.hindsight import by_hindsight
@@ -31,6 +32,8 @@ AGAIN_S = 0.3
 """Offset from which on the names of the first seconds wait until the video's clock is found, s."""
 SURE_S, SURE_FIT = 0.1, 0.99
 """Largest 1σ of the offset, s, and least probability that film and telemetry belong together, with which it counts."""
+_ALARMS_TOLD = 5
+"""Alarms that are told one by one; the page about the flight has all."""
 _FILES = (IDENTITY.name, IDENTITY_EVIDENCE, EVENTS)
 _NEVER_OVERWRITTEN = "exists already and is never overwritten; choose another place"
 
@@ -186,9 +189,16 @@ def _identify(
     marks = read_marks(analysis.opened.session.path, reports.start_us)
     calls.tell(reports.spans(), (*reports.flown, *marks))
     seen = analysis.opened.video is not None or analysis.opened.looks is not None
-    for text in _doubts(last, calls, blind=blind, seen=seen):
+    for text in (*_alarms(reports.spans(), int(analysis.times_us[0])), *_doubts(last, calls, blind=blind, seen=seen)):
         note(text)
     return calls, last
+
+
+def _alarms(spans: Iterable[AlarmSpan], start_us: int) -> list[str]:
+    """Alarms in words, the first few; names are not to be read without them."""
+    told = [span.alarm for span in spans if span.alarm.level == "alarm"]
+    lines = [f"alarm at {1e-6 * (alarm.since_us - start_us):.0f} s: {alarm.text}" for alarm in told[:_ALARMS_TOLD]]
+    return lines if len(told) <= _ALARMS_TOLD else [*lines, f"and {len(told) - _ALARMS_TOLD} alarms more"]
 
 
 def _frames(

@@ -27,6 +27,15 @@ def test_it_writes_what_the_command_writes_and_prints_nothing(tmp_path, capfd):
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"identity.csv", "identity.jsonl", "events.jsonl"}
 
 
+def test_alarms_are_told_in_words(tmp_path):
+    flown, notes = Scenario(seed=5, duration_s=8.0, fps=5.0), []
+    other = replace(flown, seed=6, ground=replace(flown.ground, kind="curved", speed_mps=8.0, bend_deg=60.0))
+    write_session(flown, tmp_path / "flown", film=other)
+    identify_session(open_session(tmp_path / "flown"), tmp_path / "out", note=notes.append)
+    (told,) = (text for text in notes if text.startswith("alarm at "))
+    assert told.endswith(" s: video and telemetry do not match: clock, camera, place or recording")
+
+
 def test_it_overwrites_nothing(tmp_path):
     session = open_session(shortened(CURVED_ROAD, tmp_path / "flown", 5))
     identify_session(session, tmp_path / "out")
