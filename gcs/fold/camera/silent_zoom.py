@@ -7,6 +7,7 @@ the picture, and no name would fit.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import replace
 
@@ -34,6 +35,8 @@ BEFORE_S = 1.0
 LEAST_CHANGE, LEAST_MORE, MORE_S = 0.08, 0.03, 1.0
 """ln of the least change that counts as a zoom: less is within what boxes vary by, and the height takes it; and for so
 long after a change, s, the least by which it has gone on."""
+LEAST_STDS, LEAST_MORE_STDS = 3.0, 1.5
+"""Either of them counts from so many 1σ of the tracks' median on: boxes of small vehicles vary by more."""
 LEAST_JUMP = 0.2
 """The same from one frame to the next, where tracks may have been lost by it."""
 LIKE_MOST, MOST_UNLIKE = 0.75, 0.5
@@ -65,6 +68,8 @@ class SilentZoom:
         """Time, track ids and places of the looks of the last second."""
         self._last: tuple[FloatArray, FloatArray] | None = None
         """Places and ln sizes of the boxes of the last look."""
+        self._scatter = 0.0
+        """Variance of the ln of boxes' sizes about the usual one of their track, beyond what they change together."""
 
     def restart(self) -> None:
         """Take sizes as they are from now on: the camera or its height is known anew."""
@@ -122,8 +127,12 @@ class SilentZoom:
         self._since_us = {i: self._since_us.get(i, t_us) for i in names}
         old = np.array([t_us - self._since_us[i] >= LEAST_AGE_S * 1e6 for i in names], np.bool_)
         goes_on = t_us - self._changed_us < MORE_S * 1e6
-        least = LEAST_MORE if goes_on else LEAST_CHANGE
-        change = _common((sizes - usual)[old], self._spread(ids, places), least)
+        off = (sizes - usual)[old]
+        self._scatter = _scatter(off) if not self._scatter else keep * self._scatter + (1.0 - keep) * _scatter(off)
+        least, stds = (LEAST_MORE, LEAST_MORE_STDS) if goes_on else (LEAST_CHANGE, LEAST_STDS)
+        # a median of k has σ √(π/2k)
+        least = max(least, stds * math.sqrt(0.5 * math.pi * self._scatter / max(len(off), 1)))
+        change = _common(off, self._spread(ids, places), least)
         if change:
             self._changed_us = t_us
             # by the new focal length
@@ -161,6 +170,11 @@ def magnified(view: FrameCamera, factor: float) -> FrameCamera:
 def _measured(view: FrameCamera, boxes: Detections) -> tuple[FloatArray, FloatArray]:
     """Places (k, 2) on the ground, and ln of the boxes' sizes there."""
     return ground_places(view.intrinsics.rays(boxes.centre), np.sqrt(boxes.w * boxes.h), view)
+
+
+def _scatter(off: FloatArray) -> float:
+    """Variance of (k,) about their median, 0 for fewer than three."""
+    return float(np.sum((off - np.median(off)) ** 2)) / (len(off) - 1) if len(off) >= LEAST_TRACKS else 0.0
 
 
 def _common(off: FloatArray, spread: float, least: float) -> float:

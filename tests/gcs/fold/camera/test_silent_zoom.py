@@ -36,10 +36,10 @@ def texts(optics):
     return [event.text for event in optics.take_events()]
 
 
-def frame(t, zoom, rng, *, size_noise=0.05, missed=0.0, sizes=1.0):
+def frame(t, zoom, rng, *, size_noise=0.05, missed=0.0, sizes=1.0, apart=lambda t: 1.0):
     """Boxes of six vehicles that drive on, in a picture that is magnified by so much, and their rows."""
     scale = VIEW.intrinsics.fx * zoom / HEIGHT_M
-    place = START + DRIFT * t
+    place = START * apart(t) + DRIFT * t
     rows = np.flatnonzero(rng.random(6) >= missed)
     grown = np.exp(rng.normal(0.0, size_noise, 6)) * sizes
     boxes = Detections(
@@ -90,6 +90,13 @@ def test_a_zoom_from_one_frame_to_the_next_is_found_though_tracks_are_lost(facto
 def test_boxes_that_vary_and_are_missed_are_no_zoom(seed):
     found, _ = followed(lambda t: 1.0, 30.0, seed, size_noise=0.12, missed=0.35)
     assert found == 1.0
+
+
+@pytest.mark.slow_but_first
+def test_vehicles_that_drive_apart_while_their_boxes_vary_are_no_zoom():
+    for seed in range(6):
+        found, _ = followed(lambda t: 1.0, 20.0, seed, size_noise=0.15, apart=lambda t: 1.3 - 0.3 * np.cos(0.6 * t))
+        assert found == 1.0
 
 
 @pytest.mark.slow
