@@ -130,6 +130,7 @@ def test_a_store_gives_back_what_was_put_in():
     assert store.stop_us == START_US + 49 * S, "time does not go back"
 
 
+@pytest.mark.slow
 def test_an_hour_of_a_flight_takes_little_memory(flown):
     shown = [replace(snapshot, image=None) for snapshot in flown[1]] * 4
     store = SnapshotStore()

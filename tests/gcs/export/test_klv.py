@@ -141,6 +141,7 @@ def test_a_film_that_a_transport_stream_cannot_hold_is_refused(tmp_path):
     assert not path.exists()
 
 
+@pytest.mark.slow
 def test_a_session_is_made_of_it_again(exported, tmp_path):
     flight, path, shots = exported
     fleet = ("--tlog", flight / "telemetry.tlog", "--clock", "0")

@@ -41,6 +41,7 @@ def test_it_is_over_when_the_report_fits_again_and_not_when_its_box_is_gone(shif
     assert not any(f"conflict {OTHER}" in {alarm.key for alarm in each.alarms} for each in scene.kept)
 
 
+@pytest.mark.slow
 def test_a_name_that_is_lost_by_it_is_not_given_again_and_why_is_told():
     scene, told = lying(40.0)
     scene.run(8, filmed=True)

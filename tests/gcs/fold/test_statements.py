@@ -133,6 +133,7 @@ def test_none_of_ours_is_a_statement_too(sure):
     assert json.loads(json_row(sure.last, box))["stated"] is True
 
 
+@pytest.mark.slow
 def test_none_of_ours_about_one_of_ours_is_contradicted(sure):
     track = sure.box(UGV).track_id
     stated(sure, track, 0).run(1.5, filmed=True)
