@@ -1,4 +1,4 @@
-"""What knows neither MAVLink nor video: files that survive disks and crashes. Bytes and rows in, whole files out."""
+"""Files that survive disks and crashes, and all else below MAVLink and video. Bytes and rows in, whole files out."""
 
 import logging
 

@@ -141,7 +141,7 @@ def _set_levels() -> None:
 
 
 def child_environment() -> Mapping[str, str]:
-    """What a child process needs in its environment to log into the same files."""
+    """Environment that a child process needs to log into the same files."""
     files = [(str(file.path.absolute()), file.level) for file in _handlers if isinstance(file, LogFile)]
     return {_VARIABLE: json.dumps(files)}
 

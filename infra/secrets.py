@@ -27,7 +27,7 @@ _HARMLESS = ("codec", "pkt_size")
 _LONG_ENOUGH, _LONG_VALUE = 4, 8
 """Shorter passwords, values and words occur in any text by chance; a value with its name is found whatever it is."""
 _hidden: list[tuple[int, str, str]] = []
-"""What must not be told: minus its length, itself, and what stands in its place."""
+"""Secrets: minus its length, itself, and what stands in its place."""
 
 
 def concealed(address: str) -> str:
@@ -68,7 +68,7 @@ def _replaced(text: str, forms: list[tuple[int, str, str]]) -> str:
 
 
 def _forms(address: str) -> set[tuple[int, str, str]]:
-    """What to look for, the longest first when sorted, and what to put there."""
+    """Patterns to look for, the longest first when sorted, and what to put there."""
     user, values = _secrets(address)
     if not user and not values:
         return set()

@@ -101,7 +101,7 @@ _INSPECTED: dict[type, inspect.Type] = {}
 
 
 def _type_info(kind: type) -> inspect.Type:
-    """What msgspec knows of a dataclass, asked once: it takes a millisecond, and a scenario has nine."""
+    """Type of a dataclass as msgspec knows it, asked once: it takes a millisecond, and a scenario has nine."""
     if kind not in _INSPECTED:
         _INSPECTED[kind] = inspect.type_info(kind)
     return _INSPECTED[kind]

@@ -7,7 +7,7 @@ MOST_YAML_BYTES = 256 << 10
 
 
 def parse_yaml(text: str) -> object:
-    """What a document holds.
+    """Content of a document.
 
     Raises:
         ValueError: it cannot be read, is too long, or refers to itself; in one line.

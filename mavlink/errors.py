@@ -1,4 +1,4 @@
-"""What can go wrong with MAVLink.
+"""Errors of MAVLink.
 
 MavlinkError
 ├── LinkError        a link cannot be opened or written

@@ -110,7 +110,7 @@ class VehicleCondition:
     charge: float = math.nan
     """Charge of its battery, 0..1; of several the lowest."""
     battery: str = ""
-    """What its battery monitor says of it where it is not well: ``low``, ``critical``, ``failed`` …"""
+    """State of its battery, by its monitor, where it is not well: ``low``, ``critical``, ``failed`` …"""
     power_age_s: float = math.inf
     """Age of voltage and charge."""
     satellites: int = -1
@@ -158,7 +158,7 @@ class VehicleStatus:
     jumps: bool = False
     """Its position jumps to and fro, as with a receiver that is jammed or fails: its reports are not used."""
     refusals: tuple[tuple[str, int], ...] = ()
-    """What was left out, by reason: positions, and single values of positions that were used without them."""
+    """Counts of what was left out, by reason: positions, and single values of positions that were used without them."""
     refused_for: str = ""
     """Why the latest position was not used, empty when it was."""
     copies: int = 0
@@ -188,7 +188,7 @@ class VehicleStatus:
     clock_error_s: float = math.nan
     """The vehicle's own Unix time minus ours; NaN before it has one. Reported, never used."""
     clock_fault: str = ""
-    """What is wrong with its clocks, in words; empty while nothing is. No position depends on it."""
+    """Fault of its clocks, in words; empty while nothing is. No position depends on it."""
     doubted_for: str = ""
     """Why its positions may be wrong by its own report, empty without doubt; they are used, with a wide 1σ."""
     compass_doubted: bool = False

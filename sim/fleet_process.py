@@ -37,7 +37,7 @@ LOOK_S = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SendCounts:
-    """What left."""
+    """Counts of what left."""
 
     packets: dict[str, int]
     """By system id, else by name: ``impostor 13``, ``replayed 14``, ``texts``, ``garbage``, ``boot words``."""

@@ -38,7 +38,7 @@ BOOT_NOISE = (b"\n\nInit ArduRover V4.6.0\n\nFree RAM: 131072\n", b"Init Gyro", 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaybackCounts:
-    """What was sent."""
+    """Counts of what was sent."""
 
     packets: dict[int, int]
     """MAVLink packets by system id."""
@@ -121,7 +121,7 @@ def play(
 
 
 def _camera_frames(scenario: Scenario, video_url: str | None) -> Iterator[tuple[bytes, ...]]:
-    """What the camera sends time and again; a component of the UAV's system."""
+    """Messages that the camera sends time and again; a component of the UAV's system."""
     port = re.search(r":(\d+)", (video_url or "").partition("://")[2])
     told = camera(scenario, int(port[1]) if port else 0)
     mav = dialect.MAVLink(None, srcSystem=UAV_ID, srcComponent=dialect.MAV_COMP_ID_CAMERA)

@@ -35,7 +35,7 @@ TROUBLES: Mapping[str, str] = MappingProxyType(
         VIDEO: "the video stops",
     }
 )
-"""What can go wrong, by name; the last is of no vehicle."""
+"""Troubles that there are, by name; the last is of no vehicle."""
 LOST_SHARE = 0.4
 LIE_M, IMPOSTOR_M = 30.0, 80.0
 _DEGREES7_PER_M = 1e7 / 111_195.0
@@ -93,7 +93,7 @@ class Troubles:
         self._encoders: dict[tuple[int, int, str], Any] = {}
         self._frozen: dict[int, tuple[int, int]] = {}
         self._boot_ms: dict[int, int] = {}
-        """What is taken from the boot times of vehicles that booted again."""
+        """Time that is taken from the boot times of vehicles that booted again."""
         self._beats = dict.fromkeys(self._ids, 0)
         self._rng = np.random.default_rng(1)
         self._socket: socket.socket | None = None
@@ -138,7 +138,7 @@ class Troubles:
             self._socket.close()
 
     def frames(self, raw: bytes) -> Iterator[tuple[bool, bytes]]:
-        """What is sent in place of a frame: whether by the impostor, and the frame."""
+        """Frames that are sent in place of a frame: whether by the impostor, and the frame."""
         message = self._parser.decode(bytearray(raw))
         system_id, kind = message.get_srcSystem(), message.get_type()
         on = {name for name, whose in self._on if whose == system_id}
@@ -178,7 +178,7 @@ class Troubles:
         return message
 
     def _beside(self, system_id: int, on: set[str]) -> Iterator[Message]:
-        """What goes with a heartbeat."""
+        """Messages that go with a heartbeat."""
         self._beats[system_id] = self._beats.get(system_id, 0) + 1
         health = _SENSORS & ~dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO if "sensor" in on else _SENSORS
         millivolts, percent = (10_100, 7) if "battery" in on else (12_400, 81)

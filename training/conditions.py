@@ -59,7 +59,7 @@ def read_held_out(folder: Path) -> HeldOut:
 
 
 def detect(model: Path, held_out: HeldOut, score: float = 0.05) -> list[Detections]:
-    """What a model finds on each image."""
+    """Boxes that a model finds on each image."""
     session = open_session(model, ("CPUExecutionProvider",), 1)
     stride = int(metadata(session)["stride"])
     return [decode(session.run(None, {"image": image[None]})[0][0], stride, score) for image in held_out.images]

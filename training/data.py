@@ -29,7 +29,7 @@ may see but grey, and for warmth what is warm either dark or light. A choice."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainingBatch:
-    """What one training step sees."""
+    """Batch that one training step sees."""
 
     images: Tensor
     """(B, 3, S, S) BGR, uint8."""

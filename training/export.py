@@ -154,7 +154,7 @@ def export(checkpoint: Path, out: Path, version: str, score: float = SCORE) -> N
 
 
 def score_shift(score: float) -> float:
-    """What is added to the logits of scores so that ``score`` becomes ``SCORE``: logit SCORE − logit score."""
+    """Bias that is added to the logits of scores so that ``score`` becomes ``SCORE``: logit SCORE − logit score."""
     return math.log(SCORE / (1.0 - SCORE)) - math.log(score / (1.0 - score))
 
 

@@ -67,7 +67,7 @@ of the same flights a third of the vehicles was lost by them."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainingOptions:
-    """What a user may choose."""
+    """Options that a user may choose."""
 
     seed: int = 0
     steps: int = 3000
@@ -276,7 +276,7 @@ class FineTuning:
 
 
 def detect(model: Path, images: Sequence[LabelledImage]) -> list[Detections]:
-    """What a model file finds on each image."""
+    """Boxes that a model file finds on each image."""
     detector = open_detector(model, score=FLOOR, threads=torch.get_num_threads())
     native_m = CAR_LENGTH_M / CAR_PX
     return [detector.detect(image.read(), gsd_m=image.ground_resolution_m(native_m)) for image in images]

@@ -46,7 +46,7 @@ class Losses:
     judge: Tensor
 
     def total(self) -> Tensor:
-        """What is minimised."""
+        """Loss that is minimised."""
         return self.score + 2.0 * self.offset + self.size + self.front + self.axis + self.judge
 
 

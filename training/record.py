@@ -17,7 +17,7 @@ from vision.evaluation import LabelledImage
 
 NAME = "run.json"
 SAME = ("options", "labels sha256", "begins with sha256", "trained on", "watched", "kept apart")
-"""What a run that is continued must have in common with its beginning."""
+"""Settings that a run which is continued must share with its beginning."""
 PACKAGES = ("rollcall-gcs", "torch", "onnx", "onnxruntime", "numpy", "opencv-python-headless")
 """Whose versions are recorded."""
 

@@ -31,7 +31,7 @@ class Split:
     rest: tuple[LabelledImage, ...]
     kept: tuple[LabelledImage, ...]
     how: str
-    """What the kept part is, in words."""
+    """Description of the kept part, in words."""
 
 
 def split(images: Sequence[LabelledImage], share: float, seed: int) -> Split:

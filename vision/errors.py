@@ -1,4 +1,4 @@
-"""What can go wrong in ``vision``.
+"""Errors of ``vision``.
 
 VisionError
 ├── VideoError    a file, stream or recording that cannot be opened, read or written

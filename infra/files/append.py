@@ -52,7 +52,7 @@ _FAILING = (_RETRYING, _REPLACING)
 
 @dataclass(frozen=True, slots=True)
 class _Failures:
-    """What has failed so far. Replaced as a whole: whoever asks sees no failure without its reason."""
+    """Failures so far. Replaced as a whole: whoever asks sees no failure without its reason."""
 
     count: int = 0
     reason: str = ""
@@ -272,7 +272,7 @@ class AppendFile:
                     self._retry_s = time.monotonic()
 
     def _repair(self) -> None:
-        """What failed once more: a new segment, the deleted file's content, the rows that wait; then all is well."""
+        """Retry what failed: a new segment, the deleted file's content, the rows that wait; then all is well."""
         try:
             if self._mode is _REPLACING:
                 self._end_segment()

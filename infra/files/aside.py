@@ -17,7 +17,7 @@ YOUNG_S = 60.0
 _held: dict[Path, int] = {}
 """Descriptors that lock the hidden folders of this process."""
 _NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.ENOSYS, errno.EMLINK, errno.EXDEV)
-"""What file systems without hard links answer."""
+"""Errors that file systems without hard links answer."""
 
 
 def make_aside(folder: Path) -> Path:

@@ -1,4 +1,4 @@
-"""What a recording asks of the operating system, in one place: tests put a failing disk here."""
+"""Calls of a recording to the operating system, in one place: tests put a failing disk here."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ class JournalWriter:
         self._journal.remove(piece)
 
     def _without_written(self, piece: Piece) -> Piece:
-        """What of the oldest rows is not yet in the files of a process that died while it wrote them.
+        """Rest of the oldest rows that is not yet in the files of a process that died while it wrote them.
 
         A file then ends with the first bytes of what waits. A row that was torn there is written again, whole.
         """

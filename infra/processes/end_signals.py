@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 @dataclass(slots=True)
 class AskedBySignals:
-    """What signals have asked for so far.
+    """Requests by signals so far.
 
     Plain values, not events: a handler that interrupts the thread that waits for an event, while that holds the event's
     lock, would wait for the lock for ever.

@@ -124,7 +124,7 @@ class Supervisor(Generic[Child]):
             self.spare.close()
 
     def _watch_until_over(self, process: Child) -> tuple[str, float]:
-        """What was wrong with a process in the end, and when it last showed life (monotonic)."""
+        """Fault with a process in the end, and when it last showed life (monotonic)."""
         alive_s, patience_s, failure = time.monotonic(), self._start_s, ""
         before = process.processor_time
         try:

@@ -49,7 +49,7 @@ class Components:
         self._report = ""
 
     def report(self) -> tuple[Level, str]:
-        """What an operator should know since the last call; an empty text for nothing."""
+        """News for the operator since the last call; an empty text for nothing."""
         text, self._report = self._report, ""
         return "warning", text
 

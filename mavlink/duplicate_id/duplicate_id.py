@@ -338,7 +338,7 @@ class DuplicateIdDetector:
         return ""
 
     def report(self, t_us: int, system_id: int) -> tuple[Level, str]:
-        """What an operator should know since the last call; an empty text for nothing."""
+        """News for the operator since the last call; an empty text for nothing."""
         active = self._conflicts.is_active(t_us)
         if active == self._reported_conflict:
             return ("info", "") if active else ("warning", self._two_addresses_text(t_us, system_id))

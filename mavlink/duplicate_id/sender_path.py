@@ -31,7 +31,7 @@ _NOISE_GAIN = 0.2
 _PATH, _PATH_STEP_US = 130, 500_000
 """Places kept of each sender: one every half second, for a minute."""
 _CONFLICT, _AGREEMENT, _ENOUGH = 2, 1, 4
-"""What a contradiction adds to a sender's score, what an agreement takes off, and the score that is enough: two
+"""Points that a contradiction adds to a sender's score, what an agreement takes off, and the score that is enough: two
 contradictions in a row, or more among agreements."""
 _SPAN_US = 500_000
 """How long contradictions have to last."""

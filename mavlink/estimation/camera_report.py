@@ -1,4 +1,4 @@
-"""What a UAV reports of its camera: field of view, image size, rotation and zoom.
+"""Reports of a UAV about its camera: field of view, image size, rotation and zoom.
 
 The field of view, by order of preference:
 
@@ -79,7 +79,7 @@ class CameraReports:
 
 @dataclass(slots=True)
 class _ReportedCamera:
-    """What one camera reported; a rejected value leaves the one before in place."""
+    """Values that one camera reported; a rejected value leaves the one before in place."""
 
     information: CameraInformation | None = None
     stream: VideoStreamInformation | None = None

@@ -102,7 +102,7 @@ class ClockFit(Enum):
 
 
 class ClockReading(NamedTuple):
-    """What one message shows of the clock."""
+    """Reading that one message gives of the clock."""
 
     boot_us: int
     """Its boot time, unwrapped."""

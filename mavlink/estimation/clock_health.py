@@ -82,7 +82,7 @@ class TimeSyncExchanges:
 
 
 class ClockHealth:
-    """What is known of one vehicle's clocks."""
+    """Record of one vehicle's clocks."""
 
     def __init__(self) -> None:
         self.error_s = math.nan
@@ -107,7 +107,7 @@ class ClockHealth:
         return clock.drift * 1e6 if clock.drift_known else math.nan
 
     def fault(self, clock: VehicleClock) -> str:
-        """What is wrong with its clocks, in words; empty while nothing is."""
+        """Fault of its clocks, in words; empty while nothing is."""
         if clock.off_rate:
             return f"it runs at {100.0 * clock.off_rate:.0f} % of real time; its reports are dated by arrival"
         drift_ppm, measured = self.drift_ppm(clock), not math.isnan(self._exchanges.drift)

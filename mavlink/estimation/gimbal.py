@@ -76,7 +76,7 @@ def turns_camera(packet: Packet) -> bool:
 
 
 def yaw_frame(flags: int) -> Frame | None:
-    """What the yaw of GIMBAL_DEVICE_ATTITUDE_STATUS counts from; None for flags that claim both frames.
+    """Frame that the yaw of GIMBAL_DEVICE_ATTITUDE_STATUS counts from; None for flags that claim both frames.
 
     Without either flag the yaw lock decides, as the message's definition specifies for older gimbals.
     """

@@ -52,7 +52,7 @@ _GIMBAL_LOCK = 0.1
 
 
 class Insertion(Enum):
-    """What became of a sample."""
+    """Outcome for a sample."""
 
     ADDED = "added"
     DUPLICATE = "there is a sample of that time"

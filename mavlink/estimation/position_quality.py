@@ -235,7 +235,7 @@ class _Evidence:
 
 
 class PositionDoubts:
-    """What one vehicle reports against its own position; times are those of arrival, Unix µs.
+    """Doubts of one vehicle about its own position; times are those of arrival, Unix µs.
 
     Evidence of five kinds: its filter's report (test ratios and flags), sensors that it calls unhealthy, status texts,
     a receiver that is elsewhere than the filter, and a jump. Each ends with the first report to the contrary, or when

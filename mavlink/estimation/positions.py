@@ -56,7 +56,7 @@ class VehicleLimits:
 
 
 class Verdict(Enum):
-    """What became of one report: why, whether it was accepted, whether it is impossible."""
+    """Verdict on one report: why, whether it was accepted, whether it is impossible."""
 
     NEW = "new", True, False
     REPEATED = "the same position, standing", True, False

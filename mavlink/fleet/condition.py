@@ -25,7 +25,7 @@ _MOST_SOURCES = 16
 _MOST_REASONS = 8
 """Reasons against arming."""
 _GONE_US = 30_000_000
-"""What is silent for so long while another reports is gone: slow links bring one report in ten seconds."""
+"""Silence after which one is gone while another reports: slow links bring one report in ten seconds."""
 _REASON_US = 60_000_000
 """A reason against arming that is not repeated for so long is gone: ArduPilot repeats those that hold every 30 s."""
 _PAYLOAD = 4

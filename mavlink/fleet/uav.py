@@ -15,7 +15,7 @@ from mavlink.state import CameraReport, UavState
 
 NO_FIX = Fix(*[math.nan] * 10)
 _REPORTING_US = 1_000_000
-"""What did not come for so long is not waited for: it stopped, or comes too rarely to interpolate."""
+"""Time after which nothing is waited for any more: it stopped, or comes too rarely to interpolate."""
 
 
 def uav_state(

@@ -80,7 +80,7 @@ class Forwarder:
 
     @property
     def counts(self) -> tuple[OutputCounts, ...]:
-        """What passed each output."""
+        """Counts of what passed each output."""
         return tuple(output.counts for output in self._outputs)
 
     @property
@@ -123,7 +123,7 @@ class Forwarder:
             output.link.close()
 
     def _returned(self) -> Iterator[tuple[int, bytes, int]]:
-        """What came back from outputs and may go on: the link, the frame, and the sender there who is to get it."""
+        """Frames that came back from outputs and may go on: link, frame, and the sender there who is to get it."""
         for output in self._outputs:
             for raw, program in output.read():
                 if self._is_loop(output, raw):

@@ -44,7 +44,7 @@ class InboundFrames:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutputCounts:
-    """What passed one output."""
+    """Counts of what passed one output."""
 
     name: str
     sent: int = 0
@@ -57,7 +57,7 @@ class OutputCounts:
     stopped: int = 0
     """Came back and went nowhere."""
     inbound: tuple[InboundFrames, ...] = ()
-    """What came back, but for loops."""
+    """Frames that came back, but for loops."""
 
 
 class Output:
@@ -88,7 +88,7 @@ class Output:
 
     @property
     def counts(self) -> OutputCounts:
-        """What passed it so far."""
+        """Counts of what passed it so far."""
         return OutputCounts(
             name=self.link.name,
             sent=self._sent,

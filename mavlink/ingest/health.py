@@ -35,7 +35,7 @@ class IngestHealth:
     cpu_s: float = math.nan
     """Processor time of the present process."""
     troubles: tuple[str, ...] = ()
-    """What does not work at the moment, in plain words."""
+    """Troubles of the moment, in plain words."""
 
     def encode(self) -> bytes:
         """Bytes that :meth:`decode` reads."""
@@ -43,7 +43,7 @@ class IngestHealth:
 
     @classmethod
     def decode(cls, data: bytes) -> IngestHealth:
-        """What :meth:`encode` wrote.
+        """Health that :meth:`encode` wrote.
 
         Raises:
             ValueError: it is not that.

@@ -44,7 +44,7 @@ class HealthEvents:
         )
 
     def since_last(self, health: IngestHealth) -> list[_Event]:
-        """What is new since the last call."""
+        """Events that are new since the last call."""
         events: list[_Event] = []
         self._looks += 1
         for link in health.links:
@@ -124,7 +124,7 @@ def _few(level: Level, texts: list[str]) -> list[_Event]:
 
 
 def _key(limit: FloodLimit) -> tuple[str, int, bool]:
-    """What it is about; the addresses of unknown senders change."""
+    """Key of what it is about; the addresses of unknown senders change."""
     return "" if limit.system_id == STRANGERS else limit.address, limit.system_id, limit.refused
 
 

@@ -91,7 +91,7 @@ class Ingest:
         self._beat = 0
         """The last sign of life."""
         self._interrupted = ""
-        """What the process before had in hand when it ended, in words."""
+        """Rest that the process before had in hand when it ended, in words."""
         self._heard_us = 0
         self._health = IngestHealth()
         self._health_events, self._health_s = HealthEvents(), 0.0
@@ -227,7 +227,7 @@ class Ingest:
         )
 
     def notices(self) -> list[Notice]:
-        """What an operator should know, each reported once."""
+        """News for the operator, each reported once."""
         reported = []
         with contextlib.suppress(IndexError):
             while True:
@@ -314,7 +314,7 @@ class Ingest:
         return HUNG_S
 
     def _describe_in_hand(self) -> str:
-        """What a process had taken off a socket and not yet put where it outlives it, in words."""
+        """Packets that a process had taken off a socket and not yet put where it outlives it, in words."""
         index, self._memory.slots[Slot.IN_HAND] = self._memory.slots[Slot.IN_HAND], 0
         if not index:
             return ""

@@ -1,4 +1,4 @@
-"""What the ingest process is given when its turn comes: paths of keys, never keys."""
+"""Plan that the ingest process is given when its turn comes: paths of keys, never keys."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the ingest process does with a batch: record, verify, hand on, forward. Nothing is decoded."""
+"""Work of the ingest process on a batch: record, verify, hand on, forward. Nothing is decoded."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Signatures:
         self._verifier: Verifier | None = None
         self._store: StreamStore | None = None
         self.trouble = ""
-        """What went wrong last."""
+        """Fault that came last."""
         if signing.keys:
             options = {} if signing.unsigned is None else {"unsigned": signing.unsigned}
             self._verifier, self._store = open_verifier(
@@ -52,12 +52,12 @@ class Signatures:
 
     @property
     def troubles(self) -> list[str]:
-        """What does not work now."""
+        """Faults that are on now."""
         store = self._store.trouble or self._store.warning if self._store else ""
         return [text for text in (self.trouble, store) if text]
 
     def check(self, packets: Sequence[Packet]) -> list[Auth]:
-        """What the signatures are worth; a packet that cannot be checked is ``BAD``."""
+        """Verdicts on the signatures; a packet that cannot be checked is ``BAD``."""
         verifier = self._verifier
         assert verifier is not None
         auths = []

@@ -224,7 +224,7 @@ def _open_link(plan: Plan, index: int, signed: bool) -> Link:
 
 
 def _resume(links: list[Link], status: bytes | None) -> None:
-    """What the process before this one knew of its links."""
+    """Hand links what the process before this one knew of them."""
     try:
         before = IngestHealth.decode(status).links if status else ()
     except ValueError:

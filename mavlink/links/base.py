@@ -1,4 +1,4 @@
-"""What every kind of link does. All are silent: nothing is ever sent unless :meth:`Link.send` is called."""
+"""Base of every kind of link. All are silent: nothing is ever sent unless :meth:`Link.send` is called."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mavlink.links.url import LinkUrl
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkOptions:
-    """What a link is opened for. Each kind looks at what concerns it."""
+    """Options that a link is opened with. Each kind looks at what concerns it."""
 
     sock: socket.socket | None = None
     """The socket that :meth:`Link.prepare` gave; None: the link opens one."""
@@ -91,10 +91,10 @@ class Link(ABC):
 
     @abstractmethod
     def read_batch(self) -> Batch:
-        """What is there, without waiting; empty when there is nothing and when closed."""
+        """Batch of what is there, without waiting; empty when there is nothing and when closed."""
 
     def read_rest(self) -> Batch:
-        """What an unfinished frame still hides, before the link is closed."""
+        """Batch of what an unfinished frame still hides, before the link is closed."""
         return Batch()
 
     @abstractmethod
@@ -134,12 +134,12 @@ class Link(ABC):
 
     @property
     def counts(self) -> LinkCounts:
-        """What came so far."""
+        """Counts of what came so far."""
         return self._counters.snapshot()
 
     @property
     def troubles(self) -> tuple[str, ...]:
-        """What this link cannot do on this system."""
+        """Limits of this link on this system."""
         return ()
 
     def report(self) -> LinkReport:

@@ -18,7 +18,7 @@ from mavlink.protocol.packet import Packet
 PATIENCE_S = 0.3
 """For so long the bytes of a frame may be on their way: radios and TCP hand them on in pieces, with pauses between."""
 ORDERS_BYTES, FORWARDED_BYTES = 1 << 12, 1 << 18
-"""What may wait for a slow other end: few of our own frames, as orders must not come late; of forwarded packets a
+"""Most that may wait for a slow other end: few of our own frames, as orders must not come late; of forwarded packets a
 second's worth of a hundred vehicles."""
 
 
@@ -140,7 +140,7 @@ class Connection:
 
     @property
     def fds(self) -> tuple[int, ...]:
-        """What to wait for; none once it is closed."""
+        """Descriptors to wait for; none once it is closed."""
         try:
             fd = self.file.fileno()
         except (OSError, ValueError):

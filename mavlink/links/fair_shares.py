@@ -58,7 +58,7 @@ class Allowance:
 
     burst_s: float
     credit_s: float
-    """What is left of the burst, in seconds of the rate."""
+    """Rest of the burst, in seconds of the rate."""
     share: float = 1.0
     """Share of its datagrams that passes now."""
     wanted_per_s: float = 0.0
@@ -108,7 +108,7 @@ class Allowance:
 
 @dataclass(frozen=True, slots=True)
 class PassedTraffic:
-    """What passed in a while."""
+    """Counts of what passed in a while."""
 
     likely: int
     """Unknown datagrams that look like one frame."""

@@ -51,7 +51,7 @@ def parse_url(url: str) -> LinkUrl:
 
 
 def kind_of(url: str | LinkUrl) -> type[Link]:
-    """What opens a URL.
+    """Kind of link that opens a URL.
 
     Raises:
         LinkError: bad URL.

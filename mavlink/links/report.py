@@ -11,7 +11,7 @@ from mavlink.links.flood_limiter import FloodLimit
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkCounts:
-    """What a link has brought so far."""
+    """Counts of what a link has brought so far."""
 
     packets: int = 0
     """Good frames, and those of unknown messages."""
@@ -49,7 +49,7 @@ class LinkReport:
     """Highest number given to a sender."""
     connected: bool = True
     claims: tuple[Claim, ...] = ()
-    """What the known senders are trusted for."""
+    """Claims that the known senders are trusted for."""
     mixed: tuple[int, ...] = ()
     """Numbers of those whose datagrams are not always one frame."""
     limits: tuple[FloodLimit, ...] = ()

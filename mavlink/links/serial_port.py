@@ -67,7 +67,7 @@ def patience_s(baud: int) -> float:
 
 
 def _receive(port: serial.Serial) -> bytes | None:
-    """What is there, None when nothing is, empty where the port is gone."""
+    """Bytes that are there, None when nothing is, empty where the port is gone."""
     try:
         # a port that can be read and has nothing is one that was unplugged: the read then fails
         return port.read(min(max(port.in_waiting, 1), _CHUNK)) or None

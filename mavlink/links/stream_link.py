@@ -17,7 +17,7 @@ PAUSES_S = (0.5, 1.0, 2.0, 4.0)
 
 
 class StreamLink(Link):
-    """What TCP clients and serial ports have in common.
+    """Base of TCP clients and serial ports.
 
     Args:
         url: the link.
@@ -43,18 +43,18 @@ class StreamLink(Link):
 
     @property
     def fds(self) -> tuple[int, ...]:
-        """What to wait for; nothing while it is lost."""
+        """Descriptors to wait for; nothing while it is lost."""
         return self._connection.fds if self._connection is not None else ()
 
     def read_batch(self) -> Batch:
-        """What is there, without waiting; at the end of the stream what was hidden behind an unfinished frame."""
+        """Batch of what is there, without waiting; at the end of the stream what an unfinished frame hid."""
         batch, connection = Batch(), self._connection
         if connection is not None and not connection.read_into(batch)[0]:
             self._lose()
         return batch
 
     def read_rest(self) -> Batch:
-        """What an unfinished frame still hides."""
+        """Batch of what an unfinished frame still hides."""
         batch = Batch()
         if self._connection is not None:
             self._connection.frames.add(b"", now_us(), batch)

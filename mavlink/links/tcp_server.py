@@ -77,7 +77,7 @@ class TcpIn(Link):
 
     @property
     def fds(self) -> tuple[int, ...]:
-        """What to wait for: the listening socket and every connection."""
+        """Descriptors to wait for: the listening socket and every connection."""
         return tuple(sock.fileno() for sock in [self._server, *self._clients]) if self._open else ()
 
     @property
@@ -86,7 +86,7 @@ class TcpIn(Link):
         return any(client.connection.overdue for client in self._clients.values())
 
     def read_batch(self) -> Batch:
-        """What is there on all connections, without waiting."""
+        """Batch of what is there on all connections, without waiting."""
         batch = Batch()
         if self._open:
             self._accept(batch)
@@ -95,7 +95,7 @@ class TcpIn(Link):
         return batch
 
     def read_rest(self) -> Batch:
-        """What unfinished frames still hide."""
+        """Batch of what unfinished frames still hide."""
         batch = Batch()
         for client in self._clients.values():
             client.connection.frames.add(b"", now_us(), batch)

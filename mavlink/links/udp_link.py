@@ -33,7 +33,7 @@ _WAITED_S = 10.0
 
 
 class UdpLink(Link):
-    """What listening and connected sockets have in common."""
+    """Base of listening and connected sockets."""
 
     has_kernel_stamps = True
 
@@ -66,7 +66,7 @@ class UdpLink(Link):
 
     @property
     def counts(self) -> LinkCounts:
-        """What came so far."""
+        """Counts of what came so far."""
         if self._open:
             self.limiter.count_drops()
         return self._counters.snapshot(dropped=self.limiter.dropped, turned_away=self.limiter.turned_away)
@@ -83,7 +83,7 @@ class UdpLink(Link):
 
     @property
     def fds(self) -> tuple[int, ...]:
-        """What to wait for."""
+        """Descriptors to wait for."""
         return (self._socket.fileno(),) if self._open else ()
 
     def read_batch(self) -> Batch:
@@ -206,7 +206,7 @@ class UdpLink(Link):
         self._system_ids = frozenset(system_ids)
 
     def resume(self, before: LinkReport) -> None:
-        """What the socket dropped in the meantime is counted."""
+        """Count what the socket dropped in the meantime."""
         self.limiter.resume(before.system_drops, was_limited=before.narrow)
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""What the checksum shows of a frame whose definition is not in the dialect.
+"""Checksums of frames whose definitions are not in the dialect.
 
 MAVLink's checksum is the X.25 CRC of header and payload with one more byte at the end, the definition's CRC extra:
 

@@ -159,7 +159,7 @@ _SENSORS = {
     "proximity sensor": 1 << 26,
     "propulsion": 1 << 30,
 }
-"""What a vehicle cannot do without; no remote control, which a fleet that drives by itself has not."""
+"""Sensors that a vehicle cannot do without; no remote control, which a fleet that drives by itself has not."""
 
 
 def _sys_status(head: _Head, v: _Values) -> SensorHealth:

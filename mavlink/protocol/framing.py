@@ -29,7 +29,7 @@ _EXTRA = tuple(bytes([extra]) for extra in range(256))
 
 @dataclass(frozen=True, slots=True)
 class FrameCounts:
-    """What was found in some bytes."""
+    """Counts of what was found in some bytes."""
 
     good: int = 0
     """Frames of known messages with the right checksum."""
@@ -79,7 +79,7 @@ def checksum(frame: bytes, extra: int) -> int:
 
 
 def _match_frame(data: bytes, pos: int) -> tuple[_FrameMatch, int]:
-    """What begins at a magic byte, and its length (0 for nothing)."""
+    """Kind of what begins at a magic byte, and its length (0 for nothing)."""
     left = len(data) - pos
     v2 = data[pos] == MAGIC_V2
     header = 10 if v2 else 6

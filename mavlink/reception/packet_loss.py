@@ -22,7 +22,7 @@ _MAX_SEQUENCES = 32
 
 _HEARTBEAT = 0
 _WINDOW_MS, _MOST_INTERVALS = 30_000, 64
-"""What is regular is measured over so long, and so many intervals."""
+"""Time over which what is regular is measured, and most intervals."""
 _NEIGHBOURS = 10
 """Intervals on each side of one that tell what is usual there: of so many, a few are whole though most messages are
 lost."""

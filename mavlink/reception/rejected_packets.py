@@ -29,7 +29,7 @@ _SAMPLES, _SAMPLE_EVERY_US = 128, 1_000_000
 """Timestamps kept of each stream: two minutes."""
 
 REPORT_AGAIN_US = 30_000_000
-"""What a vehicle does wrong all the time is reported this often."""
+"""Interval of reports on what a vehicle does wrong all the time."""
 _NEVER_US = -(1 << 62)
 _MAX_REPLAYERS = 16
 """Addresses remembered that have played a recording."""
@@ -193,7 +193,7 @@ class PacketRejections:
         return f"signatures {_duration_text(self._lag_s)} behind, nothing proves that its packets are made now: held"
 
     def _replay_text(self, packet: Packet, sender_last_us: int | None) -> str:
-        """What is known of a recording that is played."""
+        """Text about a recording that is played."""
         age_us = self._ages.age_us(packet)
         recorded = "before this flight" if age_us is None else f"at least {_duration_text(age_us * 1e-6)} ago"
         own = sender_last_us is not None and packet.t_us - sender_last_us < _AUTH_LASTS_US

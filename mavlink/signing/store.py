@@ -107,7 +107,7 @@ class StreamStore:
         self.folder = folder
         self.streams = Streams(accept_late)
         self.warning = ""
-        """What was wrong with the files at the start; empty for nothing."""
+        """Fault of the files at the start; empty for nothing."""
         self.trouble = ""
         """Why nothing can be saved now; empty where it can."""
         self._number = self._births = 0

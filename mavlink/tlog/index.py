@@ -38,7 +38,7 @@ class Damage:
 
 
 def _frame_reason(head: bytes, room: int) -> str:
-    """What is wrong with what looks like a frame; empty when it does not look like one."""
+    """Fault with what looks like a frame; empty when it does not look like one."""
     v2 = head[:1] == bytes([MAGIC_V2])
     if len(head) < 10 or (not v2 and head[0] != MAGIC_V1):
         return ""
@@ -146,7 +146,7 @@ def _reach(data: Bytes, at: int, stop: int) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TlogCounts:
-    """What a log holds, in numbers."""
+    """Counts of what a log holds."""
 
     records: int
     """Frames, good and unknown."""

@@ -1,4 +1,4 @@
-"""What is in a telemetry log, in numbers."""
+"""Summary of a telemetry log, in numbers."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What the station itself sends: commands and rate requests in, frames for the UAV's link out."""
+"""Sending by the station itself: commands and rate requests in, frames for the UAV's link out."""

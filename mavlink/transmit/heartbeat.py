@@ -1,4 +1,4 @@
-"""What the station sends on its own once it commands: its heartbeat, and requests for the UAV's clock.
+"""Frames that the station sends on its own once it commands: its heartbeat, and requests for the UAV's clock.
 
 Both are sent by polling in the caller's loop, so that a program that hangs falls silent. What was missed is not sent
 later.

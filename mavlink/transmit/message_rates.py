@@ -99,7 +99,7 @@ class Rate:
     measured_hz: float
     state: State
     hint: str = ""
-    """What an operator can do, empty for nothing."""
+    """Advice for the operator, empty for nothing."""
 
     @property
     def words(self) -> str:

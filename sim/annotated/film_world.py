@@ -26,7 +26,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilmWorld:
-    """What was made of a film."""
+    """World that was made of a film."""
 
     world: World
     """World of the team alone; the others are seen and report nothing."""

@@ -1,4 +1,4 @@
-"""What the camera does to the light: motion blur, vignetting, exposure, white balance, sensor noise."""
+"""Exposure: what the camera does to the light: motion blur, vignetting, exposure, white balance, sensor noise."""
 
 from __future__ import annotations
 

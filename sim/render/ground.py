@@ -199,7 +199,7 @@ def grain(side: int, scales: tuple[int, ...], strength: float, rng: np.random.Ge
 
 
 def _strokes(road: Road, style: GroundStyle, rng: np.random.Generator) -> list[_Stroke]:
-    """What is drawn of a road, in order: kerb, asphalt, repairs, marks."""
+    """Layers of a road, in order: kerb, asphalt, repairs, marks."""
     strokes = [
         _Stroke(color=KERB, width_m=road.width + 0.5, lines=(road.centre,)),
         _Stroke(color=ASPHALT, width_m=road.width, lines=(road.centre,)),

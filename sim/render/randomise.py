@@ -138,7 +138,7 @@ CLUTTER: tuple[Entry, ...] = (
     ("bench", 0.05, (1.2, 2.4), (0.4, 0.8), (0.5, 0.9), bench),
     ("stall", 0.07, (1.5, 4.0), (1.2, 3.0), (2.0, 3.0), stall),
 )
-"""What must not be detected, in the same columns; sizes and shares are a choice."""
+"""Distractors, which must not be detected, in the same columns; sizes and shares are a choice."""
 
 HEAVY: tuple[Entry, ...] = (
     ("bus", 0.3, (7.0, 13.5), (2.3, 2.6), (2.7, 3.4), bus),
@@ -160,7 +160,7 @@ URBAN: tuple[Entry, ...] = (
     ("house", 0.25, (9.0, 32.0), (7.0, 12.0), (5.0, 12.0), house),
     ("flats", 0.25, (9.0, 45.0), (8.0, 20.0), (4.0, 24.0), flats),
 )
-"""What stands and moves in towns and must not be detected, in the same columns; sizes and shares are a choice."""
+"""Distractors in towns, which must not be detected, in the same columns; sizes and shares are a choice."""
 
 
 PLAIN_SHARE = 0.2

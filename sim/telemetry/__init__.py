@@ -1,1 +1,1 @@
-"""What vehicles and a detector would report: the true world in, MAVLink messages and boxes with errors out."""
+"""Reports of vehicles and a detector: the true world in, MAVLink messages and boxes with errors out."""

@@ -1,4 +1,4 @@
-"""What the vehicles measure of themselves: GNSS, compass, attitude, with errors that last and errors that don't."""
+"""Sensors of the vehicles: GNSS, compass, attitude, with errors that last and errors that don't."""
 
 from __future__ import annotations
 

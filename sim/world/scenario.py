@@ -201,7 +201,7 @@ class ScenarioTiming:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioDetector:
-    """What an oriented detector makes of the image."""
+    """Detections that an oriented detector makes of the image."""
 
     pixel_noise: float = 1.0
     size_noise: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
@@ -231,7 +231,7 @@ class ScenarioDetector:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Targets:
-    """What is seen and is not ours."""
+    """Targets that are seen and not ours."""
 
     still: int = 0
     moving: int = 0
@@ -309,7 +309,7 @@ class Scenario:
     longitude_deg: float = 11.6
     altitude_m: float = 550.0
     scenery: Literal["bare", "dressed"] = "bare"
-    """What video shows beside the vehicles: nothing, or things and trees beside the road, another light, weathered
+    """Scenery beside the vehicles: nothing, or things and trees beside the road, another light, weathered
     ground and the camera's noise."""
     ground: ScenarioGround = field(default_factory=ScenarioGround)
     flight: ScenarioFlight = field(default_factory=ScenarioFlight)

@@ -1,4 +1,4 @@
-"""What a renderer is given: the camera, the bodies and the roads; and the pinhole projection they share.
+"""View that a renderer is given: the camera, the bodies and the roads; and the pinhole projection they share.
 
 World frame: ENU metres, ground z = 0, headings in radians clockwise from north. Camera frame: OpenCV axes (x right,
 y down, z forward); ``R_enu_cam`` maps camera vectors into ENU. Distortion is Brown's k1 k2 p1 p2 k3, as OpenCV has it.
@@ -74,7 +74,7 @@ class Road:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
-    """What does not move: the roads; none on open ground."""
+    """Still parts of the world: the roads; none on open ground."""
 
     roads: tuple[Road, ...] = ()
 

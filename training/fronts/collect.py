@@ -114,7 +114,7 @@ def collect_folder(path: Path, out: Path, most: int) -> None:
 
 
 def read_crops(out: Path, margin: float) -> Crops:
-    """What was collected."""
+    """Crops that were collected."""
     with (out / "crops.csv").open() as file:
         length_px = np.array([float(row["w"]) for row in csv.DictReader(file)])
     images = np.zeros((len(length_px), ACROSS, LENGTH, 3), np.uint8)

@@ -32,7 +32,7 @@ WEIGHT_DECAY = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainingPlan:
-    """What a run is determined by."""
+    """Settings that determine a run."""
 
     seed: int = 0
     steps: int = 2400

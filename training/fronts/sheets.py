@@ -26,7 +26,7 @@ from vision.errors import LabelError
 
 Image = NDArray[np.uint8]
 RIGHT, LEFT, NONE, UNDECIDED = "right", "left", "none", "?"
-"""What a person may write in ``corrections.csv``."""
+"""Words that a person may write in ``corrections.csv``."""
 COLUMNS = 16
 """Crops side by side on a sheet."""
 ROWS = 12

@@ -47,7 +47,7 @@ class Vehicles:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CropBatch:
-    """What a network sees."""
+    """Crops that a network sees."""
 
     planes: NDArray[np.float32]
     """(n, 3, S, S) RGB, normalised."""

@@ -29,7 +29,7 @@ from training.rendered.thermal import as_thermal, draw_traces, warmed
 
 Image = NDArray[np.uint8]
 Sorts = list[ObjectKind | None]
-"""What each body is; None where it is a tree."""
+"""Kind of each body; None where it is a tree."""
 SIDE = 384
 """Side of a crop, px: more than the 256 px that training cuts out of it, turned and scaled."""
 MAX_BOXES = 80

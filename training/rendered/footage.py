@@ -1,4 +1,4 @@
-"""What happens to an image between the lens and the screen: haze, grading, rescaling, sharpening, compression."""
+"""Changes to an image between the lens and the screen: haze, grading, rescaling, sharpening, compression."""
 
 from __future__ import annotations
 

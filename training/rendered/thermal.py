@@ -65,7 +65,7 @@ def draw_traces(image: Image, view: CameraView, places: FloatArray, rng: np.rand
 
 
 def as_thermal(image: Image, rng: np.random.Generator) -> Image:
-    """What a thermal camera records of a scene whose colours are temperatures.
+    """Image that a thermal camera records of a scene whose colours are temperatures.
 
     Args:
         image: (H, W, 3) BGR.

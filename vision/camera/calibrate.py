@@ -136,7 +136,7 @@ def doubts(calibration: Calibration) -> Iterator[str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Fit:
-    """What OpenCV finds."""
+    """Calibration that OpenCV finds."""
 
     rms_px: float
     K: Floats

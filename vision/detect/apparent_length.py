@@ -25,7 +25,7 @@ Look = Callable[[Image, float], Detections]
 """Looks at an image, scaled by a factor; its boxes are in pixels of that image."""
 
 CAR_M = 4.5
-"""What the length stands for: most vehicles are taken to be as long as a car."""
+"""Length that is meant: most vehicles are taken to be as long as a car."""
 FLOOR = 0.15
 """Weaker boxes are no evidence."""
 STEP = 2.0

@@ -119,7 +119,7 @@ class Detections:
 
 
 def _misfit(columns: list[ArrayLike]) -> str:
-    """What is wrong with columns that make no table."""
+    """Fault of columns that make no table."""
     arrays = [np.asarray(column, dtype=np.float64) for column in columns]
     for name, array in zip(FIELDS, arrays, strict=True):
         if array.ndim != 1:

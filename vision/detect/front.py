@@ -118,7 +118,7 @@ class FrontedDetector:
 
     def __init__(self, detector: Detector, classifier: FrontClassifier, *, score: float = 0.0) -> None:
         self.detector = detector
-        """What finds the boxes."""
+        """Detector that finds the boxes."""
         self._classifier, self._score = classifier, score
 
     def detect(self, image: Image, *, gsd_m: float | None = None) -> Detections:

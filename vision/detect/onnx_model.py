@@ -69,7 +69,7 @@ def open_session(path: Path, providers: Sequence[str], threads: int) -> ort.Infe
 
 
 def why(error: Exception) -> str:
-    """What onnxruntime says, which may be pages of the file's own words, in a line."""
+    """Error of onnxruntime in a line; it may be pages of the file's own words."""
     return plain(" ".join(str(error).split()))[:MOST_WORDS]
 
 

@@ -68,7 +68,7 @@ class ScaleFinder:
         return self._detector.film_gsd_m(image, self.length_px)
 
     def news(self) -> str:
-        """What changed since the last call, one line, empty for nothing."""
+        """Change since the last call, one line, empty for nothing."""
         if self.length_px == self._told_px:
             return ""
         before, self._told_px = self._told_px, self.length_px

@@ -41,7 +41,7 @@ whole frame, and with more of them a film would be followed at a frame or two a 
 FINEST = 2.0
 """Largest scale at which vehicles are measured: those that are small at full size are found at two scales too."""
 STILL_RUNS, FILM_RUNS = 4.0, 1.0
-"""What is looked at at one scale to find the scale of an image, and of a film meanwhile, in whole canvases."""
+"""Area that is looked at at one scale to find the scale of an image, and of a film meanwhile, in whole canvases."""
 UNNAMED = 1000
 """Classes that a model without names may number its boxes with."""
 
@@ -74,7 +74,7 @@ class YoloDetector:
         tiled: bool = True,
     ) -> None:
         self.dropped = Dropped()
-        """What outputs held so far that could be no box, or was too much."""
+        """Counts of what outputs held so far that could be no box, or was too much."""
         self._counting = Lock()
         self._session, self._where, self._tiled = session, where, tiled
         try:

@@ -1,4 +1,4 @@
-"""What a YOLO-OBB export takes and gives, read from its inputs, outputs and notes.
+"""Layout of what a YOLO-OBB export takes and gives, read from its inputs, outputs and notes.
 
 Outputs of Ultralytics' exports of YOLOv8-OBB, YOLO11-OBB and YOLO26-OBB (a = anchors, c = classes):
 
@@ -71,7 +71,7 @@ class YoloInput:
 
 
 def read_input(session: ort.InferenceSession, imgsz: int | None = None) -> YoloInput:
-    """What a model takes.
+    """Input that a model takes.
 
     Args:
         session: the model.

@@ -47,7 +47,7 @@ VEHICLE = "vehicle"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Folder:
-    """What was found."""
+    """Images and labels that were found."""
 
     format: Format
     images: tuple[LabelledImage, ...]

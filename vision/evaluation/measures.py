@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 FLOOR = 0.01
 """Smallest score that average precision sees: detectors are asked for all from it on."""
 USUAL_PRECISION = 0.85
-"""What the bundled detector's operating score is set to."""
+"""Precision that the bundled detector's operating score is set to."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +58,7 @@ class Centres:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reliability:
-    """What scores are worth: judged by centres with upright labels, by overlap of a half with others."""
+    """Worth of scores: judged by centres with upright labels, by overlap of a half with others."""
 
     bins: tuple[ScoreBin, ...]
     usual_score: float

@@ -1,4 +1,4 @@
-"""What scores are worth: how many of the detections of a score are right, by their size."""
+"""Worth of scores: how many of the detections of a score are right, by their size."""
 
 from __future__ import annotations
 

@@ -85,7 +85,7 @@ detection is right if its centre lies in an object, which is fair where labels a
 thirds are of each image's objects, from the top down. Share right: of detections of this score and length, by centres
 with upright labels, by overlap with others. 95 % of a difference: over draws of the images, so that other images of
 their kind are expected to be within; it is – for one image."""
-"""What the figures are."""
+"""Meaning of the figures."""
 
 
 def _figures(r: Evaluation) -> list[tuple[str, str]]:

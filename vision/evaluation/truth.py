@@ -1,4 +1,4 @@
-"""What is really on an image, and which of it counts."""
+"""Truth: what is really on an image, and which of it counts."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class LabelledImage:
     """A training crop: Rollcall's own network takes it unscaled."""
 
     def ground_resolution_m(self, native_m: float | None) -> float | None:
-        """What a detector is told, metres per pixel, None unknown.
+        """Resolution that a detector is told, metres per pixel, None unknown.
 
         Args:
             native_m: at which the detector sees images unscaled, None for one that does not scale them.

@@ -1,4 +1,4 @@
-"""What the attitude fusion is given at a frame: telemetry's rotation, the turn that the pixels show, and boxes."""
+"""Evidence for the attitude fusion at a frame: telemetry's rotation, the turn that the pixels show, and boxes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What two images say about the motion of the camera between them."""
+"""Motion of the camera between two images, by the images."""
 
 from __future__ import annotations
 

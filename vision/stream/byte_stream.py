@@ -26,9 +26,9 @@ _AT_ONCE = {"probesize": "32", "analyzeduration": "0"}
 _MOST_ARRIVALS = 1 << 16
 """Pieces of a connection of which none was a picture's: a minute at a thousand datagrams a second."""
 _SYNC, _TS_PACKET = b"G", 188
-"""What each packet of a transport stream begins with, and how long it is."""
+"""Byte that each packet of a transport stream begins with, and how long it is."""
 _PARTS, _JPEG, _START_CODES = b"--", b"\xff\xd8\xff", (b"\0\0\1", b"\0\0\0\1")
-"""What multipart MJPEG, a bare JPEG and raw video begin with."""
+"""Bytes that multipart MJPEG, a bare JPEG and raw video begin with."""
 
 
 def has_no_stamps(container: av.container.InputContainer) -> bool:
@@ -59,7 +59,7 @@ class Arrivals:
 
 
 class ByteStream:
-    """What FFmpeg reads from instead of the address.
+    """File that FFmpeg reads from instead of the address.
 
     Attributes:
         arrival_s: Unix time at which the packet that was dated last came.

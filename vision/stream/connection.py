@@ -51,7 +51,7 @@ READ_TIMEOUT_S = 2.0
 HTTP = ("http:", "https:")
 BYTE_STREAMS = ("tcp:", *HTTP)
 ONE_STREAM = {"format_whitelist": f"{ONE_FILE},mpjpeg"}
-"""What others may send: a playlist or a session would have FFmpeg ask any host and open any port."""
+"""Formats that others may send: a playlist or a session would have FFmpeg ask any host and open any port."""
 MOST_REDIRECTS = 4
 """On the same host, one after the other."""
 READ_BYTES = 32768
@@ -142,7 +142,7 @@ class Input:
     exposures: Exposures = field(default_factory=Exposures)
     """Exposure times that the stream itself carries."""
     line: ByteStream | None = None
-    """What the container reads from, where that is not FFmpeg's own."""
+    """File that the container reads from, where that is not FFmpeg's own."""
 
     def close(self) -> None:
         """Hang up."""
@@ -320,7 +320,7 @@ def listen(opened: Input, packet: Packet[CodedStream], arrival_s: float) -> None
 
 
 class _Bytes:
-    """What FFmpeg reads from: the transport stream in the datagrams of one connection."""
+    """File that FFmpeg reads from: the transport stream in the datagrams of one connection."""
 
     def __init__(self, port: Port) -> None:
         self._port = port

@@ -149,7 +149,7 @@ class Port:
         return b""
 
     def reports(self) -> list[tuple[bytes, float]]:
-        """What came on the next higher port, where RTCP of RTP on an even one is, each with its Unix time of arrival.
+        """Datagrams of the next higher port, where RTCP of RTP on an even one is, each with its Unix time of arrival.
 
         That port is bound with the first call, if it is free, and only datagrams of the present sender's host are read.
         """

@@ -43,7 +43,7 @@ CODECS: Mapping[str, Codec] = {
 DATAGRAMS: Mapping[str, Codec] = {"udp": "", "rtp": "", "mpegts": "mpegts", "udp264": "h264", "udp265": "hevc"}
 NETWORK = ("rtsp", "rtsps", "rtmp", "rtmps", "tcp", "http", "https")
 NOT_BUILT = ("srt", "rist")
-"""What FFmpeg can receive, and the one that comes with PyAV cannot."""
+"""Schemes that FFmpeg can receive, and the one that comes with PyAV cannot."""
 ANY_HOST = ("", "0.0.0.0", "::")
 CAMERA_KEYS = {"size": "video_size", "rate": "framerate", "format": "input_format"}
 

@@ -33,7 +33,7 @@ _DAMAGE = (av.FFmpegError, OSError, ValueError, MemoryError)
 
 
 def looks_like(data: bytes, codec: Codec) -> Kind | None:
-    """What a datagram could be of, None when it is of nothing that can be received.
+    """Kind of stream that a datagram could be of, None when it is of nothing that can be received.
 
     Args:
         data: the datagram.

@@ -82,7 +82,7 @@ class BoxShapes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lens:
-    """What is known of the camera's optics."""
+    """Optics of the camera, as far as they are known."""
 
     middle: Floats
     """(2,) px."""
@@ -214,7 +214,7 @@ def _motion(p: Floats, focal_px: float) -> Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Prior:
-    """What motions are to be expected."""
+    """Prior of the motions that are to be expected."""
 
     mean: Floats
     """(2, 4) mean of A over the tracks."""

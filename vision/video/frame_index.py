@@ -269,7 +269,7 @@ class FrameReader:
         yield from self._shown(None, start)
 
     def _shown(self, packet: Packet[VideoStream] | None, start: int) -> Iterator[tuple[int, VideoFrame]]:
-        """What the decoder gives out for one packet, or at the end for None."""
+        """Frames that the decoder gives out for one packet, or at the end for None."""
         try:
             frames = self._stream.codec_context.decode(packet)
         except av.FFmpegError:

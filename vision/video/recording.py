@@ -74,7 +74,7 @@ class Recording:
 
     @property
     def error(self) -> str:
-        """What went wrong last, empty once a later file is being written."""
+        """Fault that came last, empty once a later file is being written."""
         return self._error or (self._put_back.error if self._put_back else "")
 
     def wants_segment(self, stream: CodedStream, unix_s: float) -> bool:
