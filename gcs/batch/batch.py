@@ -30,7 +30,7 @@ from gcs.export.tables.arrow import import_pyarrow
 from infra.secrets import concealed
 
 LEFT_ASIDE_S = 86_400.0
-"""What other machines are still working on is younger."""
+"""Age beyond which no other machine is still working on what it claimed."""
 Note = Callable[[str], None]
 Results = Generator[FlightResult, None, None]
 

@@ -111,7 +111,7 @@ def prepare(
     screen: bool,
     ask: ThemeName | None,
 ) -> Ready:
-    """What a mission file says, else who is heard; the command line in place of both.
+    """Beginning by a mission file, else by who is heard; the command line in place of both.
 
     Args:
         mission: the file.

@@ -217,7 +217,7 @@ def _with_model(mission: Mission, model: Path | None) -> Mission:
 
 
 def _save_mission(flight: Flight) -> None:
-    """What flew without a mission file is kept as one; where that fails the session has it all the same."""
+    """Keep what flew without a mission file as one; where that fails the session has it all the same."""
     try:
         print_note(flight.save_mission())
     except OSError as error:

@@ -402,7 +402,7 @@ class CommandExecutor:
 
 
 def _words(monitor: PointingMonitor) -> str:
-    """What is seen of a camera that does not look where it should."""
+    """Words for what is seen of a camera that does not look where it should."""
     if math.isnan(monitor.off_rad):
         return "nothing reports where the camera looks"
     return f"the camera did not move: {_off(monitor)}"
@@ -413,7 +413,7 @@ def _off(monitor: PointingMonitor) -> str:
 
 
 def _seen(verdict: Verdict, monitor: PointingMonitor) -> tuple[Level, str]:
-    """What is reported of a camera while commands go on."""
+    """Words for what is reported of a camera while commands go on."""
     if verdict == "done":
         return "info", "done: the camera looks there"
     if verdict == "unknown":

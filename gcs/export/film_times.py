@@ -52,7 +52,7 @@ def retimed(film: CodedFilm, shown: NDArray[np.int64], time_base: Fraction) -> I
 
 @contextmanager
 def copying(film: Path | None, kind: str) -> Iterator[None]:
-    """What FFmpeg says against a copy becomes one line.
+    """Make one line of what FFmpeg says against a copy.
 
     Args:
         film: that is copied.

@@ -54,7 +54,7 @@ class Unfinished:
             raise SessionError(f"{place}: cannot be written: {error.strerror}") from error
         self._remove = weakref.finalize(self, remove_aside, self._hidden)
         self.path = self._hidden / name
-        """What to make and fill."""
+        """Path to make and fill."""
 
     def finish(self) -> None:
         """Put it into its place.

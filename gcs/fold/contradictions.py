@@ -15,7 +15,7 @@ FITS = 0.75
 FRESH_S = 2.0
 """An older report fits nothing."""
 UNPROVED_S = 1.0
-"""What the identifier alone takes for a contradiction counts once it has for so long: a box may be missed meanwhile."""
+"""Time after which a contradiction that the identifier alone sees counts: a box may be missed meanwhile."""
 
 
 class Contradictions:

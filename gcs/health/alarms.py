@@ -28,10 +28,10 @@ BREAK_US = 500_000
 FLAPS, MOST_COUNTED = 3, 1_000
 """From so many times on it comes and goes."""
 STAYS_US = 10_000_000
-"""What comes and goes is an alarm of its own as well once it lasts for so long."""
+"""Time after which coming and going is an alarm of its own as well."""
 MINUTES_FROM_S = 90.0
 MOST_DOUBLINGS = 4
-"""What comes and goes must be gone longer for every time it came: doubled, at most so often."""
+"""Most doublings of the time that what comes and goes must be gone, one for every time it came."""
 _RANK: Final[dict[Level, int]] = {"info": 0, "warning": 1, "alarm": 2}
 
 

@@ -15,7 +15,7 @@ UNHEARD_S = 15.0
 BEHIND_S = 2.0
 """Telemetry is processed five times a second and more; a moment's hold-up changes nothing that is shown."""
 STAYS_AWAY_S = 1.0
-"""What is back within it asks for nothing: under load frames and telemetry are a second late now and then."""
+"""Time within which what is back asks for nothing: under load frames and telemetry are a second late now and then."""
 LATE_S = 1.0
 """A vehicle at 5 m/s is five metres from where an older frame shows it."""
 LATE_FOR_S = 3.0

@@ -51,7 +51,7 @@ class ChosenCamera:
 
     @property
     def stated(self) -> Camera | None:
-        """What the mission says of it: without field of view and direction nothing, so that the film is searched for
+        """Camera of the mission: without field of view and direction nothing, so that the film is searched for
         both."""
         return self.camera if self.looks_known or self.camera.intrinsics is not None else None
 

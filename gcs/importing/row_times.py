@@ -34,7 +34,7 @@ _NEAR_M, _STEPS = 2.0, 3.0
 _FAR_M, _FASTEST_MPS = 30.0, 40.0
 """Nothing goes farther than this out of its path and back as fast as that."""
 _BESIDE_M, _SHARE_BESIDE = 15.0, 0.1
-"""What takes turns with another path is farther beside it than coordinates of four decimals, and does so often."""
+"""Least distance of paths that take turns, more than that of coordinates of four decimals, and least share."""
 _CUT_STEP_US, _STEP_US = 1_200_000, 500_000
 """Dates of whole seconds step by one."""
 _AROUND, _MOST_TOLD = 8, 3
@@ -236,7 +236,7 @@ def unix_seconds(text: str) -> tuple[float, bool]:
 
 
 def longest_level(what: str, ahead_us: Ints, t_us: Ints, step_us: int) -> tuple[Ints, tuple[str, ...]]:
-    """What holds longest of how much a clock is ahead (n,), and in words where it steps.
+    """Lead of a clock (n,) that holds longest, and in words where it steps.
 
     Args:
         what: the clock, in messages.

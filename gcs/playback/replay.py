@@ -293,10 +293,10 @@ class Replay:
         """Nothing is written into a recording."""
 
     def state_name(self, track_id: int, system_id: int) -> None:
-        """What was stated in flight stays as it is."""
+        """Leave what was stated in flight as it is."""
 
     def undo_statement(self, track_id: int = 0) -> None:
-        """What was stated in flight stays as it is."""
+        """Leave what was stated in flight as it is."""
 
     def rates(self) -> Sequence[Rate]:
         """A recording measures nothing."""
@@ -310,7 +310,7 @@ class Replay:
         """The fleet of a recording is as it flew."""
 
     def accept_held(self, system_ids: Sequence[int]) -> None:
-        """What was held in flight stays held."""
+        """Leave what was held in flight."""
 
     def save_mission(self) -> str:
         """A recording has its own."""

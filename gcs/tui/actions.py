@@ -27,7 +27,7 @@ class Action:
     keys: str
     """Keys as they are shown, empty without any."""
     words: str
-    """What it does: plain text."""
+    """Effect of the keys: plain text."""
     run: str
     """The action in Textual's form."""
     pane: Pane | None = None

@@ -235,7 +235,7 @@ class RollcallApp(ReplayApp):
         withdraw_name(self, self._station, self.snapshot, (self.selected, self.picked_track))
 
     def action_preflight(self) -> None:
-        """What the flight needs, live."""
+        """Show what the flight needs, live."""
         self.push_screen(PreflightScreen(self._station))
 
     def action_practise(self) -> None:
@@ -307,7 +307,7 @@ class RollcallApp(ReplayApp):
         self._map.zoom_by(steps)
 
     def action_follow(self) -> None:
-        """What the map follows."""
+        """Change what the map follows."""
         self._map.follow_next()
 
     def action_evidence(self) -> None:

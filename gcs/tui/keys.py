@@ -172,7 +172,7 @@ PANE_HINTS: Final[Mapping[str, tuple[Hint, ...]]] = MappingProxyType(
         "events": (("↑↓", "scroll"), ("l", "level"), ("/", "search"), ("z", "zoom")),
     }
 )
-"""What acts in a pane while it has the focus, by the pane's id: in its heading, and first in the last row."""
+"""Keys that act in a pane while it has the focus, by the pane's id: in its heading, and first in the last row."""
 _KEYS_BY_SIGN: Final = {format_key(key): key for binding in BINDINGS for key in binding.key.split(",")} | {
     "enter": "enter"
 }

@@ -1,4 +1,4 @@
-"""What the operator has picked: a vehicle, or a box that has no name."""
+"""Pick of the operator: a vehicle, or a box that has no name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the replay keys mean: speeds, jumps, events, and times typed by hand. Pure but for the timeline they move."""
+"""Meaning of the replay keys: speeds, jumps, events, and times typed by hand. Pure but for the timeline they move."""
 
 from __future__ import annotations
 

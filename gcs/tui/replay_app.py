@@ -19,7 +19,7 @@ class ReplayApp(TerminalApp):
     _events: EventPane
     _timeline: TimelineBar | None
     _jumps: Moment | None = None
-    """What ``n`` and ``p`` go to, None: the events of the log."""
+    """Events that ``n`` and ``p`` go to; None: the events of the log."""
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Replay keys exist only in a replay, those of a flight only there."""
@@ -65,7 +65,7 @@ class ReplayApp(TerminalApp):
             timeline.seek(goal)
 
     def action_jumps(self) -> None:
-        """What the keys for next and previous go to."""
+        """Choose what the keys for next and previous go to."""
         order = (None, *KINDS[::-1])
         self._jumps = order[(order.index(self._jumps) + 1) % len(order)]
         if self._timeline is not None:

@@ -232,7 +232,7 @@ class StartApp(TerminalApp):
         return [(" Who flies?", ink(ACCENT, HEAD, bold=True))], [(where, ink(INK, HEAD))]
 
     def _below(self, roles: Mapping[int, Role]) -> list[list[Part]]:
-        """What is to be known under the table, the standing last."""
+        """Lines to be known under the table, the standing last."""
         standing, good = _standing(roles)
         lines = [[(" video  ", ink(FAINT)), self._video_part()]]
         if not roles and (now_us() - self._listening.began_us) * 1e-6 > LONG_S:
@@ -344,7 +344,7 @@ def _position(heard: HeardVehicle) -> tuple[str, Colour]:
 
 
 def _standing(roles: Mapping[int, Role]) -> tuple[str, bool]:
-    """What is still to be done before a flight, in words; and whether that is nothing."""
+    """Words for what is still to be done before a flight; and whether that is nothing."""
     films = [i for i, role in roles.items() if role == "films"]
     named = [i for i, role in roles.items() if role == "named"]
     if not roles:

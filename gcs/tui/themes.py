@@ -27,7 +27,7 @@ ThemeName = Literal["dark", "light", "high-contrast"]
 
 
 class Colour(StrEnum):
-    """What a colour is for; a theme has what it looks like."""
+    """Use of a colour; a theme has what it looks like."""
 
     GAP = "gap"
     """Gap between panes."""
@@ -57,7 +57,7 @@ class Colour(StrEnum):
 
 
 BACKGROUNDS: Final = (Colour.PANEL, Colour.HEAD, Colour.PICKED, Colour.ALARM_TINT, Colour.WARN_TINT)
-"""What text stands on."""
+"""Colours that text stands on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

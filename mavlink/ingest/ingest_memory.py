@@ -102,7 +102,7 @@ class IngestMemory:
         return fits
 
     def put_received_until(self, t_us: int) -> None:
-        """What came before a Unix time has been put into the ring."""
+        """Note that what came before a Unix time has been put into the ring."""
         self._received_until.put(_RECEIVED_UNTIL.pack(t_us, self._ring.written))
 
     # ---- the station

@@ -33,7 +33,7 @@ GO_S, REST_S = 8.0, 4.0
 SILENT_S = 1.3
 """A reboot takes so long."""
 _INT32_MAX = 2**31 - 1
-"""What an int32 field cannot exceed; as degrees it is no place on the globe."""
+"""Greatest value of an int32 field; as degrees it is no place on the globe."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

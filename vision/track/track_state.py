@@ -19,7 +19,7 @@ SIZE_TIME_S = 0.5
 ENOUGH = 2.5
 """Evidence from which on a track is reported, nats. Raise → fewer tracks on nothing; lower → sooner ones."""
 CONFIRM_HITS = 2
-"""What looks most like a vehicle for a single frame may still be none."""
+"""Fewest frames that confirm: what looks most like a vehicle may still be none."""
 AXIS_TIME_S = 0.12
 """Time constant of the smoothed axis."""
 NEARLY_SQUARE = 1.4

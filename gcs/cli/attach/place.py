@@ -25,7 +25,7 @@ VARIABLES = (
 
 
 Variable = Annotated[str, msgspec.Meta(max_length=1024, pattern=r"\A[^\x00-\x1f\x7f]*\Z")]
-"""What the environment takes."""
+"""Text that a variable of the environment may hold."""
 
 
 class Flying(msgspec.Struct, frozen=True, kw_only=True):

@@ -117,7 +117,7 @@ def plain_classes(result: Evaluation) -> Evaluation:
 def _apart(
     images: list[LabelledImage], found: list[Detections], theirs: list[Detections], score: float, name: str
 ) -> NDArray[np.uint8]:
-    """What this detector finds and the other does not, and the other way round."""
+    """Boxes that this detector finds and the other does not, and the other way round."""
     from vision.evaluation.apart_sheet import apart_sheet, odd_ones
 
     truth = [p.truth for p in images]

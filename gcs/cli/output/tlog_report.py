@@ -104,7 +104,7 @@ def check_json(path: Path, found: TlogCheck) -> dict[str, Any]:
 
 
 def repair_lines(out: Path, found: TlogCheck) -> list[str]:
-    """What was written and what was left out."""
+    """Lines on what was written and left out."""
     lines = [f"{found.records} messages written to {out}"]
     stamps = sum(d.reason == "impossible time" for d in found.damage)
     places = len(found.damage) - stamps

@@ -26,7 +26,7 @@ _HEAD: Final = f"""<?xml version="1.0" encoding="UTF-8"?>
 
 
 class GpxExport:
-    """What is unknown is left out."""
+    """Tracks as GPX; the unknown is left out."""
 
     def __init__(self, job: ExportJob) -> None:
         self._unfinished = Unfinished(job.path)

@@ -35,7 +35,7 @@ _USER_DATA = 5
 _H264_SEI, _H265_SEI = (6,), (39, 40)
 _MOST_JSON = 16 << 10
 _OLDEST_MS = 1000.0
-"""What was older when it was written is left out."""
+"""Greatest age at which a message is not left out."""
 _STEP_US = 500_000
 """Smaller steps of the date against the video's clock are lateness."""
 _PARTS = re.compile(rb"\x00\x00\x01")

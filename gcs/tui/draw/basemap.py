@@ -33,7 +33,7 @@ class Basemap:
         self._last: tuple[object, NDArray[np.int64] | None] = (None, None)
 
     def picture(self, view: MapView, origin: LocalFrame | None, paper: int) -> NDArray[np.int64] | None:
-        """What is under a view.
+        """Ground under a view.
 
         Args:
             view: Which ground.

@@ -64,7 +64,7 @@ GAP: Final = 2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapExtras:
-    """What is on the map beside the snapshot."""
+    """Extras that are on the map beside the snapshot."""
 
     track: int = 0
     """Track id of the picked box without a name, 0 none."""
@@ -236,7 +236,7 @@ class _Mark(NamedTuple):
 
 
 def _marks(snapshot: Snapshot, rows: Sequence[VehicleRow], view: MapView, extras: MapExtras) -> list[_Mark]:
-    """What is in view: cursor, UAV, ground vehicles, boxes without a name, home; earlier ones over later ones."""
+    """Marks in view: cursor, UAV, ground vehicles, boxes without a name, home; earlier ones over later ones."""
     pointers = zip((extras.ruler.cursor, *extras.ruler.picks), (CURSOR_MARK, *PICK_MARKS), strict=False)
     cells = [(place and view.cell(np.array(place)), glyph) for place, glyph in pointers]
     marks = [_Mark(*cell, glyph, BRIGHT) for cell, glyph in cells if cell]

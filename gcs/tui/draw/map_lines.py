@@ -31,7 +31,7 @@ Place = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ruler:
-    """What the operator points at."""
+    """Ruler from place to place that the operator points at."""
 
     cursor: Place | None = None
     picks: tuple[Place, ...] = field(default=())
@@ -50,7 +50,7 @@ class Ruler:
 
     @property
     def ends(self) -> tuple[Place, Place] | None:
-        """What is measured: both picks, or the only one and the cursor."""
+        """Ends of what is measured: both picks, or the only one and the cursor."""
         if len(self.picks) == 2:
             return self.picks[0], self.picks[1]
         return (self.picks[0], self.cursor) if self.picks and self.cursor else None

@@ -1,4 +1,4 @@
-"""What a time line marks, and keys jump between: alarms, the operator's marks, gaps, warnings, names. Pure."""
+"""Moments that a time line marks, and keys jump between: alarms, the operator's marks, gaps, warnings, names. Pure."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def kind_of(event: Event) -> Moment | None:
 def cells_of(
     events: Sequence[Event], gaps: Sequence[Gap], start_us: int, stop_us: int, length: int
 ) -> list[Moment | None]:
-    """What each cell of a time line marks: the worst of what happened in it.
+    """Moment that each cell of a time line marks: the worst of what happened in it.
 
     Args:
         events: in any order; those outside are passed over.

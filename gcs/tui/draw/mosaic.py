@@ -32,7 +32,7 @@ PLAIN_LEVELS: Final = 9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PictureMode:
-    """What the terminal can show."""
+    """Mode of pictures that the terminal can show."""
 
     grain: Grain = "halves"
     """How each cell is divided."""

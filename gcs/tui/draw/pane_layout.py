@@ -33,7 +33,7 @@ SMALLEST = 60
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayoutState:
-    """What the operator wants to see."""
+    """Layout that the operator wants to see."""
 
     layout: int = 1
     """1 video first, 2 map first, 3 both beside each other."""

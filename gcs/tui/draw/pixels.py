@@ -79,7 +79,7 @@ def pixel_images(graphics: Graphics) -> Pixels | None:
 
 
 def _kind_of_images() -> tuple[Literal["sixel", "kitty", "inline"] | None, tuple[int, int]]:
-    """What this terminal replies on images, and width and height of its cells in px."""
+    """Reply of this terminal on images, and width and height of its cells in px."""
     assert sys.__stdin__ is not None and sys.__stdout__ is not None
     replies = "".join(ask(sys.__stdin__.fileno(), sys.__stdout__.fileno(), KITTY_QUESTION + CELL_QUESTION))
     attributes = ATTRIBUTES.search(replies)

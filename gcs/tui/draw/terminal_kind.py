@@ -67,7 +67,7 @@ def _numbers(text: str) -> Version:
 
 
 def ask_version(reads: int, writes: int) -> str:
-    """What a terminal replies to XTVERSION, such as ``kitty(0.40.1)``; empty when it does not.
+    """Reply of a terminal to XTVERSION, such as ``kitty(0.40.1)``; empty when it does not.
 
     Args:
         reads: file descriptor of its input.

@@ -13,7 +13,7 @@ FIRST: Final = 16
 CUBE: Final = np.array([0, 95, 135, 175, 215, 255], dtype=np.int64)
 GREYS: Final = np.arange(8, 239, 10, dtype=np.int64)
 GREY_CHROMA: Final = 40
-"""What differs less between its channels, of 255, is dithered in greys: the cube's dark colours are far apart, and of a
+"""Least difference of channels, of 255, that is not dithered in greys: the cube's dark colours are far apart, and of a
 meadow every third point would be red."""
 _BAYER: Final = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
 THRESHOLDS: Final = (_BAYER + 0.5) / 16

@@ -35,7 +35,7 @@ Seen = frozenset[tuple[str, int, str]]
 
 
 def token(alarm: Alarm) -> tuple[str, int, str]:
-    """What is remembered of an acknowledged alarm."""
+    """Token that is remembered of an acknowledged alarm."""
     return alarm.key, alarm.since_us, alarm.level
 
 
@@ -78,7 +78,7 @@ class AlarmPane(Pane):
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
-        """What is wrong now."""
+        """List of what is wrong now."""
         return () if self.snapshot is None else self.snapshot.alarms
 
     @property
@@ -199,7 +199,7 @@ def count_parts(loud: int, quiet: int) -> list[Part]:
 
 
 def alike(alarms: Iterable[Alarm]) -> tuple[Group, ...]:
-    """What several vehicles have alike is one group, all else of one vehicle another; in order of their first alarm."""
+    """Groups: what several vehicles have alike, and all else of each vehicle; in order of their first alarm."""
     alarms = tuple(alarms)
     shared: dict[tuple[str, ...], list[Alarm]] = {}
     for alarm in alarms:
@@ -226,7 +226,7 @@ def text_of(group: Group) -> str:
 
 
 def advice_of(group: Group) -> str:
-    """What to do about each of its troubles, the worst first."""
+    """Advice about each of its troubles, the worst first."""
     return "; ".join(dict.fromkeys(alarm.advice for alarm in group))
 
 

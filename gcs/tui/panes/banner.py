@@ -28,7 +28,7 @@ HINTED_FROM = 60
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alert:
-    """What the row shows."""
+    """Alert that the row shows."""
 
     level: Literal["alarm", "warning", "calm"] = "calm"
     """``alarm`` is loud; ``calm`` is also what was acknowledged."""

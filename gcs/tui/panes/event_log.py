@@ -66,7 +66,7 @@ def _rank(level: str) -> int:
 
 
 class EventPane(Pane):
-    """What happened; scrolls when focused, else follows the newest; in a replay, the newest before the frame."""
+    """Events; scrolls when focused, else follows the newest; in a replay, the newest before the frame."""
 
     label: ClassVar[str] = "EVENTS"
     FOCUS_ON_CLICK = False  # rows unfold with the focus, and another one would be under the pointer
@@ -87,7 +87,7 @@ class EventPane(Pane):
         self._live = live
         self._back = 0
         self._look: tuple[list[Event], str, str] = ([], "", "")
-        """What the rows were made of: events, level, words."""
+        """Source of the rows: events, level, words."""
         self._shown: list[EventRow] = []
         self._redrawn: tuple[list[EventRow] | None, list[str]] = None, []
         """Rows and vehicles' names that a snapshot last redrew the pane for."""

@@ -61,13 +61,13 @@ class Column:
     rank: int
     """Columns of low rank stay when the pane is narrow."""
     cell: Callable[[VehicleRow], Cell]
-    """What it shows while that is fresh."""
+    """Content while that is fresh."""
     align: str = "left"
     age_s: Callable[[VehicleRow], float] | None = None
     """How old that is, None for what does not age."""
 
     def aged_cell(self, row: VehicleRow) -> Cell:
-        """What it shows now."""
+        """Content now."""
         text, colour = self.cell(row)
         return (text, colour) if self.age_s is None else aged(text, colour, self.age_s(row), self.width)
 
@@ -133,7 +133,7 @@ def _link_and_position(row: VehicleRow) -> Cell:
 
 
 def _auth(row: VehicleRow) -> Cell:
-    """What it does now; else the worst it did: refused for its signature, or for want of one."""
+    """Signing state now; else the worst it did: refused for its signature, or for want of one."""
     if not math.isnan(row.held_s):
         return f"held {age(row.held_s)}", ALARM
     if row.signs:
@@ -271,7 +271,7 @@ def _kept(columns: Sequence[Column], width: int) -> tuple[Column, ...]:
 
 
 def _name_cells(columns: Sequence[Column], width: int) -> int:
-    """What is left for names beside the other columns that are in every table, each with a gap before it."""
+    """Width left for names beside the other columns that are in every table, each with a gap before it."""
     others = sum(column.width + 1 for column in columns if column.rank <= ALWAYS and column is not NAME)
     return width - GUTTER_CELLS - others
 

@@ -62,7 +62,7 @@ EVIDENCE: Final = (
     "Masses of the published methods, at most 0.5 s old, for analysts: the name is decided by the confidence alone."
 )
 FACT_CELLS: Final = 40
-"""What a fact's age may take with it; a narrow pane has it on a second row."""
+"""Widest fact with its age on one row; a narrow pane has it on a second row."""
 Fact = tuple[str, str, Colour]
 SURE: Final[frozenset[Standing]] = frozenset({"confirmed", "tentative", "coasting"})
 """Standings of vehicles that have a box."""
@@ -196,7 +196,7 @@ def _standing(words: str, standing: Standing, since_us: int, snapshot: Snapshot,
 
 
 def _against(snapshot: Snapshot, row: VehicleRow, box: Box | None) -> tuple[str, Colour]:
-    """What speaks against relying on a vehicle's name, the worst first."""
+    """Reasons against relying on a vehicle's name, the worst first."""
     alarms = [each for each in snapshot.alarms if each.system_id == row.system_id and each.kind != "text"]
     worst = next((each for each in alarms if each.doubts_name), next(iter(alarms), None))
     if worst is not None:
@@ -210,7 +210,7 @@ def _against(snapshot: Snapshot, row: VehicleRow, box: Box | None) -> tuple[str,
 
 
 def _to_do(snapshot: Snapshot, row: VehicleRow) -> str:
-    """What the worst alarm asks for, else what the standing does."""
+    """Advice of the worst alarm, else what the standing does."""
     worst = worst_alarm(snapshot, row.system_id)
     return plain(worst.advice) if worst is not None and worst.advice else ADVICE[row.standing]
 

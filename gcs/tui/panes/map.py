@@ -94,7 +94,7 @@ class MapPane(Pane):
 
     @property
     def follow(self) -> str:
-        """What stays in the middle: ``all``, ``UAV`` or ``selected``; empty after the operator panned."""
+        """Vehicle that stays in the middle: ``all``, ``UAV`` or ``selected``; empty after the operator panned."""
         return "" if self._free else FOLLOW[self._follow]
 
     @property
@@ -104,7 +104,7 @@ class MapPane(Pane):
 
     @property
     def ruler(self) -> Ruler:
-        """What the operator points at."""
+        """Ruler with what the operator points at."""
         return self._ruler
 
     @property
@@ -168,7 +168,7 @@ class MapPane(Pane):
         self.redraw()
 
     def note(self) -> Sequence[Part]:
-        """What is followed, how far the zoom is from fitting, how long trails are."""
+        """Words for what is followed, how far the zoom is from fitting, how long trails are."""
         held = f"follow {self.follow}" if self.follow else "panned, c: follow"
         zoom = f" zoom {self._zoom:+d}" if self._zoom and not self._free else ""
         span = TRAILS_S[self._span]

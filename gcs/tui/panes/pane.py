@@ -1,4 +1,4 @@
-"""What all panes share: a heading row, a body of strips, and redraw of only those rows that changed."""
+"""Base of all panes: a heading row, a body of strips, and redraw of only those rows that changed."""
 
 from __future__ import annotations
 

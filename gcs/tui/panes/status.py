@@ -43,7 +43,7 @@ class StatusSlot:
     """One fact of the bar."""
 
     cells: tuple[int, int, int]
-    """What it takes, by room; 0 leaves it out."""
+    """Width that it takes, by room; 0 leaves it out."""
     parts: tuple[Part, ...] = ()
     pane: str = ""
     """Which pane has more about it: a click brings it."""

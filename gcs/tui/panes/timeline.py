@@ -44,14 +44,14 @@ class TimelineBar(Widget):
     marks: reactive[tuple[Event, ...]] = reactive((), always_update=True)
     gaps: reactive[tuple[Gap, ...]] = reactive(())
     jumps: reactive[str] = reactive("")
-    """What the keys jump between, empty for the events of the log."""
+    """Events that the keys jump between, empty for the events of the log."""
     picked: reactive[tuple[str, bytes]] = reactive(("", b""))
     """Name of the picked vehicle and its confidence over the recording, as float32; both empty without one."""
 
     def __init__(self, *, id: str) -> None:
         super().__init__(id=id)
         self._look: tuple[int, int, int] | None = None
-        """What the cells were worked out for, None: other events or gaps came."""
+        """Inputs that the cells were worked out for, None: other events or gaps came."""
         self._cells: list[Moment | None] = []
 
     def show(self, timeline: Timeline, events: Sequence[Event], system_id: int = 0, name: str = "") -> None:
@@ -128,7 +128,7 @@ class TimelineBar(Widget):
         return [(letter, ink(colour, HEAD)) for letter, colour in _joined(letters)]
 
     def _moments(self, length: int) -> list[Moment | None]:
-        """What each cell marks; kept while nothing new happened, for a long recording has thousands of events."""
+        """Moments that cells mark; kept while nothing new happened, for a long recording has thousands of events."""
         look = (*self.state[:2], length)
         if look != self._look:
             self._look, self._cells = look, cells_of(self.marks, self.gaps, *look)

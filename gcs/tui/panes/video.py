@@ -49,7 +49,7 @@ class VideoPane(Pane):
         self._late = False
         self._frame: PictureRegion | None = None
         self._shown: Snapshot | None = None
-        """What is on screen in cells: as if the image were the part that is shown."""
+        """Snapshot that is on screen in cells: as if the image were the part that is shown."""
         self._labelling = Labelling()
         self._inset: Inset | None = None
 

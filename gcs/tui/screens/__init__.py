@@ -1,1 +1,1 @@
-"""What is laid over the panes: help, questions, orders."""
+"""Screens laid over the panes: help, questions, orders."""

@@ -1,4 +1,4 @@
-"""What the marks, colours and shortened words on the screens mean, for the help."""
+"""Meaning of the marks, colours and shortened words on the screens, for the help."""
 
 from __future__ import annotations
 

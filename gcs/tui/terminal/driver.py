@@ -121,7 +121,7 @@ class TerminalDriver(LinuxDriver):
         return bool(select.select([self.fileno], [], [], wait_s)[0])
 
     def _read(self) -> bytes:
-        """What was typed, empty when the terminal is gone."""
+        """Bytes that were typed, empty when the terminal is gone."""
         with contextlib.suppress(OSError):
             return os.read(self.fileno, READ_BYTES)
         return b""

@@ -1,4 +1,4 @@
-"""What a terminal is to show and was not sent yet: of every cell only the newest, text before pictures."""
+"""Cells that a terminal is to show and was not sent yet: of every cell only the newest, text before pictures."""
 
 from __future__ import annotations
 

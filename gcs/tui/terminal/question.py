@@ -22,7 +22,7 @@ REST_S: Final = 0.2
 
 
 def ask(reads: int, writes: int, questions: bytes) -> list[str]:
-    """What a terminal replies, ending with its device attributes; less where it is slow or does not know them.
+    """Reply of a terminal, ending with its device attributes; less where it is slow or does not know them.
 
     Keys pressed meanwhile are dropped: nobody has seen yet what they would act on.
 

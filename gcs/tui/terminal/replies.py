@@ -1,4 +1,4 @@
-"""What a terminal replies, taken out of what is typed on it; a reply that comes late, or in parts, is never a key."""
+"""Replies of a terminal, taken out of what is typed on it; a reply that comes late, or in parts, is never a key."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MOST_CHARACTERS = 4_096
 KEY_HOLD_S = 0.03
 """An escape is held for so long, for it may begin a reply: parts of one come together but for the line between."""
 REPLY_HOLD_S = 1.0
-"""What can be nothing but a reply is awaited for so long."""
+"""Time for which the rest of what can only be a reply is awaited."""
 
 
 class Replies:
@@ -50,7 +50,7 @@ class Replies:
         return REPLY_HOLD_S if _NO_KEY.match(self._held) else KEY_HOLD_S
 
     def keys_in(self, text: str) -> str:
-        """What is typed, of what was read."""
+        """Typed part of what was read."""
         text = self._held + text
         begun = _BEGUN.search(text)
         at = len(text) if begun is None or len(text) - begun.start() > MOST_CHARACTERS else begun.start()
@@ -58,7 +58,7 @@ class Replies:
         return _REPLY.sub(self._take, text)
 
     def release(self) -> str:
-        """What was held, as what is typed: the rest of a reply has not come; of what no key begins with, nothing."""
+        """Text that was held, as typed: the rest of a reply has not come; of what no key begins with, nothing."""
         held, self._held = self._held, ""
         return "" if _NO_KEY.match(held) else held
 
