@@ -88,7 +88,7 @@ class LockParams:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearningParams:
-    """What is learnt from answers, and how certain these must be."""
+    """Learning from answers, and how certain these must be."""
 
     confidence: float = 0.9
     """Probability above which an answer is learnt from."""
@@ -153,7 +153,7 @@ class IdentifierParams:
     """Added to those odds for a vehicle that should be in view, subtracted for one that should not: a vehicle in view
     has a box of its own. Raise → fewer boxes unnamed, more clutter named."""
     in_view_bonus: float = 1.2
-    """What each block adds for a vehicle that should be in view, nats: position errors wander in ways that no model
+    """Evidence of each block for a vehicle that should be in view, nats: position errors wander in ways that no model
     has. Raise → names are kept longer under bad GNSS, but also on clutter that moves alike."""
     increment_max: float = 8.0
     """Most that one block may count for or against a pair, nats."""
@@ -166,7 +166,7 @@ class IdentifierParams:
     close_m: float = 3.0
     """Boxes nearer than this, metres, may be swapped by a tracker."""
     stated: float = 40.0
-    """What an operator's statement counts for a vehicle, or against all, nats: as much as five blocks can contradict.
+    """Weight of an operator's statement for a vehicle, or against all, nats: as much as five blocks can contradict.
     Raise → reports that contradict it need longer to win."""
     gap_max_s: float = 0.6
     """Longest gap in a track that is bridged by interpolation, seconds."""

@@ -1,4 +1,4 @@
-"""What goes into the identifier and what comes out: plain arrays, one record per frame.
+"""Records that go into the identifier and come out: plain arrays, one record per frame.
 
 Frames: camera = OpenCV (x right, y down, z forward); world = ENU metres. Times are int Unix µs. m tracks, k reports.
 """

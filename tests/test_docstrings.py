@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 ROOMS = ("rollcall", "gcs", "mavlink", "vision", "assoc", "sim", "infra", "training")
-NO_BEGINNING = re.compile(r'^ *r?"""(?:Of|So|And|Between|As|Whether)\b.*', re.MULTILINE)
+NO_BEGINNING = re.compile(r'^ *r?"""(?:Of|So|And|Between|As|What|Whether)\b.*', re.MULTILINE)
 
 
 @pytest.mark.parametrize("room", ROOMS)

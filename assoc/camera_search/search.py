@@ -301,7 +301,7 @@ def _together(film: FilmedFleet) -> BoolArray:
 
 
 def _residuals(x: FloatArray, film: FilmedFleet, base: FloatArray, start: FloatArray, vehicle: IntArray) -> FloatArray:
-    """What the fit makes small: means and wanderings of the pairs' differences, and the prior, in σ."""
+    """Residuals that the fit makes small: means and wanderings of the pairs' differences, and the prior, in σ."""
     rows = np.flatnonzero(vehicle >= 0)
     places = _places(film, base, x)[:, rows]
     r = places - (film.vehicle_enu[:, vehicle[rows]] - film.p_enu[:, None, :2]) - x[4:6]

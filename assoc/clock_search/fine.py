@@ -159,7 +159,7 @@ def fit_at(
 
 
 def _context(history: TrackHistory, path: CameraPath, reports: ReportLog, yaw: float, *, free: bool) -> UpdateContext:
-    """What is fitted, over the whole film at once."""
+    """Context of the fit, over the whole film at once."""
     q = IdentifierParams()
     start, stop = float(history.t[0]), float(history.t[history.n - 1])
     columns = np.flatnonzero(history.last_s - history.first_s >= _LEAST_SEEN_S)

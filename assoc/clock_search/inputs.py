@@ -1,4 +1,4 @@
-"""What the search for a clock's offset works on: a film's tracks, the camera's path, the fleet's log; plain arrays.
+"""Inputs of the search for a clock's offset: a film's tracks, the camera's path, the fleet's log; plain arrays.
 
 Times are seconds: of the film since its first frame, of a log on its own clock since that same number.
 """
@@ -34,7 +34,7 @@ _NOWHERE = CameraState(
     position_known=False,
     stabilized=True,
 )
-"""What a frame's camera is until a path gives it."""
+"""State of a frame's camera until a path gives it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -49,7 +49,7 @@ _LARGEST_STD_S, _LARGEST_MOVE_S = 0.32, 0.6
 
 
 class ClockVerdict(Enum):
-    """What came of a search."""
+    """Outcome of a search."""
 
     FOUND = "found"
     AMBIGUOUS = "ambiguous"

@@ -57,7 +57,7 @@ _LOG_CLOSE, _LOG_FAR, _FARTHER = float(np.log(0.9)), float(np.log(0.1)), 9.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Noise:
-    """What the residuals are made of."""
+    """Parts that the residuals are made of."""
 
     white_var: float
     """σ_w², m²."""

@@ -14,7 +14,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SwayPrior:
-    """What sways, by how much and how fast."""
+    """Prior of a sway: of what, by how much and how fast."""
 
     axes: tuple[int, ...]
     """Numbers of θ."""
@@ -29,16 +29,16 @@ class SwayPrior:
 
 
 TURNS = SwayPrior(axes=(YAW, PITCH, ROLL), std=float(np.deg2rad(0.4)), length_s=0.8)
-"""What attitude and boxes leave of a camera that is fixed to the body."""
+"""Rest that attitude and boxes leave of the sway of a camera that is fixed to the body."""
 FREE_TURNS = SwayPrior(axes=(YAW, PITCH, ROLL), std=float(np.deg2rad(2.5)), length_s=0.8, free=True)
-"""What boxes alone leave of it."""
+"""Rest that boxes alone leave of it."""
 _WANDER_SHARE, _WANDER_S = 0.25, 3.0
 _LEAST_WANDER_M, _MOST_WANDER_M = 0.01, 1.0
 """A receiver that is off by tens of metres hardly wanders faster than one that is off by a few."""
 
 
 def wander_of(position_std_m: float) -> SwayPrior:
-    """What a path through coarse positions leaves: it is off for good by most of their 1σ, and wanders by a share."""
+    """Error of a path through coarse positions: it is off for good by most of their 1σ, and wanders by a share."""
     std_m = min(max(_WANDER_SHARE * position_std_m, _LEAST_WANDER_M), _MOST_WANDER_M)
     return SwayPrior(axes=(EAST, NORTH), std=std_m, length_s=_WANDER_S, counted=1.0)
 
@@ -71,7 +71,7 @@ class Sway:
     prior: SwayPrior
     """Under which it was fitted."""
     cost: float = 0.0
-    """What its freedom costs the evidence for the film, nats: with it, some of what is not so fits as well."""
+    """Cost of its freedom to the evidence for the film, nats: with it, some of what is not so fits as well."""
 
     def at(self, t: FloatArray) -> FloatArray:
         """(N, 9) beyond θ at times (N,), straight between two knots, constant beyond the last."""

@@ -47,7 +47,7 @@ _NEAR_M = 6.0
 _FAR_OFF = -30.0
 """Least that being far off counts for a pair, nats: strangers that move otherwise have less."""
 _FORGOTTEN_NATS_S = 0.1
-"""What the odds of the past lose in a second: biases wander in a minute, reports go wrong for some seconds."""
+"""Loss of the odds of the past in a second: biases wander in a minute, reports go wrong for some seconds."""
 
 
 def limit_by_place(p: FloatArray, score: FloatArray, place: FloatArray, bias_std: float) -> FloatArray:

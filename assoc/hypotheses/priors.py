@@ -1,4 +1,4 @@
-"""What an update assumes: the prior of the camera's pose and the noise of the vehicles' reports."""
+"""Priors of an update: the prior of the camera's pose and the noise of the vehicles' reports."""
 
 from __future__ import annotations
 

@@ -230,7 +230,7 @@ def _evaluated(
 
 
 def discounts_of(context: UpdateContext, score: FloatArray, final: PairState, vehicle: IntArray) -> Discounts:
-    """What look-alikes explain, of (m, n) scores and the state behind them under an assignment (m,)."""
+    """Discounts for what look-alikes explain, of (m, n) scores and the state behind them under an assignment (m,)."""
     return discounts(
         score,
         final.inherited[: context.live],

@@ -100,7 +100,7 @@ class Estimator:
         self._thetas: list[FloatArray] = []
         """The best corrections of the last update: where the next one starts."""
         self._sway: Sway | None = None
-        """What the camera sways beyond them and beyond the pose that is reported."""
+        """Sway of the camera beyond them and beyond the pose that is reported."""
         self.theta_std: FloatArray = np.full(THETA, np.nan)
         """(9,) 1σ of ``theta``, NaN before the first update."""
         self._other_height = False
@@ -200,7 +200,7 @@ class Estimator:
                 self._confident.pop(column, None)
 
     def restate(self, t: float, track_id: int, *, anew: bool) -> None:
-        """What is stated of a track has changed.
+        """Note that what is stated of a track has changed.
 
         Args:
             t: Time, seconds.

@@ -74,7 +74,7 @@ one or two at the edge of the picture tell little, either way."""
 _NEWS_BLOCKS = 4
 """Blocks of the window in which a report must have been compared lately: reports come each second or seldomer."""
 _PLACE_SHARE = 10.0
-"""What place alone must explain on top, nats: receivers seldom err like that, and films of the same formation show
+"""Evidence by place alone on top, nats: receivers seldom err like that, and films of the same formation show
 vehicles near the right places too."""
 _PLACED_S, _GROWN_S, _GROWTH = 1.0, 4.0, 6.0
 """A fit rests on places alone for so long, seconds; on how vehicles drive once it explains so much more, nats, or for
@@ -209,7 +209,7 @@ def decoy_evidence(context: UpdateContext, number: int) -> FitEvidence:
 
 
 def _toll(best: Hypothesis) -> float:
-    """What the pairs must bring, nats: by the seconds, summed over pairs, in which a report was compared."""
+    """Evidence that the pairs must bring, nats: by the seconds, summed over pairs, in which a report was compared."""
     rows = np.flatnonzero(best.vehicle >= 0)
     return min(_TOLL * int(np.sum(best.blocks.count[:, rows, best.vehicle[rows]] > 0.0)), _TOLL_MOST)
 

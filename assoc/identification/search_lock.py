@@ -13,7 +13,7 @@ FloatArray = NDArray[np.float64]
 
 
 class SearchState(Enum):
-    """What an update does."""
+    """Mode of an update."""
 
     SEARCHING = "searching"
     """Many starting points: another solution may still turn out to be the right one."""

@@ -1,4 +1,4 @@
-"""What an operator stated of tracks, as evidence that a track begins with."""
+"""Statements of an operator about tracks, as evidence that a track begins with."""
 
 from __future__ import annotations
 
