@@ -293,7 +293,7 @@ def sends_no_attitude():
 
 @raises("clock", "warning")
 def has_a_slow_clock():
-    return Scene(Vehicle(UGV, drift_ppm=800.0)).run(90).came
+    return Scene(Vehicle(UGV, drift_ppm=800.0)).run(80).came
 
 
 @raises("contested")
@@ -303,9 +303,9 @@ def shares_its_id():
 
 @raises("conflict")
 def is_filmed_elsewhere():
-    scene = Scene().run(8, filmed=True)
+    scene = Scene().run(6, filmed=True)
     scene.vehicles[1].shift_m = 15.0
-    return scene.run(4, filmed=True).came
+    return scene.run(3, filmed=True).came
 
 
 @raises("unheard", "warning")

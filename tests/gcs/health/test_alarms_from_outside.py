@@ -349,7 +349,7 @@ def has_a_camera_that_dates_its_frames_late(tmp_path):
 def turned_camera(**angles):
     """Whether vehicles are seen by a camera that looks straight down and north, while the mission says otherwise."""
     mission = replace(MISSION, camera=replace(MISSION.camera, **angles))
-    return Scene(mission=mission).run(12, filmed=True).came
+    return Scene(mission=mission).run(9, filmed=True).came
 
 
 @raises("camera heading", "warning")
@@ -384,12 +384,12 @@ class MirroredFilm(Scene):
 
 @raises("camera mirrored", "warning")
 def has_a_mirrored_picture():
-    return MirroredFilm().run(12, filmed=True).came
+    return MirroredFilm().run(4, filmed=True).came
 
 
 @raises("no match")
 def has_the_film_of_another_flight():
-    return OtherFilm().run(8, filmed=True).came
+    return OtherFilm().run(5, filmed=True).came
 
 
 def test_there_is_a_case_for_every_alarm():
