@@ -27,7 +27,7 @@ _OUTLIER = 40.0
 
 
 def is_gross(mean: FloatArray) -> bool:
-    """Whether a part of the prior with this mean (9,) is off in anything but the height."""
+    """Tell whether a part of the prior with this mean (9,) is off in anything but the height."""
     return bool(np.any(np.delete(mean, HEIGHT)))
 
 
@@ -48,7 +48,7 @@ class PosePrior:
 
     @property
     def is_gross(self) -> bool:
-        """Whether it is an error that does not come in flight, as heights do over hills: it is there from the start."""
+        """True if it is an error that does not come in flight, as heights do over hills: it is there from the start."""
         return is_gross(self.mean)
 
     def cost(self, theta: FloatArray) -> float:

@@ -250,11 +250,11 @@ class FleetFit:
 
     @property
     def usual(self) -> bool:
-        """Whether they have been proved to fit without a gross error."""
+        """True if they have been proved to fit without a gross error."""
         return self._grown and not is_gross(self._mean)
 
     def explains(self, context: UpdateContext, best: Hypothesis) -> bool:
-        """Whether a hypothesis explains the boxes better than chance.
+        """Tell whether a hypothesis explains the boxes better than chance.
 
         Args:
             context: What the update works on.
