@@ -21,7 +21,7 @@ _MEDIAN_M, _SPREAD, _WEIGHT = 1.2, 0.7, 2.0
 """Prior of σ_b: log-normal, median in metres, 1σ of its log, and its weight in samples."""
 _MEDIAN_TAU_S, _TAU_SPREAD = 60.0, 1.0
 """Prior of τ: log-normal, median in seconds and 1σ of its log."""
-_SMOOTHING = 0.3
+_SMOOTHING = 0.6
 """Weight of the previous value in exponential smoothing: single steps are noisy."""
 
 
