@@ -14,6 +14,8 @@ LOG = "telemetry.tlog"
 IDENTITY_EVIDENCE = "identity.jsonl"
 EVENTS = "events.jsonl"
 MARKS = "marks.jsonl"
+VIEW_FOLDER = "view-{}"
+"""Folder in a session's of what its second camera saw, and so on; the first one's files are in the session's own."""
 
 
 @dataclass(frozen=True, slots=True)

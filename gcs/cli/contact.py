@@ -140,6 +140,8 @@ def prepare(
     if wanted.chosen:
         raise GcsError("--uav and --ugv are for flights without a mission file; the file has who flies")
     loaded = load_mission(mission)
+    if loaded.view:
+        raise GcsError(f"{mission}: a flight takes one video; leave [[view]] out to fly with the first camera")
     links = wanted.links or loaded.links.telemetry
     if not links:
         raise GcsError("no telemetry link; give --link (for example --link 14550) or [links] telemetry in the mission")

@@ -108,6 +108,7 @@ class Pipeline:
             links=links,
             address=address,
         )
+        self._elsewhere = {view.system_id for view in mission.view}
         self._crowded, self._score = False, mission.detector.score
         self._tracker: Tracker | None = None
         self._parts = Parts()
@@ -136,7 +137,9 @@ class Pipeline:
         self._alarms = Alarms()
 
     def add_packet(self, packet: Packet) -> None:
-        """Take in one telemetry packet."""
+        """Take in one telemetry packet; those of aircraft with other views are for the folds of these."""
+        if packet.system_id in self._elsewhere:
+            return
         if turns_camera(packet) and packet.system_id == self.mission.uav.system_id and packet.auth <= Auth.GOOD:
             self._cameras.order_given(packet.t_us)
         if notices := self.fleet.add_packet(packet):

@@ -189,6 +189,19 @@ class MapChoice:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """A further camera over the same fleet, on an aircraft of its own."""
+
+    system_id: SystemId
+    """MAVLink system id of the aircraft that carries it."""
+    name: str = ""
+    """Name that operators call that aircraft by; ``UAV-<id>`` when empty."""
+    camera: Camera | None = None
+    """Its camera; None: as the aircraft reports it."""
+    clock: Clock = field(default_factory=Clock)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Mission:
     """Who flies and how: all that a flight or a replay is configured with."""
 
@@ -197,6 +210,8 @@ class Mission:
     camera: Camera | None = None
     """None: taken from the UAV's CAMERA_INFORMATION or CAMERA_FOV_STATUS once received."""
     clock: Clock = field(default_factory=Clock)
+    view: tuple[View, ...] = ()
+    """The other cameras; ``uav``, ``camera`` and ``clock`` are the first."""
     detector: DetectorChoice = field(default_factory=DetectorChoice)
     identity: IdentityChoice = field(default_factory=IdentityChoice)
     links: Links = field(default_factory=Links)
@@ -206,7 +221,7 @@ class Mission:
     map: MapChoice = field(default_factory=MapChoice)
 
     def __post_init__(self) -> None:
-        ids = Counter((self.uav.system_id, *(v.system_id for v in self.ugv)))
+        ids = Counter((self.uav.system_id, *(v.system_id for v in self.view), *self.ugv_ids))
         twice = sorted(i for i, count in ids.items() if count > 1)
         if twice:
             raise ValueError(f"system id {twice[0]} is given to two vehicles; every vehicle needs its own")
@@ -218,6 +233,23 @@ class Mission:
     def ugv_ids(self) -> tuple[int, ...]:
         """System ids of the ground vehicles, in the order of the file."""
         return tuple(v.system_id for v in self.ugv)
+
+    @property
+    def views(self) -> tuple[Mission, ...]:
+        """The mission as each camera has it: with that one as the first, and the others as further views."""
+        uav = self.uav
+        first = View(system_id=uav.system_id, name=self.name_of(uav.system_id), camera=self.camera, clock=self.clock)
+        every = (first, *self.view)
+        return tuple(
+            replace(
+                self,
+                uav=MissionVehicle(system_id=view.system_id, name=self.name_of(view.system_id)) if k else uav,
+                camera=view.camera,
+                clock=view.clock,
+                view=every[:k] + every[k + 1 :],
+            )
+            for k, view in enumerate(every)
+        )
 
     @property
     def follows_gimbal(self) -> bool:
@@ -239,6 +271,9 @@ class Mission:
         for vehicle in (self.uav, *self.ugv):
             if vehicle.system_id == system_id:
                 return vehicle.name or usual_name(system_id, films=vehicle is self.uav)
+        for view in self.view:
+            if view.system_id == system_id:
+                return view.name or f"UAV-{system_id}"
         return usual_name(system_id, films=False)
 
 
@@ -281,11 +316,12 @@ def load_mission(path: Path) -> Mission:
     mission = parse_mission(table, str(path))
     if _came_with_a_recording(path, table):
         mission = _without_reach(mission, path)
-    camera = _with_lens(mission.camera, path.parent, str(path)) if mission.camera else None
+    camera = _with_lens(mission.camera, path.parent, f"{path}: [camera]")
+    views = [replace(v, camera=_with_lens(v.camera, path.parent, f"{path}: [view.camera]")) for v in mission.view]
     signing = replace(mission.signing, keys=keys_folder(mission.signing.keys, path.parent))
     shown = replace(mission.map, tiles=_beside(path, mission.map.tiles), terrain=_beside(path, mission.map.terrain))
     detector = _placed(mission.detector, path.parent)
-    return replace(mission, detector=detector, camera=camera, signing=signing, map=shown)
+    return replace(mission, detector=detector, camera=camera, view=tuple(views), signing=signing, map=shown)
 
 
 def unheeded_links(path: Path) -> tuple[str, ...]:
@@ -350,14 +386,14 @@ def _placed(choice: DetectorChoice, folder: Path) -> DetectorChoice:
     return replace(choice, model=place(choice.model), front=front)
 
 
-def _with_lens(camera: Camera, folder: Path, where: str) -> Camera:
+def _with_lens(camera: Camera | None, folder: Path, where: str) -> Camera | None:
     """With the numbers of its lens file in place of the file's name, so that a session needs no other file."""
-    if not camera.lens:
+    if camera is None or not camera.lens:
         return camera
     try:
         lens = read_lens(folder / camera.lens)
     except (CameraError, ValueError) as error:  # a path with a NUL in it is a ValueError
-        raise ConfigError(f"{where}: [camera]: lens {error}") from error
+        raise ConfigError(f"{where}: lens {error}") from error
     numbers: dict[str, Any] = {name: getattr(lens, name) for name in _NUMBERS}
     distortion = tuple(lens.distortion.tolist())
     return replace(camera, lens="", name=camera.name or Path(camera.lens).name, distortion=distortion, **numbers)

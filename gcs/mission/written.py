@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Mapping
+from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,8 @@ def mission_tables(mission: Mission) -> dict[str, Any]:
     for name in _PARTS:
         if (part := getattr(mission, name)) is not None:
             table[name] = _values(part)
+    if mission.view:
+        table["view"] = [_values(view) for view in mission.view]
     if mission.fence:
         table["fence"] = [_values(fence) for fence in mission.fence]
     if mission.map != _DEFAULTS.map:
@@ -53,8 +56,12 @@ def mission_text(mission: Mission, origins: Mapping[str, str]) -> str:
     if mission.camera is None:
         blocks.append(_comment(origins.get("camera")))
     for name, values in tables.items():
-        if name not in ("uav", "ugv", "fence") and values != usual.get(name):
+        if name not in ("uav", "ugv", "view", "fence") and values != usual.get(name):
             blocks.append(_block(f"[{name}]", values, origins.get(name)))
+    for each in tables.get("view", ()):
+        parts = {name: each.pop(name) for name in ("camera", "clock") if name in each}
+        blocks.append(_block("[[view]]", each, origins.get(str(each["system_id"]))))
+        blocks += [_block(f"[view.{name}]", part, None) for name, part in parts.items()]
     blocks += [_block("[[fence]]", each, origins.get("fence")) for each in tables.get("fence", ())]
     blocks.append(_block("[links]", _values(mission.links), origins.get("links")))
     return "\n".join(block for block in blocks if block)
@@ -96,7 +103,7 @@ def save_mission(mission: Mission, origins: Mapping[str, str], folder: Path) -> 
 def _values(part: Any) -> dict[str, Any]:  # noqa: ANN401 - any part of a mission
     """Values of a part of a mission; what it leaves open is left out."""
     return {
-        name: list(value) if isinstance(value, tuple) else value
+        name: _values(value) if is_dataclass(value) else list(value) if isinstance(value, tuple) else value
         for name in part.__slots__
         if (value := getattr(part, name)) not in ("", None, ())
     }

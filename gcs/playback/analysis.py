@@ -180,7 +180,7 @@ class Analysis:
             mission = replace(mission, uav=session.began.uav, ugv=session.began.ugv)
         pipeline = Pipeline(mission, links=senders.names, address=senders.address, sized=self.opened.size.known)
         self._folded = pipeline
-        for statement in read_statements(session.tlog.parent, self.mission.ugv_ids):
+        for statement in read_statements(session.folder, self.mission.ugv_ids):
             pipeline.state_name(statement)
         for change in session.changes:
             pipeline.change_fleet(change)

@@ -5,12 +5,16 @@ each frame was taken, ``detections.csv`` what the detector saw, ``truth.csv`` (s
 ``identity.csv`` and ``identity.jsonl`` who is who, ``events.jsonl`` what happened. Only the first is needed beside the
 telemetry. A disk that failed leaves further segments of a file beside it (``telemetry.1.tlog``, ``frames.1.csv``);
 they are read as one.
+
+A flight with several cameras has the files of the first one there, and of each other one the same files in a folder
+``view-2``, ``view-3``, …, which is opened as a session of its own: telemetry and ``session.toml`` are those above it.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
+import re
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -23,7 +27,9 @@ from gcs.session.metadata import FlightNotes
 from gcs.snapshot import FleetChange
 from infra.files.safe_open import open_to_read
 from infra.files.segment import segments
-from infra.session_format import DETECTIONS, FOLDS, FRAMES, IDENTITY, LOG, METADATA, MOTION, TRUTH
+from infra.session_format import DETECTIONS, FOLDS, FRAMES, IDENTITY, LOG, METADATA, MOTION, TRUTH, VIEW_FOLDER
+
+_VIEW = re.compile(VIEW_FOLDER.format("([2-9]|[1-9][0-9]{1,2})"))
 
 VIDEO_SUFFIXES = (".mkv", ".mp4", ".ts", ".mov", ".avi")
 
@@ -54,6 +60,23 @@ class Session:
     notes: FlightNotes = field(default_factory=FlightNotes)
     truth: Path | None = None
     identity: Path | None = None
+
+    @property
+    def folder(self) -> Path:
+        """Where what this camera saw is kept."""
+        return self.path.parent if self.path.is_file() else self.path
+
+    @property
+    def other_views(self) -> tuple[Session, ...]:
+        """Of the first camera's: what the others of the flight recorded, without those that recorded nothing.
+
+        Raises:
+            SessionError, ConfigError: one of them cannot be opened.
+        """
+        if self.mission is None or self.tlog.parent != self.path:
+            return ()
+        folders = [self.path / VIEW_FOLDER.format(k + 2) for k in range(len(self.mission.view))]
+        return tuple(open_session(folder) for folder in folders if folder.is_dir())
 
     @property
     def name(self) -> str:
@@ -90,13 +113,15 @@ def open_session(
     chosen = load_mission(mission) if mission else None
     if path.is_file():
         return Session(path=path, mission=chosen, tlog=path, video=video, video_start_s=video_start_s)
-    tlog = path / LOG
+    number = _view_number(path)
+    home = path if number == 1 else path.resolve().parent
+    tlog = home / LOG
     if not segments(tlog):
         raise SessionError(f"{path}: no {LOG} in this folder; a session needs one")
-    toml, began, changes = path / METADATA, None, tuple[FleetChange, ...]()
+    toml, began, changes = home / METADATA, None, tuple[FleetChange, ...]()
     if chosen is None and toml.is_file():
-        chosen = load_mission(toml)
-        if changes := read_changes(path):
+        chosen = _seen_by(number, load_mission(toml), path)
+        if changes := read_changes(home):
             began, chosen = chosen, with_all(chosen, changes)
     notes = FlightNotes()
     if toml.is_file():
@@ -122,6 +147,23 @@ def open_session(
         truth=_existing(path / TRUTH.name),
         identity=_existing(path / IDENTITY.name),
     )
+
+
+def _view_number(path: Path) -> int:
+    """Which camera of a flight a folder is of; 1 for a whole session's."""
+    found = _VIEW.fullmatch(path.resolve().name)
+    return int(found[1]) if found and not segments(path / LOG) else 1
+
+
+def _seen_by(number: int, mission: Mission, path: Path) -> Mission:
+    """The mission as one of its cameras has it.
+
+    Raises:
+        SessionError: it has no such camera.
+    """
+    if number > len(mission.view) + 1:
+        raise SessionError(f"{path}: {METADATA} above it has {len(mission.view)} [[view]]; this needs {number - 1}")
+    return mission if number == 1 else mission.views[number - 1]
 
 
 def _existing(path: Path) -> Path | None:

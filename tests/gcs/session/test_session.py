@@ -45,6 +45,41 @@ def test_finds_the_parts(tmp_path):
     assert session.detections is None
 
 
+TWO_VIEWS = """
+uav = { system_id = 1 }
+ugv = [{ system_id = 11 }]
+clock = { video_offset_s = 0.5 }
+[[view]]
+system_id = 2
+clock = { video_offset_s = "auto" }
+"""
+
+
+def test_each_camera_of_a_flight_is_a_session_of_the_same_telemetry(tmp_path):
+    (tmp_path / "view-2").mkdir()
+    for name in ("telemetry.tlog", "frames.csv", "view-2/frames.csv", "view-2/detections.csv"):
+        (tmp_path / name).write_bytes(b"x")
+    (tmp_path / "session.toml").write_text(TWO_VIEWS)
+    first = open_session(tmp_path)
+    (second,) = first.other_views
+    assert second == open_session(tmp_path / "view-2")
+    assert (second.tlog, second.frames) == (first.tlog, tmp_path / "view-2" / "frames.csv")
+    assert (first.detections, second.detections) == (None, tmp_path / "view-2" / "detections.csv")
+    for session, uav, other, offset in ((first, 1, 2, 0.5), (second, 2, 1, "auto")):
+        assert (session.mission.uav.system_id, session.mission.clock.video_offset_s) == (uav, offset)
+        assert [view.system_id for view in session.mission.view] == [other]
+        assert [session.mission.name_of(i) for i in (1, 2)] == ["UAV", "UAV-2"]
+    assert second.other_views == ()
+
+
+def test_a_folder_of_a_camera_that_the_mission_lacks(tmp_path):
+    (tmp_path / "view-3").mkdir()
+    (tmp_path / "telemetry.tlog").write_bytes(b"x")
+    (tmp_path / "session.toml").write_text(TWO_VIEWS)
+    with pytest.raises(SessionError, match=r"has 1 \[\[view\]\]; this needs 2"):
+        open_session(tmp_path / "view-3")
+
+
 def test_a_damaged_time_gets_the_one_between(tmp_path):
     path = tmp_path / "frames.csv"
     path.write_text("frame,time_us\n0,1795171703985018\n1,179x\n2,1795171704185018\n")
