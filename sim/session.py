@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import tomli_w
 from numpy.typing import NDArray
 
 from infra.files.aside import make_aside, remove_aside
-from infra.session_format import DETECTIONS, FRAMES, LOG, METADATA, TRUTH
+from infra.session_format import DETECTIONS, FRAMES, LOG, METADATA, TRUTH, VIEW_FOLDER
 from sim.errors import ScenarioError, SessionWriteError
 from sim.telemetry.detections import DetectorModel, truth_rows
 from sim.telemetry.vehicle_telemetry import fleet_telemetry
@@ -37,8 +37,8 @@ def write_session(
     """Write a session: ``session.toml``, ``telemetry.tlog``, ``frames.csv``, ``truth.csv`` and ``scenario.toml``.
 
     Without video, ``detections.csv`` is written, and ``truth.csv`` has its rows with the true system ids. With
-    video, ``video.mp4`` is written, and ``truth.csv`` has the true boxes of what is visible. Equal scenarios give equal
-    bytes.
+    video, ``video.mp4`` is written, and ``truth.csv`` has the true boxes of what is visible. What a second camera sees
+    is in the folder ``view-2``, and so on. Equal scenarios give equal bytes.
 
     Args:
         scenario: what is flown.
@@ -58,23 +58,39 @@ def write_session(
     if video and (film or scenario).ground.waves_m > 0.0:
         raise ScenarioError("scenario: [ground]: waves_m cannot be drawn; give 0, or write the session without video")
     world = World(scenario)
+    views = world.views
     filmed = world if film is None else World(film)
-    ours = film is None
     with new_session(folder) as made:
-        t, stamps_us = frame_times(scenario)
         save_scenario(scenario, made / "scenario.toml")
         (made / METADATA).write_bytes(tomli_w.dumps(session_toml(scenario)).encode())
-        write_frames(made / FRAMES.name, stamps_us)
-        write_tlog(made / LOG, world)
-        if video:
-            # renderer and encoder are imported only where they are needed: that takes time
-            from sim.render.film import write_video
-
-            write_visible_truth(made / TRUTH.name, filmed, t, ours=ours)
-            write_video(filmed, t, made / "video.mp4", report)
-        else:
-            _write_detections(made, filmed, t, ours=ours)
+        write_tlog(made / LOG, world, views)
+        _write_seen(made, filmed, scenario, video=video, ours=film is None, report=report)
+        for number, view in enumerate(views, 2):
+            (made / VIEW_FOLDER.format(number)).mkdir()
+            _write_seen(made / VIEW_FOLDER.format(number), view, view.scenario, video=video, ours=True, report=report)
     return world
+
+
+def _write_seen(
+    folder: Path,
+    filmed: World,
+    scenario: Scenario,
+    *,
+    video: bool,
+    ours: bool,
+    report: Callable[[int, int], None] | None,
+) -> None:
+    """Write what one camera saw."""
+    t, stamps_us = frame_times(scenario)
+    write_frames(folder / FRAMES.name, stamps_us)
+    if not video:
+        _write_detections(folder, filmed, t, ours=ours)
+        return
+    # renderer and encoder are imported only where they are needed: that takes time
+    from sim.render.film import write_video
+
+    write_visible_truth(folder / TRUTH.name, filmed, t, ours=ours)
+    write_video(filmed, t, folder / "video.mp4", report)
 
 
 @contextlib.contextmanager
@@ -119,6 +135,17 @@ def frame_times(scenario: Scenario) -> tuple[FloatArray, NDArray[np.int64]]:
 
 def session_toml(scenario: Scenario) -> dict[str, Any]:
     """The flight's ``session.toml``."""
+    views = [(UAV_ID + k, _camera_tables(scenario.of_view(k + 1))) for k in range(1, len(scenario.views) + 1)]
+    return {
+        "uav": {"system_id": UAV_ID},
+        "ugv": [{"system_id": i, "name": f"UGV-{i}"} for i in scenario.ugv_ids],
+        **_camera_tables(scenario),
+        **({"view": [{"system_id": i, **tables} for i, tables in views]} if views else {}),
+    }
+
+
+def _camera_tables(scenario: Scenario) -> dict[str, Any]:
+    """Tables in which the mission describes a camera and its clock."""
     camera, declared = scenario.camera, scenario.declared
     offset: dict[str, Any] = {
         "exact": scenario.timing.video_offset_s + declared.offset_s,
@@ -141,8 +168,6 @@ def session_toml(scenario: Scenario) -> dict[str, Any]:
         }
     }
     return {
-        "uav": {"system_id": UAV_ID},
-        "ugv": [{"system_id": i, "name": f"UGV-{i}"} for i in scenario.ugv_ids],
         **(described if declared.camera else {}),
         "clock": {"video_offset_s": offset[scenario.timing.declared_offset]},
     }
@@ -154,9 +179,10 @@ def write_frames(path: Path, stamps_us: NDArray[np.int64]) -> None:
     path.write_bytes((FRAMES.header + rows).encode())
 
 
-def write_tlog(path: Path, world: World) -> None:
-    """Write what all vehicles send as a telemetry log."""
-    path.write_bytes(b"".join(struct.pack(">Q", packet.t_us) + packet.raw for packet in fleet_telemetry(world)))
+def write_tlog(path: Path, world: World, views: Sequence[World] = ()) -> None:
+    """Write what all vehicles send, and the aircraft of further cameras, as a telemetry log."""
+    packets = fleet_telemetry(world, views=views)
+    path.write_bytes(b"".join(struct.pack(">Q", packet.t_us) + packet.raw for packet in packets))
 
 
 def _write_detections(folder: Path, world: World, t: FloatArray, *, ours: bool) -> None:

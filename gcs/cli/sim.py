@@ -17,7 +17,7 @@ from sim.live import play
 from sim.practice import TROUBLES
 from sim.session import write_session
 from sim.world.presets import PRESETS, preset
-from sim.world.scenario import Scenario
+from sim.world.scenario import MOST_VIEWS, Scenario
 from sim.world.scenario_file import load_scenario
 
 
@@ -47,18 +47,30 @@ def sim(
     ] = 0,
     duration: Annotated[float | None, typer.Option(help="Length of the flight, instead of the scenario's.")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of all random numbers, instead of the scenario's.")] = None,
+    views: Annotated[
+        int | None,
+        typer.Option(
+            callback=check_range(1, MOST_VIEWS),
+            help="Number of cameras, each from another side, instead of the scenario's. Not with --live.",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Simulate a flight with truth: write a session, or play it live for ``gcs fly``."""
     world = _scenario(scenario, duration, seed)
+    if views is not None:
+        world = world.filmed_by(views)
     if not live:
         folder = out or Path(Path(scenario).stem)
         with progress("sim") as report:
             write_session(world, folder, video=video, report=report)
-        print_note(f"{world.duration_s:g} s with {len(world.ugv_ids)} vehicles written to {folder}")
+        seen = f", seen by {len(world.views) + 1} cameras" if world.views else ""
+        print_note(f"{world.duration_s:g} s with {len(world.ugv_ids)} vehicles{seen} written to {folder}")
         return
     if out is not None:
         raise GcsError("--live writes no folder; leave --out away, and record with gcs fly")
+    if world.views:
+        raise GcsError("--live plays one camera; give --views 1, or leave --live away to write a session")
     video_to = f", video to {concealed(stream)}" if stream else ""
     print_note(f"preparing {world.name} for {world.duration_s:g} s: MAVLink to {concealed(telemetry)}{video_to}")
     with progress("sim") as report:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import heapq
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,26 +37,31 @@ class TelemetryPacket:
     """Arrival, Unix time."""
     raw: bytes
     vehicle: int
-    """−1 the UAV, else the ground vehicle's index."""
+    """−1 an aircraft, else the ground vehicle's index."""
 
 
-def fleet_telemetry(world: World, start_us: int | None = None) -> Iterator[TelemetryPacket]:
+def fleet_telemetry(
+    world: World, start_us: int | None = None, views: Sequence[World] = ()
+) -> Iterator[TelemetryPacket]:
     """All packets of the flight by time of arrival; lost ones are left out, their sequence numbers stay used.
 
     Args:
         world: the vehicles.
         start_us: Unix time of the first frame, in place of the scenario's.
+        views: the same with each further camera's aircraft.
     """
     scenario = world.scenario if start_us is None else dataclasses.replace(world.scenario, start_us=start_us)
     sensors = Sensors(world)
     vehicles = [_uav(scenario, sensors), *(_ugv(scenario, sensors, i) for i in range(scenario.fleet_size))]
-    sent = [_sent(scenario, vehicle - 1, stream) for vehicle, stream in enumerate(vehicles)]
+    ids = (UAV_ID, *scenario.ugv_ids)
+    sent = [_sent(scenario, vehicle - 1, ids[vehicle], stream) for vehicle, stream in enumerate(vehicles)]
+    for k, view in enumerate(views, 1):
+        sent.append(_sent(view.scenario, -1, UAV_ID + k, _uav(view.scenario, Sensors(view))))
     return heapq.merge(*sent, key=lambda packet: packet.t_us)
 
 
-def _sent(scenario: Scenario, vehicle: int, stream: Stream) -> Iterator[TelemetryPacket]:
+def _sent(scenario: Scenario, vehicle: int, system_id: int, stream: Stream) -> Iterator[TelemetryPacket]:
     rng = random_stream(scenario, f"radio {vehicle}")
-    system_id = UAV_ID if vehicle < 0 else scenario.ugv_ids[vehicle]
     mav = dialect.MAVLink(None, srcSystem=system_id, srcComponent=1)
     last_us = 0
     for t, message in stream:

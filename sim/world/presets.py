@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable
+from dataclasses import replace
 
 from sim.errors import ScenarioError
 from sim.world.scenario import (
@@ -14,6 +15,7 @@ from sim.world.scenario import (
     ScenarioFlight,
     ScenarioGround,
     ScenarioTiming,
+    ScenarioView,
     Targets,
 )
 
@@ -45,7 +47,24 @@ def curved_road(seed: int = 2) -> Scenario:
     )
 
 
-PRESETS: dict[str, Callable[[], Scenario]] = {"nominal": nominal, "curved-road": curved_road}
+def hand_over(seed: int = 3) -> Scenario:
+    """Five in a row along a road; one camera hovers over its begin, a second one over where they come to later."""
+    hover = ScenarioFlight(height_m=40.0, follow=False)
+    timing = ScenarioTiming(video_offset_s=-0.3)
+    return Scenario(
+        name="hand-over",
+        seed=seed,
+        ground=ScenarioGround(kind="straight", vehicles=5, spacing_m=8.0, lanes=2, stops_per_min=0.0),
+        flight=hover,
+        views=(ScenarioView(aside_m=(90.0, 0.0), flight=replace(hover, yaw_deg=60.0), timing=timing),),
+    )
+
+
+PRESETS: dict[str, Callable[[], Scenario]] = {
+    "nominal": nominal,
+    "curved-road": curved_road,
+    "hand-over": hand_over,
+}
 """Scenarios by the name that the command line knows."""
 
 

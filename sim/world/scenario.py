@@ -6,7 +6,7 @@ Vehicles are numbered 0..n−1: first those the UAV films, then those that only 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
 from msgspec import Meta
@@ -18,6 +18,10 @@ UAV_ID = 1
 """MAVLink system id of the UAV."""
 FIRST_UGV_ID = 11
 """MAVLink system id of the first ground vehicle; the others count on from it."""
+MOST_VIEWS = FIRST_UGV_ID - UAV_ID
+"""Cameras, each with an aircraft that has a system id."""
+_SEED_STEP = 1_000_003
+"""Difference of the seeds of two cameras: none that somebody chooses for another flight."""
 MOST_REPORTING = 240
 """Ground vehicles, filmed and outside; system ids end at 255."""
 
@@ -296,6 +300,21 @@ class ScenarioDeclared:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ScenarioView:
+    """A further camera over the same fleet, on an aircraft of its own; its errors are drawn anew."""
+
+    aside_m: tuple[float, float] = (0.0, 0.0)
+    """East and north of where ``flight`` alone would have it, metres."""
+    flight: ScenarioFlight = field(default_factory=ScenarioFlight)
+    camera: ScenarioCamera = field(default_factory=ScenarioCamera)
+    attitude: ScenarioAttitude = field(default_factory=ScenarioAttitude)
+    timing: ScenarioTiming = field(default_factory=ScenarioTiming)
+    detector: ScenarioDetector = field(default_factory=ScenarioDetector)
+    declared: ScenarioDeclared = field(default_factory=ScenarioDeclared)
+    blackouts: tuple[Blackout, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
     """One flight. Equal scenarios give equal sessions, byte for byte."""
 
@@ -323,9 +342,36 @@ class Scenario:
     occlusions: tuple[Occlusion, ...] = ()
     blackouts: tuple[Blackout, ...] = ()
     faults: tuple[ScenarioFault, ...] = ()
+    views: tuple[ScenarioView, ...] = ()
+    """Further cameras; system ids of their aircraft count on from ``UAV_ID``."""
 
     def __post_init__(self) -> None:
         _check(self)
+
+    def of_view(self, number: int) -> Scenario:
+        """The flight as its camera of that number, from 2 on, has it."""
+        view = self.views[number - 2]
+        own = {name: getattr(view, name) for name in ScenarioView.__slots__ if name != "aside_m"}
+        return replace(self, seed=(self.seed + _SEED_STEP * (number - 1)) % 2**63, views=(), **own)
+
+    def filmed_by(self, cameras: int) -> Scenario:
+        """The flight filmed by so many: each further one from another side, higher up, with a clock of its own."""
+        further = [
+            ScenarioView(
+                flight=replace(
+                    self.flight,
+                    yaw_deg=self.flight.yaw_deg + 360.0 * k / cameras,
+                    height_m=min(self.flight.height_m * (1.0 + 0.15 * k), 500.0),
+                ),
+                camera=self.camera,
+                attitude=self.attitude,
+                timing=replace(self.timing, video_offset_s=self.timing.video_offset_s + 0.2 * k),
+                detector=self.detector,
+                declared=self.declared,
+            )
+            for k in range(1, cameras)
+        ]
+        return replace(self, views=tuple(further))
 
     @property
     def fleet_size(self) -> int:
@@ -352,6 +398,8 @@ def _check(scenario: Scenario) -> None:
     if scenario.fleet_size > MOST_REPORTING:
         together = f"vehicles and outside are {scenario.fleet_size} together"
         raise ScenarioError(f"scenario: [ground]: {together}; at most {MOST_REPORTING} can be")
+    if len(scenario.views) >= MOST_VIEWS:
+        raise ScenarioError(f"scenario: {len(scenario.views)} [[views]]; at most {MOST_VIEWS - 1} can be")
     timing = scenario.timing
     if timing.rate_min_hz > timing.rate_max_hz:
         raise ScenarioError(

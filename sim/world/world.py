@@ -57,6 +57,19 @@ class World:
         self._R_enu_ground = _sloping(scenario)
         self._canopies = self._place_canopies()
 
+    def seen_from(self, number: int) -> World:
+        """The same ground and everything on it, with the aircraft and camera of that number, from 2 on."""
+        world = World(self.scenario.of_view(number), actors=self._actors)
+        values = world._flight.values.copy()
+        values[:, :2] += self.scenario.views[number - 2].aside_m
+        world._flight, world._canopies = replace(world._flight, values=values), self._canopies
+        return world
+
+    @property
+    def views(self) -> list[World]:
+        """The same for all further cameras."""
+        return [self.seen_from(number + 2) for number in range(len(self.scenario.views))]
+
     @property
     def roles(self) -> Roles:
         """Who the n bodies are; the first ``scenario.fleet_size`` are ours."""

@@ -51,6 +51,36 @@ def test_a_session_has_its_files_and_their_columns(folder):
     assert load_scenario(folder / "scenario.toml") == SHORT
 
 
+def test_two_cameras_over_one_fleet(folder, tmp_path):
+    scenario = SHORT.filmed_by(2)
+    write_session(scenario, tmp_path / "two")
+    second = tmp_path / "two" / "view-2"
+    assert load_scenario(tmp_path / "two" / "scenario.toml") == scenario
+    for name in ("frames.csv", "detections.csv", "truth.csv"):
+        assert (tmp_path / "two" / name).read_bytes() == (folder / name).read_bytes()
+        assert (second / name).read_bytes() != (folder / name).read_bytes()
+    assert {row["system_id"] for row in rows(second / "truth.csv")} == {
+        row["system_id"] for row in rows(folder / "truth.csv")
+    }
+    first_us, second_us = (int(rows(path / "frames.csv")[0]["time_us"]) for path in (folder, second))
+    assert second_us - first_us == pytest.approx(200_000, abs=20_000)
+    (view,) = tomllib.loads((tmp_path / "two" / "session.toml").read_text())["view"]
+    assert (view["system_id"], view["clock"]) == (2, {"video_offset_s": 0.2})
+    one, two = (senders(path / "telemetry.tlog") for path in (folder, tmp_path / "two"))
+    assert two.keys() - one.keys() == {2}
+    assert {system_id: two[system_id] for system_id in one} == one
+
+
+def senders(path):
+    """What each system sent, by its id."""
+    data, sent, at = path.read_bytes(), {}, 0
+    while at < len(data):
+        end = at + 8 + 12 + data[at + 9]
+        sent.setdefault(data[at + 8 + 5], []).append(data[at:end])
+        at = end
+    return sent
+
+
 def test_session_toml_declares_what_flew(folder):
     session = tomllib.loads((folder / "session.toml").read_text())
     assert session["uav"] == {"system_id": 1}
