@@ -167,6 +167,8 @@ def _open(path: Path, options: BatchOptions) -> tuple[Session, list[Path]]:
     files = input_files(path)
     mission = Path(options.mission) if options.mission else None
     session = open_session(path, mission=mission, frame_size=options.frame_size)
+    if session.mission and session.mission.view:
+        raise BatchError(f"{path}: of several cameras; a batch takes flights of one, gcs identify names its views")
     return session, [*files, *([mission] if mission else []), *mission_files(session.mission)]
 
 

@@ -22,6 +22,9 @@ def print_rollcall(calls: RollCall) -> None:
         f"{calls.unnamed} unnamed; {calls.span_s:.1f} s{skipped}"
     )
     print_lines(calls.reports)
+    for view in calls.other_views:
+        print_lines(f"seen from {view.films}:")
+        print_rollcall(view)
 
 
 def rollcall_json(calls: RollCall) -> dict[str, Any]:
@@ -36,6 +39,7 @@ def rollcall_json(calls: RollCall) -> dict[str, Any]:
         **asdict(calls.alarms),
         "marks": calls.marks,
         "vehicles": [asdict(row) for row in calls.rows()],
+        **({"other_views": [rollcall_json(view) for view in views]} if (views := calls.other_views) else {}),
     }
 
 

@@ -6,7 +6,7 @@ import contextlib
 import math
 import os
 import shutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +16,7 @@ from gcs.health.alarm_history import AlarmSpan
 from gcs.playback.analysis import Analysis
 from gcs.playback.as_flown import FlownReports
 from gcs.playback.hindsight import by_hindsight
+from gcs.playback.side_by_side import side_by_side
 from gcs.report.rollcall import WITHOUT_POSITION, RollCall
 from gcs.session.event_log import EventLog, read_marks
 from gcs.session.identity_log import IdentityLog
@@ -54,6 +55,9 @@ def identify_session(
     Where the video's clock proves to be far off, or a camera that nothing describes was found by the film, it is done
     again with that known from the first frame on.
 
+    A flight's further cameras are named with the first, each by what the others learnt of the vehicles as well; their
+    files come into the folders ``view-2``, … in ``out``.
+
     The files are there when they are whole: what is broken off leaves none.
 
     Args:
@@ -69,35 +73,58 @@ def identify_session(
         looking_threads: which look at the next frames of a video meanwhile; 0: one thread does all.
 
     Returns:
-        Who was named when, and in how many boxes.
+        Who was named when, and in how many boxes; of further cameras in its ``other_views``.
 
     Raises:
         SessionError: no frame in it, files of these names in ``out``, or it cannot be written.
         ConfigError, ModelError, LogError: mission, detector or telemetry cannot be used.
     """
-    for name in _FILES:
-        if os.path.lexists(out / name):
-            raise SessionError(f"{out / name}: {_NEVER_OVERWRITTEN}")
-    opened = partial(Analysis, session, redetect=detect, open_detector=open_detector, looking_threads=looking_threads)
-    with _aside(out) as folder:
-        analysis, notes = opened(), list[str]()
-        hindsight = not analysis.as_flown if hindsight is None else hindsight
-        calls, last = _identify(analysis, folder, report, notes.append, hindsight=hindsight)
-        offset_s, camera = _clock_found(analysis, last), _camera_found(analysis)
-        if offset_s is not None or camera is not None:
-            again = folder / "again"
-            again.mkdir()
-            second, told = opened(video_offset_s=offset_s, camera=camera), list(_why_again(offset_s, camera))
-            calls_again, _ = _identify(second, again, report, told.append, hindsight=hindsight)
-            # vehicles that are late each by its own have no common clock: there the first look names more
-            if calls_again.unnamed <= calls.unnamed:
-                calls, notes = calls_again, told
-                for name in _FILES:
-                    (again / name).replace(folder / name)
-            shutil.rmtree(again)
-        for text in notes:
-            note(text)
-        return calls
+    sessions = (session, *(session.other_views if session.is_first_view else ()))
+    outs = [out, *(out / view.path.name for view in sessions[1:])]
+    for path in (folder / name for folder in outs for name in _FILES):
+        if os.path.lexists(path):
+            raise SessionError(f"{path}: {_NEVER_OVERWRITTEN}")
+    opened = partial(Analysis, redetect=detect, open_detector=open_detector, looking_threads=looking_threads)
+    with contextlib.ExitStack() as stack:
+        folders = [stack.enter_context(_aside(folder)) for folder in outs]
+        views = _identify([opened(view) for view in sessions], folders, report, hindsight)
+        found = [(view.clock_found, view.camera_found) for view in views]
+        if any(each != (None, None) for each in found):
+            known = zip(sessions, found, strict=True)
+            analyses = [opened(view, video_offset_s=offset_s, camera=camera) for view, (offset_s, camera) in known]
+            views = _identify_again(analyses, folders, report, hindsight, views)
+    for view in views:
+        films = f"{view.calls.films}: " if len(views) > 1 else ""
+        for text in view.notes:
+            note(f"{films}{text}")
+    calls, *others = (view.calls for view in views)
+    calls.other_views = tuple(others)
+    return calls
+
+
+def _identify_again(
+    analyses: Sequence[Analysis],
+    folders: Sequence[Path],
+    report: Callable[[int, int], None],
+    hindsight: bool | None,
+    before: list[_NamedView],
+) -> list[_NamedView]:
+    """Name all frames with what was found before; whichever leaves fewer boxes without a name is kept."""
+    again = [folder / "again" for folder in folders]
+    for folder in again:
+        folder.mkdir()
+    views = _identify(analyses, again, report, hindsight)
+    # vehicles that are late each by its own have no common clock: there the first look names more
+    is_better = sum(view.calls.unnamed for view in views) <= sum(view.calls.unnamed for view in before)
+    for folder in again:
+        for name in _FILES if is_better else ():
+            (folder / name).replace(folder.parent / name)
+        shutil.rmtree(folder)
+    if not is_better:
+        return before
+    for view, known in zip(views, before, strict=True):
+        view.notes[:0] = _why_again(known.clock_found, known.camera_found)
+    return views
 
 
 @contextlib.contextmanager
@@ -123,22 +150,6 @@ def _as_session_error(out: Path) -> Iterator[None]:
         raise SessionError(f"{out}: cannot be written: {error.strerror}; choose another place") from error
 
 
-def _clock_found(analysis: Analysis, last: Snapshot) -> float | None:
-    """Video time minus telemetry time in the end, s, where it was so far off that names had to wait for it.
-
-    None where it was not, and for a flight that kept its order: that is named as it was seen.
-    """
-    health, declared = last.health, analysis.mission.clock.video_offset_s
-    off_s = health.time_offset_s - (0.0 if declared == "auto" else float(declared))
-    known = health.fit > SURE_FIT and health.time_offset_std_s < SURE_S
-    return health.time_offset_s if known and abs(off_s) > AGAIN_S and not analysis.as_flown else None
-
-
-def _camera_found(analysis: Analysis) -> Camera | None:
-    """The camera by the film, where names had to wait for it; None for a flight that kept its order, as above."""
-    return None if analysis.as_flown else analysis.found_camera
-
-
 def _why_again(offset_s: float | None, camera: Camera | None) -> Iterator[str]:
     if offset_s is not None:
         yield f"the video's clock is {_late(offset_s)} by the whole recording: named again with that taken out"
@@ -155,43 +166,36 @@ def _late(offset_s: float) -> str:
 
 
 def _identify(
-    analysis: Analysis,
-    out: Path,
+    analyses: Sequence[Analysis],
+    folders: Sequence[Path],
     report: Callable[[int, int], None],
-    note: Callable[[str], None],
-    *,
-    hindsight: bool,
-) -> tuple[RollCall, Snapshot]:
-    """Name all frames; also what was known after the last one."""
-    for text in analysis.warnings:
-        note(text)
-    calls = RollCall(analysis.mission)
-    last: Snapshot | None = None
-    blind = False
+    hindsight: bool | None,
+) -> list[_NamedView]:
+    """Name all frames of each camera, side by side."""
+    frames, done = sum(len(analysis.times_us) for analysis in analyses), 0
     try:
-        with IdentityLog(out) as log, contextlib.closing(EventLog(out / EVENTS)) as events:
-            reports, trouble = FlownReports.of(analysis.opened)
-            if trouble:
-                note(trouble)
-            snapshots = _frames(analysis, reports, calls, events, note)
-            if hindsight:
-                snapshots = by_hindsight(snapshots, analysis.mission)
-            for last in snapshots:
-                log.write(last)
-                calls.look(last)
-                report(last.frame + 1, len(analysis.times_us))
-                blind |= last.pose == "no attitude"
+        with contextlib.ExitStack() as stack:
+            views = [_NamedView(analysis, folder, stack) for analysis, folder in zip(analyses, folders, strict=True)]
+            if len(analyses) > 1:
+                alone = [view.analysis.moments_alone(view.reports.flown) for view in views]
+                moments = side_by_side(analyses, alone, wanted=len(views))
+            else:
+                moments = [views[0].analysis.moments(views[0].reports.flown)]
+            going = {view: view.named(moment, hindsight) for view, moment in zip(views, moments, strict=True)}
+            while going:
+                view = min(going, key=lambda view: view.last.t_us if view.last else 0)
+                before = view.last
+                if next(going[view], None) is None:
+                    del going[view]
+                elif view.last is not None:
+                    done += view.last.frame - (before.frame if before else -1)
+                    report(done, frames)
     finally:
-        analysis.close()
-    if last is None:
-        raise SessionError(f"{analysis.opened.session.path}: not one frame in it")
-    calls.end(analysis.frames)
-    marks = read_marks(analysis.opened.session.path, reports.start_us)
-    calls.tell(reports.spans(), (*reports.flown, *marks))
-    seen = analysis.opened.video is not None or analysis.opened.looks is not None
-    for text in (*_alarms(reports.spans(), int(analysis.times_us[0])), *_doubts(last, calls, blind=blind, seen=seen)):
-        note(text)
-    return calls, last
+        for analysis in analyses:
+            analysis.close()
+    for view in views:
+        view.finish()
+    return views
 
 
 def _alarms(spans: Iterable[AlarmSpan], start_us: int) -> list[str]:
@@ -201,22 +205,83 @@ def _alarms(spans: Iterable[AlarmSpan], start_us: int) -> list[str]:
     return lines if len(told) <= _ALARMS_TOLD else [*lines, f"and {len(told) - _ALARMS_TOLD} alarms more"]
 
 
-def _frames(
-    analysis: Analysis, reports: FlownReports, calls: RollCall, events: EventLog, note: Callable[[str], None]
-) -> Iterator[Snapshot]:
-    """The frames of a recording; what happened in it, with frames and without, is taken in on the way."""
-    frame = -1
-    for at_us, snapshot in analysis.moments(reports.flown):
-        reports.add(at_us, snapshot.events, snapshot.alarms)
-        calls.watch(snapshot, at_us)
-        events.write(snapshot.events)
-        for event in snapshot.events:
-            if event.kind == "video" and event.level == "info" and not event.over:
-                note(event.text)
-        if snapshot.frame != frame:
-            frame = snapshot.frame
+class _NamedView:
+    """The view of one camera, while it is named and then.
+
+    Attributes:
+        calls: who was named.
+        last: what was known after the last frame.
+        notes: what a user should read, one line each.
+    """
+
+    def __init__(self, analysis: Analysis, out: Path, stack: contextlib.ExitStack) -> None:
+        self.analysis, self.calls, self.notes = analysis, RollCall(analysis.mission), list(analysis.warnings)
+        self.last: Snapshot | None = None
+        self._blind = False
+        self._log = stack.enter_context(IdentityLog(out))
+        self._events = stack.enter_context(contextlib.closing(EventLog(out / EVENTS)))
+        self.reports, trouble = FlownReports.of(analysis.opened)
+        self.notes += [trouble] if trouble else []
+
+    def named(self, moments: Iterator[tuple[int, Snapshot]], hindsight: bool | None) -> Iterator[Snapshot]:
+        """Write down the frames of a recording, one after the other."""
+        snapshots = self._frames(moments)
+        if not self.analysis.as_flown if hindsight is None else hindsight:
+            snapshots = by_hindsight(snapshots, self.analysis.mission)
+        for snapshot in snapshots:
+            self.last = snapshot
+            self._log.write(snapshot)
+            self.calls.look(snapshot)
+            self._blind |= snapshot.pose == "no attitude"
             yield snapshot
-    reports.finish()
+
+    def _frames(self, moments: Iterator[tuple[int, Snapshot]]) -> Iterator[Snapshot]:
+        """Its frames; what happened, with frames and without, is taken in on the way."""
+        frame = -1
+        for at_us, snapshot in moments:
+            self.reports.add(at_us, snapshot.events, snapshot.alarms)
+            self.calls.watch(snapshot, at_us)
+            self._events.write(snapshot.events)
+            for event in snapshot.events:
+                if event.kind == "video" and event.level == "info" and not event.over:
+                    self.notes.append(event.text)
+            if snapshot.frame != frame:
+                frame = snapshot.frame
+                yield snapshot
+        self.reports.finish()
+
+    def finish(self) -> None:
+        """Add up what was seen.
+
+        Raises:
+            SessionError: nothing was.
+        """
+        opened = self.analysis.opened
+        if self.last is None:
+            raise SessionError(f"{opened.session.path}: not one frame in it")
+        self.calls.end(self.analysis.frames)
+        marks = read_marks(opened.session.path, self.reports.start_us)
+        self.calls.tell(self.reports.spans(), (*self.reports.flown, *marks))
+        seen = opened.video is not None or opened.looks is not None
+        self.notes += _alarms(self.reports.spans(), int(self.analysis.times_us[0]))
+        self.notes += _doubts(self.last, self.calls, blind=self._blind, seen=seen)
+
+    @property
+    def clock_found(self) -> float | None:
+        """Video time minus telemetry time in the end, s, where it was so far off that names had to wait for it.
+
+        None where it was not, and for a flight that kept its order: that is named as it was seen.
+        """
+        assert self.last is not None
+        health, declared = self.last.health, self.analysis.mission.clock.video_offset_s
+        off_s = health.time_offset_s - (0.0 if declared == "auto" else float(declared))
+        known = health.fit > SURE_FIT and health.time_offset_std_s < SURE_S
+        return health.time_offset_s if known and abs(off_s) > AGAIN_S and not self.analysis.as_flown else None
+
+    @property
+    def camera_found(self) -> Camera | None:
+        """The camera by the film, where names had to wait for it; None for a flight that kept its order, as above."""
+        return None if self.analysis.as_flown else self.analysis.found_camera
 
 
 def _doubts(last: Snapshot, calls: RollCall, *, blind: bool, seen: bool) -> list[str]:

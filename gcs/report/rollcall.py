@@ -112,9 +112,13 @@ class RollCall:
         unnamed: of these, those without a name.
         attitude_frames: in which the camera's pose was known.
         marks: that the operator made.
+        films: name of the aircraft that filmed.
+        other_views: the same of the flight's further cameras.
     """
 
     def __init__(self, mission: Mission) -> None:
+        self.films = mission.name_of(mission.uav.system_id)
+        self.other_views: tuple[RollCall, ...] = ()
         self._names = {i: mission.name_of(i) for i in mission.ugv_ids}
         self._entries = {i: _Entry() for i in mission.ugv_ids}
         self._begin_us: int | None = None

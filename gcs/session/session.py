@@ -68,15 +68,22 @@ class Session:
 
     @property
     def other_views(self) -> tuple[Session, ...]:
-        """Of the first camera's: what the others of the flight recorded, without those that recorded nothing.
+        """Recordings of the flight's other cameras, whichever this one is; without those that recorded nothing.
 
         Raises:
             SessionError, ConfigError: one of them cannot be opened.
         """
-        if self.mission is None or self.tlog.parent != self.path:
+        if self.mission is None or not self.mission.view or self.path.is_file():
             return ()
-        folders = [self.path / VIEW_FOLDER.format(k + 2) for k in range(len(self.mission.view))]
-        return tuple(open_session(folder) for folder in folders if folder.is_dir())
+        home, own = self.tlog.parent, self.path.resolve()
+        folders = [home, *(home / VIEW_FOLDER.format(k + 2) for k in range(len(self.mission.view)))]
+        views = (open_session(folder) for folder in folders if folder.is_dir() and folder.resolve() != own)
+        return tuple(view for view in views if view.video or view.frames)
+
+    @property
+    def is_first_view(self) -> bool:
+        """True of what a flight's only or first camera recorded."""
+        return self.path.is_file() or self.tlog.parent == self.path
 
     @property
     def name(self) -> str:

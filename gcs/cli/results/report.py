@@ -110,7 +110,10 @@ def _fold(analysis: Analysis, reports: FlownReports, record: FlightSummary, stil
 
 
 def _read_files(session: Session) -> list[Path]:
-    files = input_files(session.path)
+    paths = {view.path for view in (session, *session.other_views)}
+    if not session.path.is_file():
+        paths.add(session.tlog.parent)
+    files = [file for path in sorted(paths) for file in input_files(path)]
     return [*files, *([session.video] if session.video and session.video not in files else [])]
 
 

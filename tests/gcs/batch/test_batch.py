@@ -53,7 +53,7 @@ def test_broken_flights_are_told_and_the_others_finish(tmp_path):
     assert code == 6
     assert not said(stderr)
     *lines, sums = told(stdout)
-    assert (sums["flights"], sums["done"], sums["failed"]) == (8, 2, 6)
+    assert (sums["flights"], sums["done"], sums["failed"]) == (9, 2, 7)
     errors = {line["flight"]: line["error"] for line in lines if line["status"] == "failed"}
     assert {path.name for path in broken.values()} == set(errors)
     for kind, path in broken.items():
@@ -62,7 +62,7 @@ def test_broken_flights_are_told_and_the_others_finish(tmp_path):
         assert "fault of this program" not in errors[path.name]
         assert errors[path.name] in (tmp_path / "out" / "logs" / f"{path.name}.log").read_text()
     rows = duckdb.sql(f"select status, count(*) from '{tmp_path}/out/flights.parquet' group by status").fetchall()
-    assert dict(rows) == {"done": 2, "failed": 6}
+    assert dict(rows) == {"done": 2, "failed": 7}
     counts = duckdb.sql(f"select flight, count(*) from '{tmp_path}/out/identity/*/*.parquet' group by flight")
     assert dict(counts.fetchall()).keys() == {"a", "b"}
 

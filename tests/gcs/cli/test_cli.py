@@ -124,6 +124,11 @@ BAD = {
     "no film without video": (lambda t: ("export", SWARM, "-o", t / "o.mp4"), 2, "no video in it"),
     "no such mission": (lambda t: ("fly", t / "m.toml", "-l", "14550"), 2, "no such file"),
     "no link": (lambda t: ("fly", SWARM / "session.toml"), 2, "no telemetry link"),
+    "several cameras": (
+        lambda t: ("fly", swarm_session(t, toml=lambda s: s + "\n[[view]]\nsystem_id = 99\n") / "session.toml"),
+        2,
+        "a flight takes one video",
+    ),
     "a bad link": (lambda t: ("fly", SWARM / "session.toml", "-l", "pigeon:1"), 3, "pigeon"),
     "a flight of no time": (
         lambda t: ("fly", SWARM / "session.toml", "-l", "14550", "--headless", "--duration", "nan"),

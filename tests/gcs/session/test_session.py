@@ -63,12 +63,14 @@ def test_each_camera_of_a_flight_is_a_session_of_the_same_telemetry(tmp_path):
     first = open_session(tmp_path)
     (second,) = first.other_views
     assert second == open_session(tmp_path / "view-2")
+    assert (second.other_views, first.is_first_view, second.is_first_view) == ((first,), True, False)
     assert (second.tlog, second.frames) == (first.tlog, tmp_path / "view-2" / "frames.csv")
     assert (first.detections, second.detections) == (None, tmp_path / "view-2" / "detections.csv")
     for session, uav, other, offset in ((first, 1, 2, 0.5), (second, 2, 1, "auto")):
         assert (session.mission.uav.system_id, session.mission.clock.video_offset_s) == (uav, offset)
         assert [view.system_id for view in session.mission.view] == [other]
         assert [session.mission.name_of(i) for i in (1, 2)] == ["UAV", "UAV-2"]
+    (tmp_path / "frames.csv").unlink()
     assert second.other_views == ()
 
 

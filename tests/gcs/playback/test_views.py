@@ -1,0 +1,87 @@
+"""Two cameras over one fleet: each view is named by what the other learnt, whoever asks for it."""
+
+import contextlib
+import shutil
+
+import numpy as np
+import pytest
+
+from gcs.errors import SessionError
+from gcs.playback.analysis import Analysis
+from gcs.playback.identification import identify_session
+from gcs.report.score import score_files
+from gcs.session.identity_log import read_identity
+from gcs.session.session import open_session
+from sim.session import write_session
+from sim.world.scenario import Blackout, Gnss, Scenario, ScenarioFlight, ScenarioGround, ScenarioView
+
+FLIGHT = Scenario(
+    duration_s=10.0,
+    fps=5.0,
+    gnss=Gnss(bias_m=1.5),
+    ground=ScenarioGround(kind="formation", vehicles=4, spacing_m=9.0),
+    views=(
+        ScenarioView(
+            flight=ScenarioFlight(yaw_deg=70.0, height_m=30.0), blackouts=(Blackout(start_s=-1.0, stop_s=6.0),)
+        ),
+    ),
+)
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("views") / "flight"
+    write_session(FLIGHT, folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def named(flight):
+    out = flight.parent / "out"
+    return out, identify_session(open_session(flight), out, hindsight=False)
+
+
+def test_both_views_are_named(flight, named):
+    out, calls = named
+    (other,) = calls.other_views
+    assert (calls.films, other.films) == ("UAV", "UAV-2")
+    for folder in ("", "view-2"):
+        found = score_files(flight / folder / "truth.csv", out / folder / "identity.csv")
+        assert (found.precision, found.wrong_sure_s) == (1.0, 0.0)
+        assert found.coverage == 1.0
+    with pytest.raises(SessionError, match="exists already"):
+        identify_session(open_session(flight), out)
+
+
+def boxes_of(snapshots):
+    """Track, name and confidence of each box that was seen."""
+    found = [box for snapshot in snapshots for box in snapshot.new_boxes if not box.coasting]
+    return np.array([(box.track_id, box.system_id, round(box.confidence, 4)) for box in found])
+
+
+@pytest.mark.slow
+def test_a_view_has_the_same_names_whoever_asks(flight, named):
+    out, _ = named
+    told = []
+    for folder in ("", "view-2"):
+        with contextlib.closing(Analysis(open_session(flight / folder))) as analysis:
+            shared = boxes_of(analysis.snapshots(images=False))
+        written = read_identity(out / folder / "identity.csv")
+        assert np.array_equal(shared, np.column_stack([written[k] for k in ("track_id", "system_id", "confidence")]))
+        with contextlib.closing(Analysis(open_session(flight / folder))) as analysis:
+            alone = boxes_of(snapshot for _, snapshot in analysis.moments_alone() if snapshot.analysed)
+        told.append(not np.array_equal(shared, alone))
+    assert told == [False, True]  # the first saw them before the second did
+
+
+@pytest.mark.slow
+def test_names_of_one_view_alone(flight, named, tmp_path):
+    out, _ = named
+    identify_session(open_session(flight / "view-2"), tmp_path / "out", hindsight=False)
+    assert (tmp_path / "out" / "identity.csv").read_bytes() == (out / "view-2" / "identity.csv").read_bytes()
+
+
+def test_a_camera_that_recorded_nothing_is_none(flight, tmp_path):
+    shutil.copytree(flight, tmp_path / "flight", ignore=shutil.ignore_patterns("view-2"))
+    (tmp_path / "flight" / "view-2").mkdir()
+    assert open_session(tmp_path / "flight").other_views == ()
