@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import AsyncIterator, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 from bench.screens.flights import Moment
 from bench.screens.screen import Screen, read_screen
@@ -73,6 +74,10 @@ class ScriptedStation(Station):
 
     def take_rival_video(self) -> None:
         return None
+
+    def next_view(self) -> Self:
+        """There is no other camera."""
+        return self
 
     def stop(self) -> None:
         return None

@@ -299,6 +299,10 @@ class Flight:
             except LinkError as error:
                 self._add_operator_event(system_id, f"signed packets stay held: {error}")
 
+    def next_view(self) -> Flight:
+        """A flight has one camera."""
+        return self
+
     def take_rival_video(self) -> None:
         """The operator takes the other video where two senders contest its port: an event."""
         if taken := self._video.take_rival():

@@ -13,6 +13,7 @@ from __future__ import annotations
 import threading
 import time
 from bisect import insort
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -170,6 +171,12 @@ class Replay:
         self._playing = True
         self._speed = 1.0
         self._title = session.name
+        self._redetect, self._views = redetect, [self]
+        """All cameras on show so far, the same list in each."""
+        self._unseen = deque(session.other_views)
+        if self._unseen:
+            uav = analysis.mission.uav
+            self._title = f"{session.tlog.parent.resolve().name} from {analysis.mission.name_of(uav.system_id)}"
         self.error: BaseException | None = None
         self._threads = [
             threading.Thread(target=self._guard, args=(work,), name=name, daemon=True)
@@ -274,6 +281,19 @@ class Replay:
             if (goal_us - self._now_us) * frames > 0:
                 self._now_us = goal_us
 
+    def next_view(self) -> Replay:
+        """The flight's next camera: opened when it is wanted first, and going on from here."""
+        place = self._views.index(self) + 1
+        if place == len(self._views) and self._unseen:
+            new = Replay(self._unseen.popleft(), redetect=self._redetect)
+            new._views, new._unseen = self._views, self._unseen
+            self._views.append(new)
+        view = self._views[place % len(self._views)]
+        playing, self._playing = self._playing, False
+        view.seek(self.now_us)
+        view._playing, view._speed = playing, self._speed
+        return view
+
     def set_speed(self, speed: float) -> None:
         """Set the speed, clamped to 0.1..20."""
         self._speed = float(np.clip(speed, SPEED_LEAST, SPEED_MOST))
@@ -320,12 +340,14 @@ class Replay:
         """The video of a flight stays as it was recorded."""
 
     def stop(self) -> None:
-        """End both threads and close the video."""
-        self._stop.set()
-        for thread in self._threads:
-            thread.join(timeout=5)
-        self._analysis.close()
-        self._decoded.close()
+        """End both threads and close the video, of all cameras."""
+        for view in self._views:
+            view._stop.set()
+        for view in self._views:
+            for thread in view._threads:
+                thread.join(timeout=5)
+            view._analysis.close()
+            view._decoded.close()
 
     def _begin_us(self) -> int:
         """Where it begins to play: at the first frame if it comes soon, so that nobody waits for a picture."""

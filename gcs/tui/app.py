@@ -7,6 +7,7 @@ import contextlib
 import math
 import signal
 import time
+from collections.abc import Sequence
 from typing import ClassVar
 
 from rich.text import Text
@@ -16,10 +17,11 @@ from textual.command import Provider
 from textual.reactive import reactive
 from textual.widget import Widget
 
-from gcs.errors import FlightError
+from gcs.errors import FlightError, GcsError
 from gcs.report.rollcall import RollCall
 from gcs.snapshot import Snapshot
 from gcs.station import Commands, Station
+from gcs.trails import Trail
 from gcs.tui import playback
 from gcs.tui.actions import ActionProvider, actions
 from gcs.tui.draw.pixels import Graphics, picture_mode, pixel_images
@@ -52,6 +54,8 @@ from gcs.tui.screens.prompts import Prompt, ask_for_rival_video
 from gcs.tui.screens.saving import ask_to_save_screen, save_still
 from gcs.tui.terminal.terminal_app import MOST_FPS
 from gcs.tui.themes import ThemeName
+from mavlink.geodesy import LocalFrame
+from vision.errors import VisionError
 
 POLL_S = 1 / MOST_FPS
 COUNT_S = 2.0
@@ -107,7 +111,7 @@ class RollcallApp(ReplayApp):
         # held, not queried: a query looks at the screen on top, which may be a question
         self._status = StatusBar(live=station.timeline is None, id="status")
         self._alert_line = Banner(id="alert")
-        self._map = map_pane(station)
+        self._map = map_pane(station, self._trails)
         self._fleet = FleetPane(id="fleet")
         self._identity = IdentityPane(id="identity")
         self._events = EventPane(id="events", live=station.timeline is None)
@@ -297,6 +301,23 @@ class RollcallApp(ReplayApp):
             self._events.words = ""
         else:
             self._pick(0, 0)
+
+    def action_next_view(self) -> None:
+        """Show what the flight's next camera saw; which track is which vehicle differs from one to the other."""
+        try:
+            view = self._station.next_view()
+        except (GcsError, VisionError) as error:
+            self.notify(str(error), severity="warning", markup=False)
+            return
+        if view is self._station:
+            self.notify("there is one camera", markup=False, timeout=2)
+        self._station = view
+        self._pick(self.selected, 0)
+
+    def _trails(self, t_us: int, span_s: float, origin: LocalFrame | None) -> Sequence[Trail]:
+        """Trails of a replay."""
+        timeline = self._station.timeline
+        return timeline.trails(t_us, span_s, origin) if timeline is not None else ()
 
     def action_inset(self) -> None:
         """Enlarge the picked vehicle in a corner of the video, or no more."""

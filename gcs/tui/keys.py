@@ -35,6 +35,7 @@ REPLAY: Final = (
     _key("n", "event(1)", "event", "Go to the next event that the log shows, or of N's kind", id="replay.next"),
     _key("p", "event(-1)", "event", "Go to the event before", id="replay.previous"),
     _key("N", "jumps", "kind", "What n and p go to: the log, alarms, marks, gaps, warnings, names", id="replay.kind"),
+    _key("C", "next_view", "camera", "The flight's next camera, where it had several", id="replay.camera"),
 )
 PANES: Final = (
     _key("v", "pane('video')", "video", "Video: show and focus, again to hide", id="pane.video"),
@@ -116,7 +117,9 @@ ALARMS: Final = (
 
 GROUPS: Final = (("Replay", REPLAY), ("Panes", PANES), ("Look", LOOK), ("Station", STATION), ("Alarms", ALARMS))
 BINDINGS: Final = [binding for _, group in GROUPS for binding in group]
-REPLAY_ACTIONS: Final = frozenset({"toggle_play", "jump", "step", "speed", "edge", "go_to", "event", "jumps"})
+REPLAY_ACTIONS: Final = frozenset(
+    {"toggle_play", "jump", "step", "speed", "edge", "go_to", "event", "jumps", "next_view"}
+)
 LIVE_ACTIONS: Final = frozenset({"preflight", "fleet", "practise"})
 
 LIVE_HINTS: Final = (

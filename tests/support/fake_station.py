@@ -248,6 +248,7 @@ class FakeStation:
         self.heard, self.changes, self.practice = (), [], None
         self.stated: list[tuple[int, int | None]] = []
         self.stopped = 0
+        self.other_view: FakeStation | None = None
         self.folder: Path | None = None
         self.tiles: Path | None = None
 
@@ -291,6 +292,9 @@ class FakeStation:
 
     def take_rival_video(self) -> None:
         self.taken += 1
+
+    def next_view(self) -> FakeStation:
+        return self.other_view or self
 
     def stop(self) -> None:
         self.stopped += 1

@@ -280,8 +280,13 @@ class MapPane(Pane):
             self.post_message(VehiclePicked(*marked_at(self.snapshot, self._view, event.x, event.y - 1)))
 
 
-def map_pane(station: Station) -> MapPane:
-    """The map of a station, with what the mission has to be under it; tiles that cannot be used are an event."""
+def map_pane(station: Station, trails: TrailSource) -> MapPane:
+    """The map of a station, with what the mission has to be under it; tiles that cannot be used are an event.
+
+    Args:
+        station: a flight or a replay.
+        trails: of a replay.
+    """
     basemap = None
     if station.tiles is not None:
         try:
@@ -289,4 +294,4 @@ def map_pane(station: Station) -> MapPane:
         except ConfigError as error:
             start_us = station.timeline.start_us if station.timeline else time.time_ns() // 1000
             station.add_event(Event(t_us=start_us, level="warning", kind="program", text=f"no basemap: {error}"))
-    return MapPane(id="map", trails=station.timeline.trails if station.timeline else None, basemap=basemap)
+    return MapPane(id="map", trails=trails if station.timeline else None, basemap=basemap)

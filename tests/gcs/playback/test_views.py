@@ -9,6 +9,7 @@ import pytest
 from gcs.errors import SessionError
 from gcs.playback.analysis import Analysis
 from gcs.playback.identification import identify_session
+from gcs.playback.replay import Replay
 from gcs.report.score import score_files
 from gcs.session.identity_log import read_identity
 from gcs.session.session import open_session
@@ -79,6 +80,21 @@ def test_names_of_one_view_alone(flight, named, tmp_path):
     out, _ = named
     identify_session(open_session(flight / "view-2"), tmp_path / "out", hindsight=False)
     assert (tmp_path / "out" / "identity.csv").read_bytes() == (out / "view-2" / "identity.csv").read_bytes()
+
+
+def test_a_replay_goes_from_camera_to_camera(flight):
+    first = Replay(open_session(flight))
+    try:
+        first.seek(first.start_us + 5_000_000)
+        first.set_speed(0.1)
+        second = first.next_view()
+        assert second is not first and (second.playing, first.playing, second.speed) == (True, False, 0.1)
+        assert abs(second.now_us - first.now_us) < 2_000_000
+        assert [view.title.split(" (")[0] for view in (first, second)] == ["flight from UAV", "flight from UAV-2"]
+        assert second.next_view() is first and first.next_view() is second
+    finally:
+        first.stop()
+    assert not any(thread.is_alive() for view in (first, second) for thread in view._threads)
 
 
 def test_a_camera_that_recorded_nothing_is_none(flight, tmp_path):

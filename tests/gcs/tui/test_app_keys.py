@@ -10,7 +10,18 @@ from gcs.tui.panes.event_log import EventPane
 from gcs.tui.panes.map import MapPane
 from gcs.tui.panes.timeline import TimelineBar
 from gcs.tui.screens.prompts import Prompt
-from tests.support.fake_station import SMALL, START_US, STOP_US, WIDE, on_screen, polled, running, screen_text, text_of
+from tests.support.fake_station import (
+    SMALL,
+    START_US,
+    STOP_US,
+    WIDE,
+    FakeStation,
+    on_screen,
+    polled,
+    running,
+    screen_text,
+    text_of,
+)
 
 
 async def test_seeking_keys():
@@ -32,6 +43,19 @@ async def test_seeking_keys():
             station.timeline.now_us = now_us
             await pilot.press(*keys)
             assert (station.timeline.now_us - START_US) / 1e6 == pytest.approx(want_s, abs=1e-3), keys
+
+
+async def test_the_next_camera_comes_into_focus():
+    station, other = FakeStation(), FakeStation()
+    station.other_view, other.other_view, other.title = other, station, "from UAV-2"
+    async with running(station) as (app, pilot, _):
+        for title in ("from UAV-2", station.title):
+            await pilot.press("C")
+            await polled(app, pilot)
+            assert title in screen_text(app)
+        other.other_view = None
+        await pilot.press("C", "C", "space")
+        assert other.timeline.playing and not station.timeline.playing
 
 
 async def test_play_step_and_speed_keys():
