@@ -23,7 +23,6 @@ from assoc.geometry.sway import FAST_MPS, FREE_TURNS, TURNS, Sway, wander_in_fli
 from assoc.history import TrackHistory
 from assoc.hypotheses.bias_memory import BiasMemory, learn_bias_noise
 from assoc.hypotheses.labels import mixed_marginals, posterior_weights
-from assoc.hypotheses.other_views import SharedBiases
 from assoc.hypotheses.place_alone import StrangerLimit, limit_by_place, log_odds_among_strangers
 from assoc.hypotheses.priors import OffsetPrior, noise_of, prior_of
 from assoc.hypotheses.search import Hypothesis, UpdateContext, keep_best, refine, shifts, swaps, turns
@@ -55,9 +54,6 @@ _LONGEST_AGE_S = 1e3
 """Upper limit of a report's age, seconds, so that a report never received gives a finite variance."""
 _FAST_TAU_S = 2.5
 """Correlation time of errors that wander too fast for their course to tell anything, seconds."""
-_TOLD_STDS = 4.0
-"""Distance to the next vehicle, in 1σ of the biases, from which on other views are told of one: nearer ones that drive
-alike may be taken for each other, however sure their names are."""
 _OTHER_EVERY = 3
 """Updates from one look at the course to the next, while vehicles are compared by place alone."""
 
@@ -123,7 +119,6 @@ class Estimator:
         """(T, n) ln odds of a track's vehicles, taken over from the track it continues."""
         # learnt from certain names
         self._bias_memory = BiasMemory(log.n_vehicles)
-        self.shared = SharedBiases(log.n_vehicles)
         self._bias_std, self._tau_s = self._usual_errors(by_place=by_place)
         self._bias_learnt_s = -np.inf
         self._clutter, self._found = Clutter(params), FoundShare(log.n_vehicles)
@@ -267,7 +262,6 @@ class Estimator:
         self._lock.update(t, np.max(p, axis=1), float(share[0]), best_score)
         review = self._conflicts.review(t, context, best, p, elsewhere)
         self._log.rejected_since = review.rejected_since
-        self.shared.forget(review.vehicles)
         self._fold(context, best)
         told = told.after(AnswerDoubt.DOUBLE, review.p)
         by_place = limit_by_place(review.p, best.score, places, self._bias_std)
@@ -322,7 +316,6 @@ class Estimator:
         """The result while film and telemetry do not fit: nothing is learnt from it, and no vehicle is accused."""
         self._confident.clear()
         self._anchors.clear()
-        self.shared.forget()
         self._lock.unlock(t)
         self._fold(context, best)
         return UpdateResult(context.columns[: context.live], told.p, told.doubt, ())
@@ -332,7 +325,6 @@ class Estimator:
         q = self._params
         p, age = self._log.extrapolated(t - self.time_offset_s)
         mean, var = self._bias_memory.recall(t, self._bias_std, self._tau_s)
-        (mean,), (var,), _ = self.shared.better_of(np.array([t]), mean[None], var[None], self._bias_std, self._tau_s)
         moved = (q.predicted_speed_std_mps * np.minimum(age, _LONGEST_AGE_S)) ** 2
         return p + mean, var + self._log.white_std_m**2 + q.predicted_floor_m2 + moved
 
@@ -364,9 +356,6 @@ class Estimator:
         view = self._chance_in_view(t, camera)
         gap_s = t - self._history.last_s[live]
         window_s = q.locked_window_s if self.locked else q.window_s
-        state = bound_variance(select_tracks(self._state, columns), self._bias_std)
-        placed = self.shared.placed(camera, q.position_std_m)
-        state = self.shared.begun(state, self._history.first_s[columns], self._bias_std, self._tau_s)
         return UpdateContext(
             history=self._history,
             columns=columns,
@@ -381,9 +370,9 @@ class Estimator:
             gap_max_s=q.gap_max_s,
             extrapolated_max_s=q.search.extrapolated_max_s,
             heading_std=q.search.heading_std,
-            state=state,
+            state=bound_variance(select_tracks(self._state, columns), self._bias_std),
             noise=self._noise(camera, view, self._bias_std, self._tau_s, by_place=self.by_place),
-            prior=prior_of(q, placed, self._offset_prior.std_s, self._history.speed_mps),
+            prior=prior_of(q, camera, self._offset_prior.std_s, self._history.speed_mps),
             log_switch=self._swaps.log_chances(self._first_block, last - self._first_block + 1, columns),
             log_odds=q.prior_log_odds,
             handover=self._handover[live],
@@ -504,11 +493,6 @@ class Estimator:
         rows = np.flatnonzero(certain & (top < n))
         tracks = self._history.track_id[live[rows]]
         self._bias_memory.store(t, top[rows], tracks, best.final.mean[rows, top[rows]], best.final.var[rows, top[rows]])
-        if self.locked:
-            apart_m = np.linalg.norm(self._log.last_p[:, None] - self._log.last_p, axis=2)
-            np.fill_diagonal(apart_m, np.inf)
-            lone = np.nanmin(apart_m, axis=1) > _TOLD_STDS * max(self._bias_std, self._params.bias_m)
-            self.shared.learn(t, rows[(best.vehicle[rows] == top[rows]) & lone[top[rows]]], best)
         self._clutter.note(t, context, certain & (top == n) & (age > q.clutter_age_s))
         for column in live.tolist():
             self._confident.pop(column, None)

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from assoc.evidence.motion import ReportLog
 from assoc.geometry.ground import PITCH, ROLL, YAW, ground_to_rays, rays_to_ground
 from assoc.history import TrackHistory
-from assoc.hypotheses.other_views import LearntBiases
 from assoc.identification.common_boxes import CommonBoxes
 from assoc.identification.doubts import AnswerDoubt, lowered
 from assoc.identification.estimate import Estimator
@@ -104,16 +103,6 @@ class Identifier:
     def locked(self) -> bool:
         """True if the search is locked: nearly all tracks have had certain answers for seconds."""
         return self._estimator.locked
-
-    @property
-    def learnt(self) -> LearntBiases | None:
-        """Biases that this view has to tell the views of other cameras; None before the first frame."""
-        return None if self._origin_us is None else self._estimator.shared.told(self._ids, self._origin_us)
-
-    def hear(self, told: LearntBiases) -> None:
-        """Take in what the views of other cameras learnt, in place of what they had told before."""
-        if self._origin_us is not None:
-            self._estimator.shared.hear(self._ids, self._origin_us, told)
 
     def add_reports(self, reports: VehicleReports) -> None:
         """Add the positions that arrived since the last call; to be called before :meth:`stitch`, which uses them."""

@@ -5,7 +5,7 @@ The only place where telemetry, vision and association meet. A live flight, a re
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.geometry.ground import YAW
-from assoc.hypotheses.other_views import LearntBiases
 from assoc.identification.identifier import Identifier
 from assoc.params import IdentifierParams
 from assoc.records import CameraState, Identities
@@ -170,16 +169,6 @@ class Pipeline:
     def found_camera(self) -> Camera | None:
         """The camera by the film, where the mission does not describe it; None: not found, or not searched for."""
         return self._cameras.found
-
-    @property
-    def learnt(self) -> LearntBiases | None:
-        """Biases that this view has to tell those of other cameras; None before the first frame."""
-        return self._identifier.learnt
-
-    def hear(self, others: Iterable[Pipeline]) -> None:
-        """Take in what the views of other cameras have to tell before the next frame."""
-        if told := [learnt for other in others if (learnt := other.learnt)]:
-            self._identifier.hear(LearntBiases.best_of(told))
 
     def add_event(self, event: Event) -> None:
         """Add an event of the surroundings (links, video, operator) to the next snapshot."""

@@ -5,11 +5,9 @@ The decoder and the detector are imported when a recording needs them: to load t
 
 from __future__ import annotations
 
-import contextlib
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING
 
@@ -22,7 +20,6 @@ from gcs.playback.moments import moments_between
 from gcs.playback.opened_session import OpenedSession
 from gcs.playback.recorded_order import GroundScale, PacketsInOrder, RecordedTurns
 from gcs.playback.session_warnings import session_warnings
-from gcs.playback.side_by_side import side_by_side
 from gcs.session.event_log import read_statements
 from gcs.session.fold_order import NO_FRAME, FoldTurn
 from gcs.session.session import Session
@@ -80,8 +77,7 @@ class Analysis:
             SessionError, TlogError, VideoError, ModelError: a part that cannot be used.
             CameraError: the mission's camera cannot have taken the video.
         """
-        self._redetect, self._open_detector, self._looking_threads = redetect, open_detector, looking_threads
-        self._others = session.other_views
+        self._open_detector, self._looking_threads = open_detector, looking_threads
         self.faults = 0
         self.opened = opened = OpenedSession.open(session, redetect=redetect)
         self.mission, self.video, self.times_us = opened.mission, opened.video, opened.times_us
@@ -118,13 +114,6 @@ class Analysis:
         Args:
             images: Put each frame's image into its snapshot; frames of a video that cannot be decoded are left out.
         """
-        if self._others:
-            moments, frame = self.moments(), -1
-            for _, snapshot in self.with_images(moments) if images else moments:
-                if snapshot.frame != frame:
-                    frame = snapshot.frame
-                    yield snapshot
-            return
         pipeline = self._pipeline()
         if self._turns is None:
             yield from self._by_time(pipeline, images)
@@ -138,11 +127,6 @@ class Analysis:
         """The camera by the film as far as it was folded, where the mission does not describe it; None: not found."""
         return self._folded.found_camera if self._folded else None
 
-    def hear(self, others: Iterable[Analysis]) -> None:
-        """Take in what the folds of the same flight's other cameras learnt so far."""
-        if self._folded is not None:
-            self._folded.hear(other._folded for other in others if other._folded is not None)
-
     @property
     def frames(self) -> int:
         """How many frames came, looked at or not; 0 of telemetry alone."""
@@ -153,8 +137,6 @@ class Analysis:
     ) -> Iterator[tuple[int, Snapshot]]:
         """Fold the recording for a screen: its frames, without images, and moments in between at which none came.
 
-        The views of the flight's other cameras are folded beside it, but not from a provisional begin.
-
         Args:
             flown: What the flight reported, in order of time: the recording lasts at least so long, and alarms that
                 were acknowledged then are.
@@ -164,19 +146,6 @@ class Analysis:
         Yields:
             Time on the recording's time line, Unix µs, and what is known then.
         """
-        if not self._others or provisional_from_us is not None:
-            yield from self.moments_alone(flown, provisional_from_us)
-            return
-        opened = partial(Analysis, redetect=self._redetect, open_detector=self._open_detector)
-        with contextlib.ExitStack() as stack:
-            others = [stack.enter_context(contextlib.closing(opened(view))) for view in self._others]
-            moments = [self.moments_alone(flown), *(other.moments_alone() for other in others)]
-            yield from side_by_side([self, *others], moments, wanted=1)[0]
-
-    def moments_alone(
-        self, flown: Sequence[Event] = (), provisional_from_us: int | None = None
-    ) -> Iterator[tuple[int, Snapshot]]:
-        """The same by this view alone, unless it is told what others learnt meanwhile (``hear``)."""
         flown_us = np.array([event.t_us for event in flown], dtype=np.int64)
         received_us = np.sort(np.concatenate([self.opened.known_us, flown_us]))
         if provisional_from_us is None:

@@ -6,7 +6,7 @@ import contextlib
 import math
 import os
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +16,6 @@ from gcs.health.alarm_history import AlarmSpan
 from gcs.playback.analysis import Analysis
 from gcs.playback.as_flown import FlownReports
 from gcs.playback.hindsight import by_hindsight
-from gcs.playback.side_by_side import side_by_side
 from gcs.report.rollcall import WITHOUT_POSITION, RollCall
 from gcs.session.event_log import EventLog, read_marks
 from gcs.session.identity_log import IdentityLog
@@ -55,8 +54,8 @@ def identify_session(
     Where the video's clock proves to be far off, or a camera that nothing describes was found by the film, it is done
     again with that known from the first frame on.
 
-    A flight's further cameras are named with the first, each by what the others learnt of the vehicles as well; their
-    files come into the folders ``view-2``, … in ``out``.
+    A flight's further cameras are named after the first, each by itself; their files come into the folders ``view-2``,
+    … in ``out``.
 
     The files are there when they are whole: what is broken off leaves none.
 
@@ -66,7 +65,7 @@ def identify_session(
         detect: look at the video even if detections were kept.
         hindsight: name each box by what is known of its track 15 s later, not as a screen would have shown it. None:
             unless the recording kept the order in which a flight took it in; then the names are as they were seen.
-        report: called after every frame with the frames that are done, and all there are.
+        report: called after every frame with the frames of a camera that are done, and all there are.
         note: called with each line that a user should read: what the recording lacks, what the camera's stream did,
             what was not known in the end.
         open_detector: loads a mission's networks, for those who name many recordings; None: they are loaded anew.
@@ -84,47 +83,40 @@ def identify_session(
     for path in (folder / name for folder in outs for name in _FILES):
         if os.path.lexists(path):
             raise SessionError(f"{path}: {_NEVER_OVERWRITTEN}")
-    opened = partial(Analysis, redetect=detect, open_detector=open_detector, looking_threads=looking_threads)
+    opening = partial(Analysis, redetect=detect, open_detector=open_detector, looking_threads=looking_threads)
+    views = list[RollCall]()
     with contextlib.ExitStack() as stack:
-        folders = [stack.enter_context(_aside(folder)) for folder in outs]
-        views = _identify([opened(view) for view in sessions], folders, report, hindsight)
-        found = [(view.clock_found, view.camera_found) for view in views]
-        if any(each != (None, None) for each in found):
-            known = zip(sessions, found, strict=True)
-            analyses = [opened(view, video_offset_s=offset_s, camera=camera) for view, (offset_s, camera) in known]
-            views = _identify_again(analyses, folders, report, hindsight, views)
-    for view in views:
-        films = f"{view.calls.films}: " if len(views) > 1 else ""
-        for text in view.notes:
-            note(f"{films}{text}")
-    calls, *others = (view.calls for view in views)
-    calls.other_views = tuple(others)
-    return calls
+        for view, folder in [
+            (view, stack.enter_context(_aside(each))) for view, each in zip(sessions, outs, strict=True)
+        ]:
+            calls, notes = _identify_view(partial(opening, view), folder, report, hindsight)
+            views.append(calls)
+            for text in notes:
+                note(f"{calls.films}: {text}" if len(sessions) > 1 else text)
+    views[0].other_views = tuple(views[1:])
+    return views[0]
 
 
-def _identify_again(
-    analyses: Sequence[Analysis],
-    folders: Sequence[Path],
-    report: Callable[[int, int], None],
-    hindsight: bool | None,
-    before: list[_NamedView],
-) -> list[_NamedView]:
-    """Name all frames with what was found before; whichever leaves fewer boxes without a name is kept."""
-    again = [folder / "again" for folder in folders]
-    for folder in again:
-        folder.mkdir()
-    views = _identify(analyses, again, report, hindsight)
-    # vehicles that are late each by its own have no common clock: there the first look names more
-    is_better = sum(view.calls.unnamed for view in views) <= sum(view.calls.unnamed for view in before)
-    for folder in again:
-        for name in _FILES if is_better else ():
-            (folder / name).replace(folder.parent / name)
-        shutil.rmtree(folder)
-    if not is_better:
-        return before
-    for view, known in zip(views, before, strict=True):
-        view.notes[:0] = _why_again(known.clock_found, known.camera_found)
-    return views
+def _identify_view(
+    opened: Callable[..., Analysis], folder: Path, report: Callable[[int, int], None], hindsight: bool | None
+) -> tuple[RollCall, list[str]]:
+    """Name the boxes of one camera; again, with what was found of it, where that leaves fewer without a name."""
+    analysis, notes = opened(), list[str]()
+    hindsight = not analysis.as_flown if hindsight is None else hindsight
+    calls, last = _identify(analysis, folder, report, notes.append, hindsight=hindsight)
+    offset_s, camera = _clock_found(analysis, last), _camera_found(analysis)
+    if offset_s is not None or camera is not None:
+        again = folder / "again"
+        again.mkdir()
+        second, told = opened(video_offset_s=offset_s, camera=camera), list(_why_again(offset_s, camera))
+        calls_again, _ = _identify(second, again, report, told.append, hindsight=hindsight)
+        # vehicles that are late each by its own have no common clock: there the first look names more
+        if calls_again.unnamed <= calls.unnamed:
+            calls, notes = calls_again, told
+            for name in _FILES:
+                (again / name).replace(folder / name)
+        shutil.rmtree(again)
+    return calls, notes
 
 
 @contextlib.contextmanager
@@ -150,6 +142,22 @@ def _as_session_error(out: Path) -> Iterator[None]:
         raise SessionError(f"{out}: cannot be written: {error.strerror}; choose another place") from error
 
 
+def _clock_found(analysis: Analysis, last: Snapshot) -> float | None:
+    """Video time minus telemetry time in the end, s, where it was so far off that names had to wait for it.
+
+    None where it was not, and for a flight that kept its order: that is named as it was seen.
+    """
+    health, declared = last.health, analysis.mission.clock.video_offset_s
+    off_s = health.time_offset_s - (0.0 if declared == "auto" else float(declared))
+    known = health.fit > SURE_FIT and health.time_offset_std_s < SURE_S
+    return health.time_offset_s if known and abs(off_s) > AGAIN_S and not analysis.as_flown else None
+
+
+def _camera_found(analysis: Analysis) -> Camera | None:
+    """The camera by the film, where names had to wait for it; None for a flight that kept its order, as above."""
+    return None if analysis.as_flown else analysis.found_camera
+
+
 def _why_again(offset_s: float | None, camera: Camera | None) -> Iterator[str]:
     if offset_s is not None:
         yield f"the video's clock is {_late(offset_s)} by the whole recording: named again with that taken out"
@@ -166,36 +174,43 @@ def _late(offset_s: float) -> str:
 
 
 def _identify(
-    analyses: Sequence[Analysis],
-    folders: Sequence[Path],
+    analysis: Analysis,
+    out: Path,
     report: Callable[[int, int], None],
-    hindsight: bool | None,
-) -> list[_NamedView]:
-    """Name all frames of each camera, side by side."""
-    frames, done = sum(len(analysis.times_us) for analysis in analyses), 0
+    note: Callable[[str], None],
+    *,
+    hindsight: bool,
+) -> tuple[RollCall, Snapshot]:
+    """Name all frames; also what was known after the last one."""
+    for text in analysis.warnings:
+        note(text)
+    calls = RollCall(analysis.mission)
+    last: Snapshot | None = None
+    blind = False
     try:
-        with contextlib.ExitStack() as stack:
-            views = [_NamedView(analysis, folder, stack) for analysis, folder in zip(analyses, folders, strict=True)]
-            if len(analyses) > 1:
-                alone = [view.analysis.moments_alone(view.reports.flown) for view in views]
-                moments = side_by_side(analyses, alone, wanted=len(views))
-            else:
-                moments = [views[0].analysis.moments(views[0].reports.flown)]
-            going = {view: view.named(moment, hindsight) for view, moment in zip(views, moments, strict=True)}
-            while going:
-                view = min(going, key=lambda view: view.last.t_us if view.last else 0)
-                before = view.last
-                if next(going[view], None) is None:
-                    del going[view]
-                elif view.last is not None:
-                    done += view.last.frame - (before.frame if before else -1)
-                    report(done, frames)
+        with IdentityLog(out) as log, contextlib.closing(EventLog(out / EVENTS)) as events:
+            reports, trouble = FlownReports.of(analysis.opened)
+            if trouble:
+                note(trouble)
+            snapshots = _frames(analysis, reports, calls, events, note)
+            if hindsight:
+                snapshots = by_hindsight(snapshots, analysis.mission)
+            for last in snapshots:
+                log.write(last)
+                calls.look(last)
+                report(last.frame + 1, len(analysis.times_us))
+                blind |= last.pose == "no attitude"
     finally:
-        for analysis in analyses:
-            analysis.close()
-    for view in views:
-        view.finish()
-    return views
+        analysis.close()
+    if last is None:
+        raise SessionError(f"{analysis.opened.session.path}: not one frame in it")
+    calls.end(analysis.frames)
+    marks = read_marks(analysis.opened.session.path, reports.start_us)
+    calls.tell(reports.spans(), (*reports.flown, *marks))
+    seen = analysis.opened.video is not None or analysis.opened.looks is not None
+    for text in (*_alarms(reports.spans(), int(analysis.times_us[0])), *_doubts(last, calls, blind=blind, seen=seen)):
+        note(text)
+    return calls, last
 
 
 def _alarms(spans: Iterable[AlarmSpan], start_us: int) -> list[str]:
@@ -205,83 +220,22 @@ def _alarms(spans: Iterable[AlarmSpan], start_us: int) -> list[str]:
     return lines if len(told) <= _ALARMS_TOLD else [*lines, f"and {len(told) - _ALARMS_TOLD} alarms more"]
 
 
-class _NamedView:
-    """The view of one camera, while it is named and then.
-
-    Attributes:
-        calls: who was named.
-        last: what was known after the last frame.
-        notes: what a user should read, one line each.
-    """
-
-    def __init__(self, analysis: Analysis, out: Path, stack: contextlib.ExitStack) -> None:
-        self.analysis, self.calls, self.notes = analysis, RollCall(analysis.mission), list(analysis.warnings)
-        self.last: Snapshot | None = None
-        self._blind = False
-        self._log = stack.enter_context(IdentityLog(out))
-        self._events = stack.enter_context(contextlib.closing(EventLog(out / EVENTS)))
-        self.reports, trouble = FlownReports.of(analysis.opened)
-        self.notes += [trouble] if trouble else []
-
-    def named(self, moments: Iterator[tuple[int, Snapshot]], hindsight: bool | None) -> Iterator[Snapshot]:
-        """Write down the frames of a recording, one after the other."""
-        snapshots = self._frames(moments)
-        if not self.analysis.as_flown if hindsight is None else hindsight:
-            snapshots = by_hindsight(snapshots, self.analysis.mission)
-        for snapshot in snapshots:
-            self.last = snapshot
-            self._log.write(snapshot)
-            self.calls.look(snapshot)
-            self._blind |= snapshot.pose == "no attitude"
+def _frames(
+    analysis: Analysis, reports: FlownReports, calls: RollCall, events: EventLog, note: Callable[[str], None]
+) -> Iterator[Snapshot]:
+    """The frames of a recording; what happened in it, with frames and without, is taken in on the way."""
+    frame = -1
+    for at_us, snapshot in analysis.moments(reports.flown):
+        reports.add(at_us, snapshot.events, snapshot.alarms)
+        calls.watch(snapshot, at_us)
+        events.write(snapshot.events)
+        for event in snapshot.events:
+            if event.kind == "video" and event.level == "info" and not event.over:
+                note(event.text)
+        if snapshot.frame != frame:
+            frame = snapshot.frame
             yield snapshot
-
-    def _frames(self, moments: Iterator[tuple[int, Snapshot]]) -> Iterator[Snapshot]:
-        """Its frames; what happened, with frames and without, is taken in on the way."""
-        frame = -1
-        for at_us, snapshot in moments:
-            self.reports.add(at_us, snapshot.events, snapshot.alarms)
-            self.calls.watch(snapshot, at_us)
-            self._events.write(snapshot.events)
-            for event in snapshot.events:
-                if event.kind == "video" and event.level == "info" and not event.over:
-                    self.notes.append(event.text)
-            if snapshot.frame != frame:
-                frame = snapshot.frame
-                yield snapshot
-        self.reports.finish()
-
-    def finish(self) -> None:
-        """Add up what was seen.
-
-        Raises:
-            SessionError: nothing was.
-        """
-        opened = self.analysis.opened
-        if self.last is None:
-            raise SessionError(f"{opened.session.path}: not one frame in it")
-        self.calls.end(self.analysis.frames)
-        marks = read_marks(opened.session.path, self.reports.start_us)
-        self.calls.tell(self.reports.spans(), (*self.reports.flown, *marks))
-        seen = opened.video is not None or opened.looks is not None
-        self.notes += _alarms(self.reports.spans(), int(self.analysis.times_us[0]))
-        self.notes += _doubts(self.last, self.calls, blind=self._blind, seen=seen)
-
-    @property
-    def clock_found(self) -> float | None:
-        """Video time minus telemetry time in the end, s, where it was so far off that names had to wait for it.
-
-        None where it was not, and for a flight that kept its order: that is named as it was seen.
-        """
-        assert self.last is not None
-        health, declared = self.last.health, self.analysis.mission.clock.video_offset_s
-        off_s = health.time_offset_s - (0.0 if declared == "auto" else float(declared))
-        known = health.fit > SURE_FIT and health.time_offset_std_s < SURE_S
-        return health.time_offset_s if known and abs(off_s) > AGAIN_S and not self.analysis.as_flown else None
-
-    @property
-    def camera_found(self) -> Camera | None:
-        """The camera by the film, where names had to wait for it; None for a flight that kept its order, as above."""
-        return None if self.analysis.as_flown else self.analysis.found_camera
+    reports.finish()
 
 
 def _doubts(last: Snapshot, calls: RollCall, *, blind: bool, seen: bool) -> list[str]:

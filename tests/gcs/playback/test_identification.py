@@ -28,7 +28,7 @@ def test_it_writes_what_the_command_writes_and_prints_nothing(tmp_path, capfd):
 
 
 def test_alarms_are_told_in_words(tmp_path):
-    flown, notes = Scenario(seed=5, duration_s=8.0, fps=5.0), []
+    flown, notes = Scenario(seed=5, duration_s=14.0, fps=4.0), []
     other = replace(flown, seed=6, ground=replace(flown.ground, kind="curved", speed_mps=8.0, bend_deg=60.0))
     write_session(flown, tmp_path / "flown", film=other)
     identify_session(open_session(tmp_path / "flown"), tmp_path / "out", note=notes.append)
