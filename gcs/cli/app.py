@@ -94,7 +94,7 @@ _WORDS = {
     "SHARE": "--score --rendered --min-confidence",
     "WIDTHxHEIGHT": "--frame-size",
     "COLUMNSxROWS": "--board",
-    "NUMBER": "--jobs --retries --every --port --most --first-frame --team --vehicle --seed --steps",
+    "NUMBER": "--jobs --retries --every --port --most --first-frame --team --vehicle --seed --steps --views",
     "ID": "--message --system",
     "ID=FILE": "--ugv",
     "URL": "--link --forward --telemetry --stream --publish --scheduler",

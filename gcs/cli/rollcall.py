@@ -39,7 +39,7 @@ def rollcall_json(calls: RollCall) -> dict[str, Any]:
         **asdict(calls.alarms),
         "marks": calls.marks,
         "vehicles": [asdict(row) for row in calls.rows()],
-        **({"other_views": [rollcall_json(view) for view in views]} if (views := calls.other_views) else {}),
+        "other_views": [rollcall_json(view) for view in calls.other_views],
     }
 
 
