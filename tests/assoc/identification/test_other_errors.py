@@ -1,6 +1,6 @@
 """Receivers whose errors wander too fast for their course: vehicles are then named by their places, never surely."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -24,12 +24,15 @@ class Wandering(Fleet):
         return replace(true, p_enu=true.p_enu + np.pad(error, ((0, 0), (0, 1))))
 
 
+@dataclass
 class Drifting(Fleet):
     """Every report is of another vehicle, which drives likewise in its place of the formation and drifts from it."""
 
+    drift_mps: float = 1.6
+
     def reports(self, start, stop, rng):
         own = np.random.default_rng(self.seed)
-        drift = own.uniform(-0.8, 0.8, (self.n, 2))
+        drift = own.uniform(-self.drift_mps, self.drift_mps, (self.n, 2))
         true = super().reports(start, stop, rng)
         t = (true.t_us - T0_US)[:, None] * 1e-6
         return replace(true, p_enu=true.p_enu + np.pad(drift[true.vehicle] * t, ((0, 0), (0, 1))))
@@ -63,3 +66,10 @@ def test_a_formation_that_drifts_off_is_not_named_by_its_places(seed):
     answers = play(identifier, Drifting(n=7, seed=seed, white_m=0.05, bias_m=1.5, spacing_m=7.0), 14.0)
     assert named(answers, 11.0)[:2] == (0.0, 0.0)
     assert identifier.fit_probability < 0.1
+
+
+@pytest.mark.slow
+def test_a_formation_that_drifts_off_slowly_is_never_named_by_its_places():
+    identifier = Identifier(IDS)
+    answers = play(identifier, Drifting(n=7, seed=2, white_m=0.05, bias_m=1.5, spacing_m=7.0, drift_mps=0.8), 14.0)
+    assert AnswerDoubt.WANDERING not in {doubt for _, answer in answers for doubt in answer.doubt.tolist()}
