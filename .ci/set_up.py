@@ -63,7 +63,7 @@ def _say(text: str, *, screen: bool) -> None:
 
 
 def how_far(written: list[str], packages: int) -> str:
-    """How far an installation is, by the lines that pip has written.
+    """Progress of an installation in words, from the lines that pip has written.
 
     Example:
         >>> how_far(["Collecting numpy==2.4.1\\n", "Collecting rich==15.0\\n"], 120)

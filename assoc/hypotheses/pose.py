@@ -27,7 +27,11 @@ _OUTLIER = 40.0
 
 
 def is_gross(mean: FloatArray) -> bool:
-    """Tell whether a part of the prior with this mean (9,) is off in anything but the height."""
+    """Tell whether a part of the prior is an error that does not come in flight, as heights do over hills.
+
+    Args:
+        mean: (9,) of that part.
+    """
     return bool(np.any(np.delete(mean, HEIGHT)))
 
 
@@ -45,11 +49,6 @@ class PosePrior:
     """True: every update starts at its mean too, until film and telemetry fit clearly."""
     others: tuple[PosePrior, ...] = ()
     """The other parts: errors that are rare and large."""
-
-    @property
-    def is_gross(self) -> bool:
-        """True if it is an error that does not come in flight, as heights do over hills: it is there from the start."""
-        return is_gross(self.mean)
 
     def cost(self, theta: FloatArray) -> float:
         """½ (θ − μ)ᵀΛ(θ − μ) − ln w of this part."""

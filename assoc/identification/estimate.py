@@ -24,6 +24,7 @@ from assoc.history import TrackHistory
 from assoc.hypotheses.bias_memory import BiasMemory, learn_bias_noise
 from assoc.hypotheses.labels import mixed_marginals, posterior_weights
 from assoc.hypotheses.place_alone import StrangerLimit, limit_by_place, log_odds_among_strangers
+from assoc.hypotheses.pose import is_gross
 from assoc.hypotheses.priors import OffsetPrior, noise_of, prior_of
 from assoc.hypotheses.search import Hypothesis, UpdateContext, keep_best, refine, shifts, swaps, turns
 from assoc.hypotheses.sway_fit import fit_sway
@@ -459,9 +460,9 @@ class Estimator:
         """
         most = self._params.search.hypotheses
         best = keep_best(found, most)
-        if not (self.fit.usual and context.prior.part_at(best[0].theta).is_gross):
+        if not (self.fit.usual and is_gross(context.prior.part_at(best[0].theta).mean)):
             return best
-        usual = [h for h in found if not context.prior.part_at(h.theta).is_gross]
+        usual = [h for h in found if not is_gross(context.prior.part_at(h.theta).mean)]
         usual = keep_best(usual or [refine(context, np.zeros(THETA))], most)
         return usual if self.fit.explains(context, usual[0]) else best
 

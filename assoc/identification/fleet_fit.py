@@ -249,6 +249,11 @@ class FleetFit:
         return self.probability >= _FITS
 
     @property
+    def _lucky(self) -> float:
+        """V by course of the luckiest decoy, 0 at least, nats."""
+        return max([decoy.course for decoy in self._decoys] + [0.0])
+
+    @property
     def usual(self) -> bool:
         """True if they have been proved to fit without a gross error."""
         return self._grown and not is_gross(self._mean)
@@ -260,8 +265,7 @@ class FleetFit:
             context: What the update works on.
             best: The hypothesis.
         """
-        lucky = max([decoy.course for decoy in self._decoys] + [0.0])
-        return evidence_of(context, best).course > lucky + _toll(best)
+        return evidence_of(context, best).course > self._lucky + _toll(best)
 
     def update(self, t: float, context: UpdateContext, best: Hypothesis, *, steady: bool) -> None:
         """Take in the results of one update.
@@ -278,7 +282,7 @@ class FleetFit:
             self._decoys.append(decoy_evidence(context, self._tried))
             self._tried += 1
         decoys = np.array([decoy.course for decoy in self._decoys] or [self._evidence])
-        lucky = max(float(np.max(decoys)), 0.0) if not self.clear else 0.0
+        lucky = 0.0 if self.clear else self._lucky
         lucky_place = max([decoy.place for decoy in self._decoys] + [0.0])
         # many starts find what fits by chance, the more the longer they look: the fleet itself gains far more
         part = context.prior.part_at(best.theta)
@@ -328,7 +332,7 @@ class FleetFit:
             evidence: V of it.
             log_share: ln of the other camera's share in the prior.
         """
-        lucky = max([decoy.course for decoy in self._decoys] + [self._evidence, 0.0])
+        lucky = max(self._lucky, self._evidence)
         rare = -_RARE * (log_share + context.prior.part_at(best.theta).log_share)
         return evidence - lucky - _toll(best) - rare > _SURE
 

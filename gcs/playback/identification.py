@@ -86,9 +86,8 @@ def identify_session(
     opening = partial(Analysis, redetect=detect, open_detector=open_detector, looking_threads=looking_threads)
     views = list[RollCall]()
     with contextlib.ExitStack() as stack:
-        for view, folder in [
-            (view, stack.enter_context(_aside(each))) for view, each in zip(sessions, outs, strict=True)
-        ]:
+        folders = [stack.enter_context(_aside(each)) for each in outs]
+        for view, folder in zip(sessions, folders, strict=True):
             calls, notes = _identify_view(partial(opening, view), folder, report, hindsight)
             views.append(calls)
             for text in notes:

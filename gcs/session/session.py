@@ -63,7 +63,7 @@ class Session:
 
     @property
     def folder(self) -> Path:
-        """Where what this camera saw is kept."""
+        """Folder with what this camera recorded."""
         return self.path.parent if self.path.is_file() else self.path
 
     @property
@@ -157,7 +157,7 @@ def open_session(
 
 
 def _view_number(path: Path) -> int:
-    """Which camera of a flight a folder is of; 1 for a whole session's."""
+    """Number of the camera whose folder this is, 1 for a whole session's."""
     found = _VIEW.fullmatch(path.resolve().name)
     return int(found[1]) if found and not segments(path / LOG) else 1
 

@@ -72,7 +72,7 @@ def test_two_cameras_over_one_fleet(folder, tmp_path):
 
 
 def senders(path):
-    """What each system sent, by its id."""
+    """Packets of each system in a log, by its id."""
     data, sent, at = path.read_bytes(), {}, 0
     while at < len(data):
         end = at + 8 + 12 + data[at + 9]

@@ -1,4 +1,4 @@
-"""What the identifier assumes of reports."""
+"""Noise that the identifier assumes of reports, beside that of simulated ones."""
 
 import numpy as np
 

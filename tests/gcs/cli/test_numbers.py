@@ -45,6 +45,7 @@ OPTIONS = [
     ),
     ("sim run", ("curved-road",), "--duration"),
     ("sim run", ("curved-road",), "--seed"),
+    ("sim run", ("curved-road",), "--views"),
     ("sim from-tracks", FILM, "--first-frame"),
     ("sim from-tracks", FILM, "--fps"),
     ("sim from-tracks", FILM, "--duration"),
