@@ -128,11 +128,14 @@ class SilentZoom:
         old = np.array([t_us - self._since_us[i] >= LEAST_AGE_S * 1e6 for i in names], np.bool_)
         goes_on = t_us - self._changed_us < MORE_S * 1e6
         off = (sizes - usual)[old]
-        self._scatter = _scatter(off) if not self._scatter else keep * self._scatter + (1.0 - keep) * _scatter(off)
-        least, stds = (LEAST_MORE, LEAST_MORE_STDS) if goes_on else (LEAST_CHANGE, LEAST_STDS)
-        # a median of k has σ √(π/2k)
-        least = max(least, stds * math.sqrt(0.5 * math.pi * self._scatter / max(len(off), 1)))
-        change = _common(off, self._spread(ids, places), least)
+        change = 0.0
+        if len(off) >= LEAST_TRACKS:
+            scatter = float(np.sum((off - np.median(off)) ** 2)) / (len(off) - 1)
+            self._scatter = keep * self._scatter + (1.0 - keep) * scatter if self._scatter else scatter
+            least, stds = (LEAST_MORE, LEAST_MORE_STDS) if goes_on else (LEAST_CHANGE, LEAST_STDS)
+            # a median of k has σ √(π/2k)
+            least = max(least, stds * math.sqrt(0.5 * math.pi * self._scatter / len(off)))
+            change = _common(off, self._spread(ids, places), least)
         if change:
             self._changed_us = t_us
             # by the new focal length
@@ -172,11 +175,6 @@ def _measured(view: FrameCamera, boxes: Detections) -> tuple[FloatArray, FloatAr
     return ground_places(view.intrinsics.rays(boxes.centre), np.sqrt(boxes.w * boxes.h), view)
 
 
-def _scatter(off: FloatArray) -> float:
-    """Variance of (k,) about their median, 0 for fewer than three."""
-    return float(np.sum((off - np.median(off)) ** 2)) / (len(off) - 1) if len(off) >= LEAST_TRACKS else 0.0
-
-
 def _common(off: FloatArray, spread: float, least: float) -> float:
     """ln of the factor by which boxes have grown; 0: they have not, or not together.
 
@@ -185,8 +183,6 @@ def _common(off: FloatArray, spread: float, least: float) -> float:
         spread: ln of how much further apart they are.
         least: ln of the least factor.
     """
-    if len(off) < LEAST_TRACKS:
-        return 0.0
     change = float(np.median(off))
     alike = np.mean(np.abs(off - change) < MOST_UNLIKE * abs(change) + ALIKE)
     together = alike >= LIKE_MOST and spread * np.sign(change) > LEAST_SPREAD * abs(change)
