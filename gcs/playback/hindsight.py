@@ -1,12 +1,17 @@
 """Names by hindsight: what a track turns out to be counts for its boxes from the first on.
 
-On a screen a box is named by what was seen until then. Of a recording more is known: with p_k(u) the probabilities of
-track k in frame u,
+On a screen a box is named by what was seen until then. Of a recording more is known. p_k(t) is what was told of track k
+in frame t, of n vehicles and of none of them; a tracker goes over to another vehicle unnoticed with probability
+ε = 1 − exp(−0.01 Δt) from one frame to the next. Smoothed backwards from 15 s later (Rauch, Tung, Striebel 1965,
+doi:10.2514/3.3166, for discrete states):
 
-    p̄_k(t) = mean of p_k(u) over the frames u in [t, t + 15 s] in which the track was seen
+    s_k(t) = p_k(t) A [s_k(t + 1) / Aᵀ p_k(t)],  A = (1 − ε) I + ε 11ᵀ/(n + 1)
 
-A name that was given early and taken back is so much less probable, one that came late was there from the first. Frames
-before film and telemetry were found to fit tell nothing and are left out. A track that was out of sight for long may
+A name that was given early and taken back was never sure, one that came late was there from the first, a doubt that
+passes is none, and where a track changed its vehicle, its name changes. 0.3 of what counts is the plain mean over
+those 15 s, and "none of ours" has the lesser share of the two: a box that is cut, merged or late is no stranger's, and
+a doubt at a track's end is not all there is to know. Frames in which film and telemetry did not fit, though they did
+later, tell nothing; where they do not fit at the end, the mean alone counts. A track that was out of sight for long may
 have gone on with another vehicle: it counts as another one from there on, as for the identifier (``assoc.history``).
 """
 
@@ -32,6 +37,12 @@ FloatArray = NDArray[np.float64]
 
 AHEAD_S = 15.0
 """A box is named by what is known of its track so long after it, s."""
+_CHANGES_HZ = 0.01
+"""How often a tracker goes over from one vehicle to another unnoticed, 1/s."""
+_MEAN_SHARE = 0.3
+"""Weight of the mean against the smoothed probabilities: for these a doubt that comes late is all there is to know."""
+_AT_ONCE_S = 3.0
+"""A track is smoothed for so much of it at once, s: the last of those boxes look that much less ahead."""
 _LOWER = 0.05
 """By how much the least mean of a name is below a screen's threshold: what was thought at first is in the mean."""
 _GAP_MAX_S = IdentifierParams().gap_max_s
@@ -40,6 +51,8 @@ _FITS = 0.5
 _LEAST_SHOWN = 0.005
 """A candidate that is less probable is not told."""
 _MOST_CANDIDATES = 3
+_UNTOLD = 0.002
+"""Probability of all candidates that were not told, each below 0.005."""
 _MOST_PASSED = 1000
 """Rows of a track that are kept although all boxes of their time have been named."""
 
@@ -49,36 +62,65 @@ class _Course:
     """A track while it is sure to be one vehicle: a row for each frame in which it was seen."""
 
     times_us: list[int] = field(default_factory=list)
-    sums: list[FloatArray] = field(default_factory=list)
-    """(n + 1,) Σ p until before each row and, the last, until after all of them."""
-    fitting: list[int] = field(default_factory=list)
-    """Rows of the frames in which film and telemetry fit."""
+    rows: list[FloatArray] = field(default_factory=list)
+    """(n + 1,) probabilities of each vehicle and of none of them, as they were told."""
+    fits: list[bool] = field(default_factory=list)
+    """True in frames in which film and telemetry were known to fit."""
+    known: dict[int, FloatArray] = field(default_factory=dict)
+    """Probabilities by hindsight, by time."""
 
     def add(self, t_us: int, p: FloatArray, *, fits: bool) -> None:
-        """Append a row: (n + 1,) probabilities of each vehicle and of none of them."""
-        if not self.sums:
-            self.sums.append(np.zeros_like(p))
-        if fits:
-            self.fitting.append(len(self.times_us))
+        """Append a row."""
         self.times_us.append(t_us)
-        self.sums.append(self.sums[-1] + p)
+        self.rows.append(p)
+        self.fits.append(fits)
 
-    def mean(self, t_us: int) -> FloatArray | None:
+    def at(self, t_us: int) -> FloatArray | None:
         """(n + 1,) what is known at a time by hindsight; None without a row in the time after it."""
         first, stop = bisect_left(self.times_us, t_us), bisect_right(self.times_us, t_us + round(AHEAD_S * 1e6))
         if first >= stop:
             return None
-        fitting = bisect_left(self.fitting, first)
-        if fitting < len(self.fitting) and self.fitting[fitting] < stop:
-            first = self.fitting[fitting]
-        return np.asarray((self.sums[stop] - self.sums[first]) / (stop - first))
+        at_us = self.times_us[first]
+        if at_us not in self.known:
+            smoothed = _smoothed(self.times_us[first:stop], np.array(self.rows[first:stop]), self.fits[first:stop])
+            until = bisect_right(self.times_us, at_us + round(_AT_ONCE_S * 1e6), first, stop)
+            self.known = dict(zip(self.times_us[first:until], smoothed, strict=False))
+        return self.known[at_us]
 
     def forget(self, t_us: int) -> None:
         """Drop the rows before a time once they are many."""
         passed = bisect_left(self.times_us, t_us)
         if passed > _MOST_PASSED:
-            del self.times_us[:passed], self.sums[:passed]
-            self.fitting = [row - passed for row in self.fitting if row >= passed]
+            del self.times_us[:passed], self.rows[:passed], self.fits[:passed]
+
+
+def _smoothed(times_us: Sequence[int], p: FloatArray, fits: Sequence[bool]) -> FloatArray:
+    """(m, n + 1) what is known in each of m frames by those after it: s above, and the mean.
+
+    Args:
+        times_us: (m,) when each was.
+        p: (m, n + 1) what was known then.
+        fits: (m,) whether film and telemetry were known to fit.
+    """
+    s, mean = p.copy(), p.copy()
+    total, count, fit_later = p[-1].copy(), 1, fits[-1]
+    for k in range(len(p) - 2, -1, -1):
+        if fit_later and not fits[k]:
+            s[k], mean[k] = s[k + 1], mean[k + 1]
+            continue
+        fit_later |= fits[k]
+        total += p[k]
+        count += 1
+        mean[k] = total / count
+        stays = math.exp(-1e-6 * _CHANGES_HZ * (times_us[k + 1] - times_us[k]))
+        changes = (1.0 - stays) / p.shape[1]
+        ahead = s[k + 1] / (stays * p[k] + changes)
+        s[k] = p[k] * (stays * ahead + changes * np.sum(ahead))
+    share = _MEAN_SHARE if fits[-1] else 1.0
+    known = (1.0 - share) * s + share * mean
+    none = np.minimum(mean[:, -1:], known[:, -1:])
+    vehicles = known[:, :-1] * (1.0 - none) / np.maximum(1.0 - known[:, -1:], _UNTOLD)
+    return np.concatenate([vehicles, none], axis=1)
 
 
 class _Courses:
@@ -116,7 +158,7 @@ class _Courses:
         if box.system_id in self._row:
             p[self._row[box.system_id]] = box.confidence
         p[-1] = box.none_of_ours
-        return p
+        return (1.0 - _UNTOLD) * p / np.sum(p) + _UNTOLD / len(p)
 
 
 def by_hindsight(snapshots: Iterable[Snapshot], mission: Mission) -> Iterator[Snapshot]:
@@ -174,7 +216,7 @@ def _renamed(snapshot: Snapshot, courses: Mapping[int, _Course], mission: Missio
 def _told(box: Box, course: _Course | None, t_us: int, mission: Mission, contested: frozenset[int]) -> Box:
     """The box with what its course tells; as it was without one, where it is stated, and where a name was withheld."""
     withheld = bool(box.doubt) and math.isnan(box.confidence)
-    p = None if course is None or box.stated or withheld else course.mean(t_us)
+    p = None if course is None or box.stated or withheld else course.at(t_us)
     if p is None:
         return box
     system_ids = mission.ugv_ids
