@@ -7,7 +7,6 @@ from pathlib import Path
 
 from bench.command_line import RESULTS, count
 from bench.paper.rows import read, write
-from bench.recorded.pairings import PairingScore, measure_pairings, pairings_text
 from bench.recorded.table import SessionScore, measure, sessions_in, text_of
 from gcs.cli.output.console import print_note
 from gcs.cli.output.progress import progress
@@ -17,23 +16,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m bench.recorded", description="Recorded sessions with truth")
     parser.add_argument("folders", nargs="+", type=Path, metavar="FOLDER", help="a session, or a folder of sessions")
     parser.add_argument("--before", type=Path, help="recorded.csv of an earlier run, to be shown beside this one")
-    parser.add_argument("--true-tracks", action="store_true", help="a bound: boxes are tracked by the truth")
-    parser.add_argument("--pairings", action="store_true", help="each film with telemetry that is not its own instead")
     parser.add_argument("--workers", type=count, default=1)
     parser.add_argument("--out", type=Path, default=RESULTS / "recorded", help="folder of the results (%(default)s)")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    if options.pairings:
-        with progress("pairings") as report:
-            pairings = measure_pairings(sessions_in(options.folders), report)
-        write(options.out / "pairings.csv", PairingScore, pairings)
-        (options.out / "pairings.md").write_text(pairings_text(pairings), encoding="utf-8")
-        print(pairings_text(pairings))
-        return
     with progress("recorded") as report:
-        rows = measure(sessions_in(options.folders), options.true_tracks, options.workers, report)
+        rows = measure(sessions_in(options.folders), options.workers, report)
     before = read(options.before, SessionScore) if options.before else []
-    text = text_of(rows, before, true_tracks=options.true_tracks)
+    text = text_of(rows, before)
     write(options.out / "recorded.csv", SessionScore, rows)
     (options.out / "recorded.md").write_text(text, encoding="utf-8")
     print(text)

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,6 @@ from bench.field.measure import tally
 from bench.field.product import identify
 from bench.field.summary import summarise
 from bench.field.tables import number
-from bench.recorded.true_tracks import tracked_by_truth
 from infra.markdown import markdown_table
 
 
@@ -56,7 +54,6 @@ def sessions_in(folders: Iterable[Path]) -> list[Path]:
 
 def measure(
     sessions: Sequence[Path],
-    true_tracks: bool = False,
     workers: int = 1,
     report: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[SessionScore]:
@@ -64,25 +61,24 @@ def measure(
 
     Args:
         sessions: folders with truth.
-        true_tracks: track boxes by the truth instead, which bounds what a better tracker could bring.
         workers: processes.
         report: called with the sessions that are done so far, and all there are.
     """
     rows = []
     with ExitStack() as stack:
-        played: Iterable[SessionScore] = map(partial(score_session, true_tracks=true_tracks), sessions)
+        played: Iterable[SessionScore] = map(score_session, sessions)
         if workers > 1:
             pool = stack.enter_context(ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")))
-            played = pool.map(partial(score_session, true_tracks=true_tracks), sessions)
+            played = pool.map(score_session, sessions)
         for row in played:
             rows.append(row)
             report(len(rows), len(sessions))
     return rows
 
 
-def score_session(session: Path, *, true_tracks: bool = False) -> SessionScore:
+def score_session(session: Path) -> SessionScore:
     """The row of one session."""
-    with tempfile.TemporaryDirectory(prefix="recorded-") as out, tracked_by_truth(session, asked=true_tracks):
+    with tempfile.TemporaryDirectory(prefix="recorded-") as out:
         run = identify(session, Path(out) / "out")
     times_us = np.unique(run.matched.time_us[np.isfinite(run.matched.time_us)])
     counts = tally(run.matched, 1e6 / float(np.median(np.diff(times_us))))
@@ -104,7 +100,7 @@ def score_session(session: Path, *, true_tracks: bool = False) -> SessionScore:
     )
 
 
-def text_of(rows: Sequence[SessionScore], before: Sequence[SessionScore], *, true_tracks: bool = False) -> str:
+def text_of(rows: Sequence[SessionScore], before: Sequence[SessionScore]) -> str:
     """The table in Markdown, an earlier run's figures before the arrow where the session is in both."""
     earlier = {row.session: row for row in before}
     names = ("precision", "right", "FPER", "wrong ≥ 0.9, s", "ECE", "switches", "swaps", "tracks", "alarm after s")
@@ -116,8 +112,7 @@ def text_of(rows: Sequence[SessionScore], before: Sequence[SessionScore], *, tru
             old = _cells(earlier[row.session])
             cells = [now if was == now else f"{was} → {now}" for was, now in zip(old, cells, strict=True)]
         lines.append((row.session, *cells))
-    title = "Recorded sessions" + (", boxes tracked by the truth" if true_tracks else "")
-    return f"# {title}\n\n{_WORDS}\n\n{markdown_table(head, lines)}\n"
+    return f"# Recorded sessions\n\n{_WORDS}\n\n{markdown_table(head, lines)}\n"
 
 
 _WORDS = """\

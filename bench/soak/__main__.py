@@ -25,7 +25,6 @@ from bench.ports import free_port
 from bench.process_tree import cost_of
 from bench.receiving.log_watch import LogWatch
 from bench.soak.report import COLUMNS, Run, draw, report
-from bench.soak.sinks import TroubledSinks
 from bench.video.video_loop import VideoLoop
 from sim.fleet_process import system_ids
 
@@ -50,7 +49,6 @@ def soak(
     video: Path | None,
     fleet_words: Sequence[str],
     out: Path,
-    sinks: TroubledSinks | None = None,
 ) -> Run:
     """Fly, measure, and end everything.
 
@@ -61,57 +59,28 @@ def soak(
         video: sent round and round, None for no camera.
         fleet_words: further arguments of ``sim.fleet_process``.
         out: the table, which is written as it grows.
-        sinks: who is told of the flight meanwhile.
     """
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="soak-")))
         (folder / "mission.toml").write_text(mission(vehicles))
         telemetry, camera = free_port(), free_port()
-        words = [
-            *FLY,
-            folder / "mission.toml",
-            "--headless",
-            "--sessions",
-            folder / "sessions",
-            "-l",
-            f"udpin:127.0.0.1:{telemetry}",
-        ]
+        words = [*FLY, folder / "mission.toml", "--headless", "--sessions", folder / "sessions"]
+        words += ["-l", f"udpin:127.0.0.1:{telemetry}"]
         words += ["-v", f"udp://127.0.0.1:{camera}"] if video else []
-        words += sinks.words if sinks else []
         output = stack.enter_context((folder / "output.txt").open("w+"))
         flight = subprocess.Popen([*map(str, words)], stdout=output, stderr=subprocess.STDOUT)
         stack.callback(_end, flight)
         watch = LogWatch(_session(folder / "sessions", flight, folder / "output.txt"))
         stack.callback(watch.close)
-        if sinks:
-            sinks.trouble(flight.pid)
-            stack.callback(sinks.close)
         if video:
             stack.callback(VideoLoop(video, f"udp://127.0.0.1:{camera}?pkt_size=1316").close)
-        fleet = subprocess.Popen(
-            [
-                sys.executable,
-                "-m",
-                "sim.fleet_process",
-                "--to",
-                f"127.0.0.1:{telemetry}",
-                "--duration",
-                str(seconds),
-                "--vehicles",
-                str(vehicles),
-                "--rate",
-                str(rate),
-                *fleet_words,
-            ],
-            stdout=subprocess.PIPE,
-            text=True,
-        )
+        sender = [sys.executable, "-m", "sim.fleet_process", "--to", f"127.0.0.1:{telemetry}"]
+        sender += ["--duration", str(seconds), "--vehicles", str(vehicles), "--rate", str(rate)]
+        fleet = subprocess.Popen([*sender, *fleet_words], stdout=subprocess.PIPE, text=True)
         stack.callback(_end, fleet)
         samples = _sample(flight, fleet, watch, seconds, out)
         sent = json.loads(fleet.communicate(timeout=END_S)[0])
         time.sleep(1.0)
-        if sinks:
-            sinks.close()
         sealed = _end(flight)
         watch.read()
         output.seek(0)
@@ -190,17 +159,13 @@ def main() -> None:
     parser.add_argument("--video", type=Path)
     parser.add_argument("--out", type=Path, default=RESULTS, help="folder")
     parser.add_argument("--name", default="soak", help="of the files")
-    parser.add_argument("--sinks", action="store_true", help="tell of it in every way; some hang, die or never read")
     parser.add_argument("fleet", nargs="*", help="after --: for sim.fleet_process")
     chosen = parser.parse_args()
     chosen.out.mkdir(parents=True, exist_ok=True)
     table, page = chosen.out / f"{chosen.name}.csv", chosen.out / f"{chosen.name}.md"
-    sinks = TroubledSinks() if chosen.sinks else None
-    run = soak(chosen.seconds, chosen.rate, chosen.vehicles, chosen.video, chosen.fleet, table, sinks)
+    run = soak(chosen.seconds, chosen.rate, chosen.vehicles, chosen.video, chosen.fleet, table)
     drawn = draw(table, table.with_suffix(".png"))
     text = report(run, chosen, plot=f"{chosen.name}.png" if drawn else "")
-    if sinks:
-        text += f"\nTold in six ways: {sinks.stopped} processes stopped, {sinks.killed} killed, a client never read.\n"
     page.write_text(text, encoding="utf-8")
     print(text)
 

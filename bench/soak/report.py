@@ -14,20 +14,8 @@ from numpy.typing import NDArray
 
 from bench.drawing import pyplot, read_rows
 
-COLUMNS = (
-    *(
-        "t_s",
-        "processes",
-        "rss_mb",
-        "own_mb",
-        "cpu_percent",
-        "threads",
-        "descriptors",
-        "records",
-        "longest_stall_ms",
-        "stalls",
-    ),
-)
+COLUMNS = ("t_s", "processes", "rss_mb", "own_mb", "cpu_percent", "threads", "descriptors", "records")
+COLUMNS += ("longest_stall_ms", "stalls")
 WARM_UP = 0.1
 """Share of the run after which memory is taken as the beginning's."""
 
@@ -76,7 +64,6 @@ def report(run: Run, chosen: argparse.Namespace, *, plot: str) -> str:
 def _words(chosen: argparse.Namespace) -> str:
     words = [f"--seconds {chosen.seconds:g} --rate {chosen.rate:g} --vehicles {chosen.vehicles}"]
     words += [f"--video {chosen.video}"] if chosen.video else []
-    words += ["--sinks"] if chosen.sinks else []
     return " ".join(words + (["--", *chosen.fleet] if chosen.fleet else []))
 
 

@@ -2,12 +2,8 @@ import dataclasses
 
 import pytest
 
-from bench.field.product import identify
 from bench.paper.rows import read, write
-from bench.recorded.pairings import measure_pairings, pair_up, pairings_text
-from bench.recorded.table import SessionScore, measure, score_session, sessions_in, text_of
-from bench.recorded.true_tracks import OTHERS_FROM, tracked_by_truth
-from gcs.session.frame_tables import read_times
+from bench.recorded.table import SessionScore, measure, sessions_in, text_of
 from sim.session import write_session
 from sim.world.presets import nominal
 from sim.world.scenario import ScenarioDetector, ScenarioFlight, Targets
@@ -43,32 +39,3 @@ def test_each_session_is_a_row_beside_what_it_was(folder, tmp_path):
     assert f"| 12.50 → {rows[0].right:.2f} |" in text
     assert "| 3.0 → – |" in text
     assert "→" not in text_of(rows, [dataclasses.replace(worse, session="another")])
-
-
-def test_true_tracks_neither_break_nor_mix(folder, tmp_path):
-    with tracked_by_truth(folder / "rough"):
-        m = identify(folder / "rough", tmp_path / "out").matched
-    seen = (m.truth >= 0) & (m.track > 0)
-    assert ((m.track == m.truth) | (m.truth == 0))[seen].all()
-    assert (m.track[seen & (m.truth == 0)] >= OTHERS_FROM).all()
-    assert score_session(folder / "rough", true_tracks=True).swaps == 0
-
-
-def test_without_asking_the_products_own_tracker_runs(folder, tmp_path):
-    with tracked_by_truth(folder / "calm", asked=False):
-        m = identify(folder / "calm", tmp_path / "out").matched
-    assert m.track[m.track > 0].min() == 1
-
-
-def test_a_film_begins_where_that_of_the_other_telemetry_does(folder, tmp_path):
-    pair_up(folder / "rough", folder / "calm", tmp_path / "pair", late_s=2.0)
-    paired, flown = (read_times(place / "frames.csv").times_us for place in (tmp_path / "pair", folder / "calm"))
-    assert paired[0] == flown[0] + 2_000_000
-    assert (tmp_path / "pair" / "truth.csv").read_bytes() == (folder / "rough" / "truth.csv").read_bytes()
-    assert (tmp_path / "pair" / "telemetry.tlog").read_bytes() == (folder / "calm" / "telemetry.tlog").read_bytes()
-
-
-def test_each_pairing_is_a_row(folder):
-    rows = measure_pairings([folder / "calm"])
-    assert [(row.film, row.telemetry, row.named) for row in rows] == [("calm", "calm", 0.0)]
-    assert "| calm | calm |" in pairings_text(rows)

@@ -83,7 +83,6 @@ def test_the_page_says_what_is_missing():
         seconds=1000.0,
         rate=100.0,
         vehicles=2,
-        sinks=True,
         video=Path("a.mp4"),
         fleet=["--flood", "5"],
         out=Path(),
@@ -91,4 +90,4 @@ def test_the_page_says_what_is_missing():
     )
     page = report(run, chosen, plot="")
     assert "| packets sent by vehicles | 115 |" in page and "| not in the recording | 2 |" in page
-    assert "+360.0 MB an hour" in page and "+0.0%; " in page and "--sinks -- --flood 5" in page
+    assert "+360.0 MB an hour" in page and "+0.0%; " in page and "-- --flood 5" in page
