@@ -12,13 +12,14 @@ import os
 from collections.abc import Callable, Iterator, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from pymavlink.dialects.v20 import ardupilotmega
 
-from bench.again.encoders import SECRET, RebootedEncoder, ScriptedSigner
 from gcs.flight.frame_loop import FrameLoop
 from gcs.fold.pipeline import Pipeline
 from gcs.health.faults import Faults
@@ -31,9 +32,12 @@ from mavlink.ingest.ingest_memory import IngestMemory, Slot, make_ingest_memory
 from mavlink.ingest.plan import Signing
 from mavlink.ingest.receiver import Receiver, Signatures
 from mavlink.links.batch import Batch
+from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.encoder import GCS, MavlinkEncoder
+from mavlink.protocol.framing import checksum
 from mavlink.protocol.packet import Packet
-from mavlink.signing.keys import read_ring, write_key
+from mavlink.signing.keys import Key, read_ring, write_key
+from mavlink.signing.streams import ticks_of
 from mavlink.tlog.writer import TlogWriter
 from sim.render.film import Film
 from sim.telemetry.detections import DetectorModel
@@ -42,6 +46,47 @@ from sim.world.scenario import UAV_ID, Scenario, ScenarioCamera
 from sim.world.world import World
 from vision.detect.detections import Detections
 from vision.video.video import Frame
+
+FIRST_BOOT_MS = 1500
+"""Of a vehicle that was just switched on, at its first message."""
+SECRET = bytes(range(32))
+
+
+class RebootedEncoder:
+    """Frames of a fleet whose boot clocks begin again."""
+
+    def __init__(self) -> None:
+        self._parser: Any = ardupilotmega.MAVLink(None)
+        self._encoders: dict[int, MavlinkEncoder] = {}
+        self._booted_ms: dict[int, int] = {}
+
+    def with_boot_time_reset(self, raw: bytes) -> bytes:
+        (message,) = self._parser.parse_buffer(raw)
+        system_id = message.get_srcSystem()
+        if hasattr(message, "time_boot_ms"):
+            booted_ms = self._booted_ms.setdefault(system_id, message.time_boot_ms - FIRST_BOOT_MS)
+            message.time_boot_ms -= booted_ms
+        return self._encoders.setdefault(system_id, MavlinkEncoder(system_id)).pack(message)
+
+
+class ScriptedSigner:
+    """Signs frames, with timestamps that follow the clock.
+
+    Args:
+        secret: 32 bytes.
+    """
+
+    def __init__(self, secret: bytes = SECRET) -> None:
+        self._key, self._ticks = Key(secret), 0
+
+    def sign(self, raw: bytes, t_us: int) -> bytes:
+        packet = Packet(t_us, raw)
+        body = bytes([raw[0], raw[1], raw[2] | 1]) + raw[3 : 10 + raw[1]]
+        crc = checksum(body, DEFINITIONS[packet.message_id][1]).to_bytes(2, "little")
+        self._ticks = max(self._ticks + 1, ticks_of(t_us))
+        covered = body + crc + b"\x01" + self._ticks.to_bytes(6, "little")
+        return covered + self._key.signature(covered)
+
 
 S = 1_000_000
 BATCH_US = 4_000

@@ -13,8 +13,8 @@ import numpy as np
 
 from bench.field.families import film_of, has_pixels, scenario_of
 from bench.field.measure import tally
-from bench.field.pixels import write_motion
 from bench.field.product import identify
+from bench.field.suite import write_motion
 from bench.field.summary import summarise
 from gcs.report.score import Matched
 from sim.session import write_session

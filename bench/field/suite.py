@@ -6,24 +6,84 @@ import multiprocessing
 import os
 import tempfile
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
 from bench.drawing import MISSING, pyplot, read_rows
 from bench.field.families import FAMILIES, Split, film_of, has_pixels, label_of, scenario_of, seeds_of
 from bench.field.measure import BoxCounts, matched_names, tally
-from bench.field.pixels import write_motion
 from bench.field.product import identify
-from bench.field.residual import mean_residual
-from bench.field.scene import scene_of
+from bench.field.scene import SessionFrame, SessionFrames, scene_of
 from bench.field.summary import Outcome
 from bench.field.tables import report as tables
 from bench.field.tables import write_reliability, write_sessions
 from bench.field.windows import by_windows
-from sim.session import write_session
+from gcs.session.frame_tables import motion_row, read_detections
+from infra.session_format import DETECTIONS, MOTION
+from sim.render.film import Film
+from sim.session import frame_times, write_session
 from sim.world.scenario import FIRST_UGV_ID, Scenario
+from sim.world.world import World
+from vision.motion.estimator import MotionEstimator
+
+
+def write_motion(scenario: Scenario, session: Path) -> None:
+    """Write ``motion.csv`` beside the detections of a session, as a flight does that sees the frames.
+
+    Frames are drawn and looked at one by one; none is kept.
+    """
+    film, estimator, boxes = Film(World(scenario)), MotionEstimator(), read_detections(session / DETECTIONS.name)
+    rows = [MOTION.header]
+    for frame, t in enumerate(frame_times(scenario)[0].tolist()):
+        motion = estimator.update(film.image(t, frame), boxes.at(frame))
+        if motion is not None:
+            rows.append(motion_row(frame, motion))
+    (session / MOTION.name).write_text("".join(rows), encoding="utf-8")
+
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+MEMORY_S = 2.0
+LIMIT_M = 6.0
+
+
+def mean_residual(scene: SessionFrames) -> list[IntArray]:
+    """Names of every frame's boxes: (m,) system ids, 0 none."""
+    memory: deque[SessionFrame] = deque(maxlen=max(1, round(MEMORY_S * scene.fps)))
+    answers = []
+    for look in scene.looks:
+        memory.append(look)
+        named = np.zeros(len(look.body), np.int64)
+        tracked = np.flatnonzero(look.body >= 0)
+        distance = _distances(memory, look.body[tracked], len(scene.ids))
+        rows, columns = linear_sum_assignment(np.minimum(distance, 1e3))
+        near = distance[rows, columns] <= LIMIT_M
+        named[tracked[rows[near]]] = scene.ids[columns[near]]
+        answers.append(named)
+    return answers
+
+
+def _distances(memory: deque[SessionFrame], bodies: IntArray, n: int) -> FloatArray:
+    """(k, n) metres; inf where the two were never known together."""
+    total, count = np.zeros((len(bodies), n, 2)), np.zeros((len(bodies), n, 1))
+    for look in memory:
+        _, mine, theirs = np.intersect1d(bodies, look.body, return_indices=True)
+        residual = look.on_ground[theirs, None] - look.p[None, :, :2]
+        known = np.isfinite(residual).all(axis=-1, keepdims=True)
+        total[mine] += np.where(known, residual, 0.0)
+        count[mine] += known
+    with np.errstate(invalid="ignore"):
+        mean = np.linalg.norm(total / count, axis=-1)
+    return np.asarray(np.where(np.isfinite(mean), mean, np.inf))
+
 
 WORKERS = 2
 QUICK_S = 20.0

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from assoc.methods.belief import fuse, masses
 from assoc.methods.topology import associate_by_topology, topology_angles, topology_cost
 from bench.latency import literal
-from bench.latency.measure import MethodTiming, timed
-from bench.latency.scenes import Snap, snap
+from bench.latency.measure import MethodTiming, Snap, snap, timed
 from bench.paper.projection import associate_by_projection
 from bench.paper.tts import associate_by_tts_once, tts_similarity
 

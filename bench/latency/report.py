@@ -8,9 +8,8 @@ from pathlib import Path
 
 from bench.latency.measure import MethodTiming
 from bench.latency.methods import OURS, measure_methods
-from bench.latency.stream import measure_streams
-from bench.latency.waits import FrameWait, measure_waits
-from bench.latency.waits import text_of as waits_text
+from bench.latency.stream import FrameWait, measure_streams, measure_waits
+from bench.latency.stream import text_of as waits_text
 from bench.paper.published import LATENCY_MS
 from bench.paper.rows import write
 from infra.markdown import markdown_table

@@ -3,13 +3,134 @@
 from __future__ import annotations
 
 import argparse
+import math
+import multiprocessing
+import tempfile
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from bench.command_line import RESULTS, count
+from bench.field.measure import tally
+from bench.field.product import identify
+from bench.field.summary import summarise
+from bench.field.tables import number
 from bench.paper.rows import read, write
-from bench.recorded.table import SessionScore, measure, sessions_in, text_of
 from gcs.cli.output.console import print_note
 from gcs.cli.output.progress import progress
+from infra.markdown import markdown_table
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SessionScore:
+    """What the product made of one session; shares in percent, NaN where there is nothing to take a share of."""
+
+    session: str
+    frames: int
+    precision: float
+    right: float
+    fper: float
+    wrong_sure_s: float
+    """Vehicle-seconds with a wrong name at confidence 0.9 or more."""
+    ece: float
+    switches: int
+    swaps: int
+    """Times a track went over from one target to another."""
+    tracks: int
+    mismatch_s: float
+    """Seconds to the alarm that video and telemetry do not match, inf never."""
+    ms: float
+    """Processor time of a frame, on average; of all that is done for it."""
+    p95_ms: float
+
+
+def sessions_in(folders: Iterable[Path]) -> list[Path]:
+    """Sessions with truth: those of the folders that are sessions, and those right below the others."""
+    found = []
+    for folder in folders:
+        inside = [folder] if (folder / "truth.csv").exists() else sorted(p for p in folder.iterdir() if p.is_dir())
+        found += [session for session in inside if (session / "truth.csv").exists()]
+    return found
+
+
+def measure(
+    sessions: Sequence[Path],
+    workers: int = 1,
+    report: Callable[[int, int], None] = lambda done, total: None,
+) -> list[SessionScore]:
+    """Identify each session as ``gcs identify`` does, and score it.
+
+    Args:
+        sessions: folders with truth.
+        workers: processes.
+        report: called with the sessions that are done so far, and all there are.
+    """
+    rows = []
+    with ExitStack() as stack:
+        played: Iterable[SessionScore] = map(score_session, sessions)
+        if workers > 1:
+            pool = stack.enter_context(ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")))
+            played = pool.map(score_session, sessions)
+        for row in played:
+            rows.append(row)
+            report(len(rows), len(sessions))
+    return rows
+
+
+def score_session(session: Path) -> SessionScore:
+    """The row of one session."""
+    with tempfile.TemporaryDirectory(prefix="recorded-") as out:
+        run = identify(session, Path(out) / "out")
+    times_us = np.unique(run.matched.time_us[np.isfinite(run.matched.time_us)])
+    counts = tally(run.matched, 1e6 / float(np.median(np.diff(times_us))))
+    s = summarise([counts])
+    return SessionScore(
+        session=session.name,
+        frames=counts.frames,
+        precision=s.precision,
+        right=s.right,
+        fper=s.fper,
+        wrong_sure_s=s.wrong_sure_s,
+        ece=s.ece,
+        switches=s.switches,
+        swaps=s.swaps,
+        tracks=len(np.unique(run.matched.track[run.matched.track > 0])),
+        mismatch_s=run.mismatch_s,
+        ms=float(run.cpu_ms.mean()),
+        p95_ms=float(np.percentile(run.cpu_ms, 95)),
+    )
+
+
+def text_of(rows: Sequence[SessionScore], before: Sequence[SessionScore]) -> str:
+    """The table in Markdown, an earlier run's figures before the arrow where the session is in both."""
+    earlier = {row.session: row for row in before}
+    names = ("precision", "right", "FPER", "wrong ≥ 0.9, s", "ECE", "switches", "swaps", "tracks", "alarm after s")
+    head = ("session", *names, "ms, mean / p95")
+    lines = []
+    for row in rows:
+        cells = _cells(row)
+        if row.session in earlier:
+            old = _cells(earlier[row.session])
+            cells = [now if was == now else f"{was} → {now}" for was, now in zip(old, cells, strict=True)]
+        lines.append((row.session, *cells))
+    return f"# Recorded sessions\n\n{_WORDS}\n\n{markdown_table(head, lines)}\n"
+
+
+_WORDS = """\
+Shares in percent of all boxes; words as in the field suite. alarm: that video and telemetry do not match. Milliseconds
+are processor time of one thread for everything that is done for a frame."""
+
+
+def _cells(row: SessionScore) -> list[str]:
+    alarm = "–" if math.isinf(row.mismatch_s) else number(row.mismatch_s, 1)
+    shares = [number(row.precision), number(row.right), number(row.fper)]
+    counts = [str(row.switches), str(row.swaps), str(row.tracks)]
+    times = f"{row.ms:.1f} / {row.p95_ms:.1f}"
+    return [*shares, number(row.wrong_sure_s, 1), number(row.ece, 3), *counts, alarm, times]
 
 
 def main() -> None:

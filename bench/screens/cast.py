@@ -20,8 +20,8 @@ from pathlib import Path
 
 from rich.color import Color, ColorSystem
 
-from bench.screens.session import TerminalSession
-from bench.screens.terminal import Cell
+from bench.screens.screen import Cell
+from bench.screens.station import TerminalSession
 
 SIZE = (80, 24)
 RECORDING = Path("sitl_logs/curved-road")

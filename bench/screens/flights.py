@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.again.encoders import RebootedEncoder
-from bench.again.scripted import CAMERA, ScriptedDetector
+from bench.again.scripted import CAMERA, RebootedEncoder, ScriptedDetector
 from gcs.flight.frame_loop import FrameLoop
 from gcs.fold.pipeline import Pipeline
 from gcs.health.faults import Faults

@@ -15,7 +15,7 @@ from typing import Final
 from PIL import Image, ImageDraw, ImageFont
 from rich.color import Color
 
-from bench.screens.terminal import BACKGROUND, FOREGROUND, Cell, TerminalScreen
+from bench.screens.screen import BACKGROUND, FOREGROUND, Cell, TerminalScreen
 from gcs.report.overlay import DARK
 
 CELL = (9, 18)

@@ -27,7 +27,7 @@ import numpy as np
 
 from bench.command_line import RESULTS
 from bench.ports import free_port
-from bench.screens.session import TerminalSession
+from bench.screens.station import TerminalSession
 from infra.markdown import markdown_table
 
 RECORDING = Path("sitl_logs/curved-road")

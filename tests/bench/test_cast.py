@@ -7,7 +7,7 @@ from PIL import Image
 
 from bench.screens.cast import changes
 from bench.screens.gif import CELL, draw
-from bench.screens.terminal import Cell, TerminalScreen
+from bench.screens.screen import Cell, TerminalScreen
 
 CAST = Path(__file__).parents[2] / "docs" / "rollcall.cast"
 MOST_BYTES = 300_000

@@ -7,15 +7,12 @@ import pytest
 
 from bench.field.explain import spans
 from bench.field.families import FAMILIES, UNRELATED, film_of, has_pixels, label_of, scenario_of, seeds_of
-from bench.field.goals import ALL, GOALS, Goal, judge
 from bench.field.measure import EDGES, BoxCounts, delays, matched_names, tally
-from bench.field.pixels import write_motion
 from bench.field.product import identify
-from bench.field.residual import mean_residual
 from bench.field.scene import scene_of
-from bench.field.suite import Task, play, tasks_of
+from bench.field.suite import Task, mean_residual, play, tasks_of, write_motion
 from bench.field.summary import Outcome, ece_of, percentile, summarise
-from bench.field.tables import report, write_reliability, write_sessions
+from bench.field.tables import ALL, GOALS, Goal, judge, report, write_reliability, write_sessions
 from bench.field.windows import METHODS, by_windows
 from gcs.report.score import Matched
 from sim.session import write_session

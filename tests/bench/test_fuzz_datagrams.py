@@ -6,9 +6,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bench.fuzz.datagrams import Listener, draw_datagram, fuzz_datagrams, wild_frame
+from bench.fuzz.datagrams import (
+    INPUTS,
+    Listener,
+    draw_datagram,
+    fuzz_datagrams,
+    lost,
+    read_with_ours,
+    read_with_pymavlink,
+    wild_frame,
+)
 from bench.fuzz.frames import frame_pool
-from bench.fuzz.streams import INPUTS, lost, read_with_ours, read_with_pymavlink
 from mavlink.protocol.framing import Framer, split
 from tests.support.bundled import ROOT
 

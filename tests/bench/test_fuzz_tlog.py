@@ -6,11 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.fuzz.damage import DAMAGES
+from bench.fuzz.__main__ import logs_text, write_section
 from bench.fuzz.frames import frame_pool
-from bench.fuzz.logs import compare, draw_case, fuzz_logs, run_case
-from bench.fuzz.marked import MarkedTruth, marked_log
-from bench.fuzz.report import logs_text, write_section
+from bench.fuzz.logs import DAMAGES, MarkedTruth, compare, draw_case, fuzz_logs, marked_log, run_case
 from mavlink.tlog.check import check
 from mavlink.tlog.index import Damage, build_index
 from mavlink.tlog.log import Tlog

@@ -1,8 +1,7 @@
 import pytest
 
 from assoc.identification.identifier import Identifier
-from bench.latency.stream import measure_streams, timed_parts
-from bench.latency.waits import measure_waits, text_of
+from bench.latency.stream import measure_streams, measure_waits, text_of, timed_parts
 from vision.track.tracker import Tracker
 
 

@@ -9,17 +9,14 @@ import pytest
 from assoc.methods.belief import fuse, masses
 from assoc.methods.topology import associate_by_topology, topology_angles, topology_cost
 from bench.latency import literal
-from bench.latency.measure import MethodTiming, timed
-from bench.latency.scenes import crowd, snap
+from bench.latency.measure import MethodTiming, crowd, snap, timed
 from bench.paper import figures
-from bench.paper.bytetrack import ByteTrack
 from bench.paper.experiments import CONTINUOUS, Condition, Count, conditions, evaluate
 from bench.paper.films import dense_road, false_box_road, field, film, paper_road
 from bench.paper.methods import METHODS, ConditionNoise
-from bench.paper.occlusion import KEEPERS, Kept, hidden_at_turns
+from bench.paper.occlusion import KEEPERS, ByteTrack, Kept, hidden_at_turns, walk
 from bench.paper.projection import associate_by_projection
 from bench.paper.rows import read, write
-from bench.paper.streams import walk
 from bench.paper.tables import percent, pooled, published_at, write_tables
 from bench.paper.tts import associate_by_tts_once, tts_similarity
 from bench.paper.windows import windows

@@ -3,7 +3,7 @@ import dataclasses
 import pytest
 
 from bench.paper.rows import read, write
-from bench.recorded.table import SessionScore, measure, sessions_in, text_of
+from bench.recorded.__main__ import SessionScore, measure, sessions_in, text_of
 from sim.session import write_session
 from sim.world.presets import nominal
 from sim.world.scenario import ScenarioDetector, ScenarioFlight, Targets

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from bench.again import scripted
-from bench.again.encoders import SECRET
-from bench.again.scripted import CAMERA, InjectedFaults, fly
+from bench.again.scripted import CAMERA, SECRET, InjectedFaults, fly
 from gcs.cli.identify import identify_into
 from gcs.errors import SessionError
 from gcs.fold.pipeline import Pipeline

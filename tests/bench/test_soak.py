@@ -12,8 +12,7 @@ import pytest
 
 from bench.process_tree import cost_of, family
 from bench.receiving.log_watch import LogWatch
-from bench.soak.__main__ import mission
-from bench.soak.report import Run, report
+from bench.soak.__main__ import Run, mission, report
 from gcs.mission.mission import load_mission
 from mavlink.protocol.packet import Packet
 from mavlink.tlog.writer import TlogWriter

@@ -5,9 +5,9 @@
 
 import pytest
 
+from bench.screens.__main__ import NAMES, SIZES
 from bench.screens.checker import check_screens
 from bench.screens.flights import Script, fly
-from bench.screens.scripts import NAMES, SIZES
 
 pytestmark = pytest.mark.slow
 
