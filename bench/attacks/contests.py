@@ -15,10 +15,10 @@ from bench.attacks.records import first_warning, frames, read_events, sender_of
 from bench.attacks.report import AttackRow
 from bench.attacks.run import PROMISE_S, SLACK_S, Flown, Options, false_position_s, fly
 from bench.attacks.stage import FALSE, PacketSchedule, Send, SenderFactory, StageCounts
-from bench.attacks.station import AttackedStation, mission_text
 from bench.attacks.takeover import CONTEST
 from bench.attacks.wire import ComponentEncoder
 from bench.ports import free_port
+from bench.station import Station, mission_text
 
 BEGIN_S = 5.0
 """When second senders begin: the true ones are known by then."""
@@ -90,9 +90,7 @@ def _documented(options: Options) -> AttackRow:
     port, system_id = free_port(), 13
     words = [sys.executable, "-m", "sim.fleet_process", "--vehicles", "8", "--duplicate", str(system_id)]
     ids = range(11, 18)
-    station = AttackedStation(
-        options.gcs, options.folder / "documented", mission_text(ids), [f"udpin:127.0.0.1:{port}"]
-    )
+    station = Station(options.gcs, options.folder / "documented", mission_text(ids), [f"udpin:127.0.0.1:{port}"])
     try:
         done = subprocess.run(
             [*words, "--to", f"127.0.0.1:{port}", "--duration", "10"],

@@ -15,10 +15,9 @@ from bench.attacks.records import frames, read_events
 from bench.attacks.report import AttackRow
 from bench.attacks.run import Options
 from bench.attacks.stage import Stage, StageCounts, udp_to
-from bench.attacks.station import AttackedStation, StationError, mission_text
 from bench.attacks.wire import ComponentEncoder
 from bench.ports import free_port
-from bench.process_tree import family
+from bench.station import Station, StationError, family, mission_text
 
 PASSWORD = "Hush0xBEEF77"
 FLY_S, TRY_S = 6.0, 30.0
@@ -39,9 +38,7 @@ def video_password(options: Options) -> list[AttackRow]:
 
 def _password(options: Options, case: str, mission: str, words: Sequence[str], name: str) -> AttackRow:
     folder = options.folder / f"password-{name}"
-    station = AttackedStation(
-        options.gcs, folder, mission_text([11], more=mission), [f"udpin:127.0.0.1:{free_port()}"], words
-    )
+    station = Station(options.gcs, folder, mission_text([11], more=mission), [f"udpin:127.0.0.1:{free_port()}"], words)
     try:
         tried = _tried(station.session)
         # what the user typed is the user's; what the station starts is its own
@@ -130,7 +127,7 @@ def _ordered(options: Options, k: int, case: str, query: str, words: Sequence[st
     operator, port = Operator(), free_port()
     sockets = {system_id: udp_to(port) for system_id in (1, *ROVERS)}
     try:
-        station = AttackedStation(
+        station = Station(
             options.gcs,
             options.folder / f"out-{k}",
             mission_text(ROVERS),

@@ -19,9 +19,9 @@ from bench.attacks.records import frames
 from bench.attacks.report import AttackRow
 from bench.attacks.run import Options
 from bench.attacks.stage import Stage, udp_to
-from bench.attacks.station import AttackedStation, mission_text
 from bench.attacks.wire import ComponentEncoder
 from bench.ports import free_port
+from bench.station import Station, mission_text
 
 FLY_S = 4.0
 MUTE, PATIENCE_S = 16, 90.0
@@ -59,11 +59,11 @@ def doors_of_a_flight(options: Options) -> list[AttackRow]:
 
 
 @contextlib.contextmanager
-def _flight(options: Options, name: str, more: Sequence[str] = (), mission: str = "") -> Iterator[AttackedStation]:
+def _flight(options: Options, name: str, more: Sequence[str] = (), mission: str = "") -> Iterator[Station]:
     """A flight that one vehicle is heard in."""
     port = free_port()
     with ExitStack() as stack:
-        station = AttackedStation(
+        station = Station(
             options.gcs,
             options.folder / f"door-{name}",
             mission_text([11], more=mission),

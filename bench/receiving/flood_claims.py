@@ -13,9 +13,6 @@ import json
 import multiprocessing
 import os
 import random
-import signal
-import subprocess
-import sys
 import tempfile
 import time
 from collections import Counter
@@ -26,6 +23,7 @@ from pathlib import Path
 
 from bench.ports import free_port
 from bench.receiving.senders import fleet_frames, send_fleet, send_flood
+from bench.station import CAMERA, FLY, Station, mission_text
 from infra.files.segment import segments
 from infra.markdown import markdown_table
 from mavlink.protocol.encoder import MavlinkEncoder
@@ -38,7 +36,6 @@ RATE = 2400.0
 FLOOD = 60_000.0
 BEFORE_S, AFTER_S = 3.0, 3.0
 """The fleet sends for so long before and after the flood."""
-_PATIENCE_S = 60.0
 _MESSAGES = 8
 _WRONG = bytes(range(100, 132))
 
@@ -131,35 +128,15 @@ def _datagrams(kind: str) -> list[bytes]:
 
 def _fly(stack: ExitStack, folder: Path, port: int, secrets: Sequence[bytes]) -> Path:
     """Starts a flight; its session."""
-    mission = "[uav]\nsystem_id = 1\n" + "".join(f"[[ugv]]\nsystem_id = {k}\n" for k in range(2, VEHICLES + 1))
     keys = folder / "keys"
     keys.mkdir(mode=0o700)
     for k, secret in enumerate(secrets):
         write_key(keys, k + 1, secret)
-    mission += f'[signing]\nkeys = "{keys if secrets else "none"}"\n'
-    mission += "[camera]\nwidth = 1920\nheight = 1080\nfx = 1200.0\nfy = 1200.0\ncx = 960.0\ncy = 540.0\n"
-    (folder / "mission.toml").write_text(mission)
-    words = [sys.executable, "-c", "from gcs.cli.app import main; main()", "fly", folder / "mission.toml"]
-    words += ["--headless", "--sessions", folder / "sessions", "-l", f"udpin:127.0.0.1:{port}"]
-    output = stack.enter_context((folder / "output.txt").open("w+"))
-    flight = subprocess.Popen([*map(str, words)], stdout=output, stderr=subprocess.STDOUT)
-    stack.callback(_end, flight)
-    until = time.monotonic() + _PATIENCE_S
-    while time.monotonic() < until and flight.poll() is None:
-        if found := list((folder / "sessions").glob("*/telemetry.tlog")):
-            time.sleep(2.0)
-            return found[0].parent
-        time.sleep(0.1)
-    raise RuntimeError(f"the flight did not begin: {(folder / 'output.txt').read_text()}")
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    process.send_signal(signal.SIGINT)
-    try:
-        process.wait(timeout=_PATIENCE_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
+    mission = mission_text(range(2, VEHICLES + 1), str(keys) if secrets else "none", CAMERA)
+    station = Station(FLY, folder, mission, [f"udpin:127.0.0.1:{port}"])
+    stack.callback(station.end)
+    time.sleep(2.0)
+    return station.session
 
 
 def _content(raw: bytes) -> bytes:

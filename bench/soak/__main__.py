@@ -16,6 +16,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -24,15 +25,134 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import av
 import numpy as np
 from numpy.typing import NDArray
 
 from bench.drawing import pyplot, read_rows
 from bench.ports import free_port
-from bench.process_tree import cost_of
-from bench.receiving.log_watch import LogWatch
-from bench.video.video_loop import VideoLoop
+from bench.station import CAMERA, FLY, Station, cost_of, mission_text
 from sim.fleet_process import system_ids
+
+
+class VideoLoop:
+    """Sends until closed."""
+
+    def __init__(self, path: Path, url: str) -> None:
+        self._path, self._url = path, url
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._send, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop sending."""
+        self._stop.set()
+        self._thread.join(timeout=5)
+
+    def _send(self) -> None:
+        with av.open(self._url, "w", format="mpegts") as sink:
+            outlet: Any = None
+            start, shift_s = time.monotonic(), 0.0
+            while not self._stop.is_set():
+                with av.open(str(self._path)) as source:
+                    stream = source.streams.video[0]
+                    outlet = outlet or sink.add_stream_from_template(stream)
+                    shift_s = self._round(sink, outlet, source.demux(stream), start, shift_s)
+
+    def _round(self, sink: Any, outlet: Any, packets: Any, start: float, shift_s: float) -> float:  # noqa: ANN401
+        """Once through the file; where the next round begins, seconds. PyAV publishes no types."""
+        end_s = shift_s
+        for packet in packets:
+            if packet.dts is None or packet.pts is None:
+                continue
+            at_s = shift_s + float(packet.dts * packet.time_base)
+            if self._stop.wait(max(0.0, start + at_s - time.monotonic())):
+                break
+            end_s = max(end_s, at_s + float((packet.duration or 0) * packet.time_base))
+            shift = round(shift_s / packet.time_base)
+            packet.pts, packet.dts = packet.pts + shift, packet.dts + shift
+            packet.stream = outlet
+            sink.mux(packet)
+        return max(end_s, shift_s + 1e-2)
+
+
+POLL_S = 0.05
+STALL_S = 0.2
+MAGICS = {0xFE: (8, 3), 0xFD: (12, 5)}
+"""Length of a frame without its payload, and the offset of the system id."""
+
+
+class LogWatch:
+    """Follows ``telemetry*.tlog`` of one session folder from the outside, until closed.
+
+    Growth is looked for twenty times a second. A stall is a longer time without it while the watch itself was awake;
+    counting begins with the first record.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._read: dict[Path, int] = {}
+        self._size = 0
+        self._grown_s = 0.0
+        self._polls = 0
+        self._worst_s = 0.0
+        self._since_s = 0.0
+        self.stalls = 0
+        """Times of more than 200 ms without growth."""
+        self.longest_s = 0.0
+        self.recorded: Counter[int] = Counter()
+        """Records by system id."""
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+        self._thread.start()
+
+    def take_longest_s(self) -> float:
+        """Longest time without growth since the last call."""
+        worst, self._worst_s = self._worst_s, 0.0
+        return worst
+
+    def read(self) -> None:
+        """Count what was recorded since the last call."""
+        for path in sorted(self._folder.glob("telemetry*.tlog")):
+            at = self._read.get(path, 0)
+            with path.open("rb") as file:
+                file.seek(at)
+                data = file.read()
+            self._read[path] = at + self._walk(data)
+
+    def close(self) -> None:
+        """Stop watching."""
+        self._stop.set()
+        self._thread.join()
+
+    def _walk(self, data: bytes) -> int:
+        """Bytes of whole records."""
+        at, stop = 0, len(data)
+        while at + 22 <= stop:
+            bare, sender = MAGICS.get(data[at + 8], (0, 0))
+            if not bare:
+                raise ValueError(f"{self._folder}: no record at byte {at} of what was appended")
+            end = at + 8 + bare + data[at + 9] + (13 if bare == 12 and data[at + 10] & 1 else 0)
+            if end > stop:
+                break
+            self.recorded[data[at + 8 + sender]] += 1
+            at = end
+        return at
+
+    def _watch(self) -> None:
+        while not self._stop.wait(POLL_S):
+            now = time.monotonic()
+            size = sum(path.stat().st_size for path in self._folder.glob("telemetry*.tlog"))
+            self._polls += 1
+            if size <= self._size:
+                continue
+            gap_s = now - self._grown_s if self._grown_s else 0.0
+            # long, and hardly a poll in it: it was this thread that slept
+            if gap_s <= STALL_S or self._polls > 2:
+                self._worst_s, self.longest_s = max(self._worst_s, gap_s), max(self.longest_s, gap_s)
+                self.stalls += gap_s > STALL_S
+            self._size, self._grown_s, self._polls = size, now, 0
+
 
 _HELD = ("processes", "rss_mb", "own_mb", "cpu_percent", "threads", "descriptors")
 COLUMNS = ("t_s", *_HELD, "records", "longest_stall_ms", "stalls")
@@ -147,60 +267,41 @@ def draw(table: Path, out: Path) -> bool:
 
 RESULTS = Path("bench-results")
 SAMPLE_S = 10.0
-START_S, END_S = 60.0, 60.0
-"""Patience with a flight that begins, and with one that seals its recording."""
-FLY = (sys.executable, "-c", "from gcs.cli.app import main; main()", "fly")
-CAMERA = "[camera]\nwidth = 1920\nheight = 1080\nfx = 1200.0\nfy = 1200.0\ncx = 960.0\ncy = 540.0\n"
+END_S = 60.0
+"""Patience with a fleet that ends."""
 
 
 def mission(vehicles: int) -> str:
     """A mission file for the fleet of ``sim.fleet_process``."""
-    uav, *ugvs = system_ids(vehicles)
-    return f"[uav]\nsystem_id = {uav}\n" + "".join(f"[[ugv]]\nsystem_id = {i}\n" for i in ugvs) + CAMERA
+    return mission_text(system_ids(vehicles)[1:], more=CAMERA)
 
 
-def soak(
-    seconds: float,
-    rate: float,
-    vehicles: int,
-    video: Path | None,
-    fleet_words: Sequence[str],
-    out: Path,
-) -> Run:
+def soak(chosen: argparse.Namespace, out: Path) -> Run:
     """Fly, measure, and end everything.
 
     Args:
-        seconds: how long the fleet sends.
-        rate: its packets a second.
-        vehicles: how many send.
-        video: sent round and round, None for no camera.
-        fleet_words: further arguments of ``sim.fleet_process``.
+        chosen: the command line's.
         out: the table, which is written as it grows.
     """
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="soak-")))
-        (folder / "mission.toml").write_text(mission(vehicles))
         telemetry, camera = free_port(), free_port()
-        words = [*FLY, folder / "mission.toml", "--headless", "--sessions", folder / "sessions"]
-        words += ["-l", f"udpin:127.0.0.1:{telemetry}"]
-        words += ["-v", f"udp://127.0.0.1:{camera}"] if video else []
-        output = stack.enter_context((folder / "output.txt").open("w+"))
-        flight = subprocess.Popen([*map(str, words)], stdout=output, stderr=subprocess.STDOUT)
-        stack.callback(_end, flight)
-        watch = LogWatch(_session(folder / "sessions", flight, folder / "output.txt"))
+        more = ["-v", f"udp://127.0.0.1:{camera}"] if chosen.video else []
+        flight = Station(FLY, folder, mission(chosen.vehicles), [f"udpin:127.0.0.1:{telemetry}"], more)
+        stack.callback(flight.end)
+        watch = LogWatch(flight.session)
         stack.callback(watch.close)
-        if video:
-            stack.callback(VideoLoop(video, f"udp://127.0.0.1:{camera}?pkt_size=1316").close)
+        if chosen.video:
+            stack.callback(VideoLoop(chosen.video.absolute(), f"udp://127.0.0.1:{camera}?pkt_size=1316").close)
         sender = [sys.executable, "-m", "sim.fleet_process", "--to", f"127.0.0.1:{telemetry}"]
-        sender += ["--duration", str(seconds), "--vehicles", str(vehicles), "--rate", str(rate)]
-        fleet = subprocess.Popen([*sender, *fleet_words], stdout=subprocess.PIPE, text=True)
+        sender += ["--duration", str(chosen.seconds), "--vehicles", str(chosen.vehicles), "--rate", str(chosen.rate)]
+        fleet = subprocess.Popen([*sender, *chosen.fleet], stdout=subprocess.PIPE, text=True)
         stack.callback(_end, fleet)
-        samples = _sample(flight, fleet, watch, seconds, out)
+        samples = _sample(flight, fleet, watch, chosen.seconds, out)
         sent = json.loads(fleet.communicate(timeout=END_S)[0])
         time.sleep(1.0)
-        sealed = _end(flight)
+        sealed = flight.end()
         watch.read()
-        output.seek(0)
         return Run(
             samples=samples,
             sent=sent,
@@ -208,12 +309,12 @@ def soak(
             stalls=watch.stalls,
             longest_s=watch.longest_s,
             exit_code=sealed,
-            last_line=output.read().strip().split("\n")[-1],
+            last_line=flight.output.strip().split("\n")[-1],
         )
 
 
 def _sample(
-    flight: subprocess.Popen[bytes], fleet: subprocess.Popen[str], watch: LogWatch, seconds: float, out: Path
+    flight: Station, fleet: subprocess.Popen[str], watch: LogWatch, seconds: float, out: Path
 ) -> list[dict[str, float]]:
     samples: list[dict[str, float]] = []
     start = time.monotonic()
@@ -221,7 +322,7 @@ def _sample(
     with out.open("w", newline="", encoding="utf-8") as file:
         table = csv.DictWriter(file, COLUMNS)
         table.writeheader()
-        while fleet.poll() is None and flight.poll() is None and time.monotonic() < start + seconds + END_S:
+        while fleet.poll() is None and flight.running and time.monotonic() < start + seconds + END_S:
             time.sleep(min(SAMPLE_S, seconds / 4))
             watch.read()
             cost, now = cost_of(flight.pid), time.monotonic()
@@ -245,27 +346,10 @@ def _sample(
     return samples
 
 
-def _session(folder: Path, flight: subprocess.Popen[bytes], output: Path) -> Path:
-    until = time.monotonic() + START_S
-    while time.monotonic() < until:
-        if found := list(folder.glob("*/telemetry.tlog")):
-            time.sleep(1.0)
-            return found[0].parent
-        if flight.poll() is not None:
-            break
-        time.sleep(0.1)
-    raise RuntimeError(f"the flight did not begin: {output.read_text()}")
-
-
-def _end(process: subprocess.Popen[bytes] | subprocess.Popen[str]) -> int:
-    """As an operator ends it; killed when that does not help."""
+def _end(process: subprocess.Popen[str]) -> None:
     if process.poll() is None:
         process.send_signal(signal.SIGINT)
-    try:
-        return process.wait(timeout=END_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        return process.wait()
+        process.wait(timeout=END_S)
 
 
 def main() -> None:
@@ -280,7 +364,7 @@ def main() -> None:
     chosen = parser.parse_args()
     chosen.out.mkdir(parents=True, exist_ok=True)
     table, page = chosen.out / f"{chosen.name}.csv", chosen.out / f"{chosen.name}.md"
-    run = soak(chosen.seconds, chosen.rate, chosen.vehicles, chosen.video, chosen.fleet, table)
+    run = soak(chosen, table)
     drawn = draw(table, table.with_suffix(".png"))
     text = report(run, chosen, plot=f"{chosen.name}.png" if drawn else "")
     page.write_text(text, encoding="utf-8")

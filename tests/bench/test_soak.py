@@ -10,9 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from bench.process_tree import cost_of, family
-from bench.receiving.log_watch import LogWatch
-from bench.soak.__main__ import Run, mission, report
+from bench.soak.__main__ import LogWatch, Run, mission, report
+from bench.station import cost_of, family
 from gcs.mission.mission import load_mission
 from mavlink.protocol.packet import Packet
 from mavlink.tlog.writer import TlogWriter

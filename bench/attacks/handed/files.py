@@ -17,9 +17,9 @@ from pathlib import Path
 
 from bench.attacks.report import AttackRow
 from bench.attacks.run import Options
-from bench.attacks.station import mission_text
 from bench.attacks.video_port import DARK, coded_film
 from bench.ports import free_port
+from bench.station import mission_text
 
 MOST_S, MOST_MB, LIMIT_BYTES = 60.0, 1000.0, 6 << 30
 """A command may take so long and so much; what asks for more is kept from harming the computer."""
