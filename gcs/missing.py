@@ -18,7 +18,6 @@ def may_be(snapshot: Snapshot, box: Box) -> str:
     Several that are about as likely are named together: ``may be Alpha or Bravo: none of them tells where it is``.
 
     Args:
-        snapshot: what the box is from.
         box: one with a name, and one of which the operator stated that it is none of ours, may be nobody else.
     """
     if box.system_id or box.stated:

@@ -170,8 +170,6 @@ class Station(Protocol):
         a ``marks.jsonl`` of its own.
 
         Args:
-            t_us: the moment.
-            text: one line.
             system_id: which vehicle it is about, 0 none.
 
         Raises:
@@ -188,7 +186,6 @@ class Station(Protocol):
         """The operator states which vehicle a box is: evidence from the next frame on, kept in a flight's events.
 
         Args:
-            track_id: of the box.
             system_id: of a ground vehicle of the mission; 0: none of ours.
         """
 

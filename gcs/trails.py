@@ -68,7 +68,6 @@ class Trails:
 
         Args:
             t_us: Its end; nothing later counts.
-            span_s: How far back it goes.
             origin: Of the metres; places about another one are left out.
         """
         first = bisect_left(self._times, t_us - round(span_s * 1e6))

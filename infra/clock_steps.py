@@ -20,7 +20,6 @@ def restarts(times: Ints, least: int, agree: int = _NEXT) -> list[int]:
 
     Args:
         times: in the order in which they were written.
-        least: smaller steps back are lateness.
         agree: how many times on either side have to.
     """
     return [
@@ -35,7 +34,6 @@ def level_steps(offsets: Ints, least: int, around: int) -> list[tuple[int, int]]
 
     Args:
         offsets: one clock less the other.
-        least: smaller steps are lateness.
         around: how many samples on either side make a level: lateness is over by then.
     """
     steps: list[tuple[int, int]] = []

@@ -114,7 +114,6 @@ class TokenBucket:
     """Lets so many a second through for ever, and a burst at once.
 
     Args:
-        per_s: rate.
         burst: tokens when full, as it is at first.
         now_s: seconds; a clock that is set back gives nothing.
     """

@@ -82,8 +82,6 @@ def build(kind: type[Kind], table: object, where: str) -> Kind:
     A whole number may be written as a float. A ValueError raised by a dataclass gets its place in the file in front.
 
     Args:
-        kind: the dataclass.
-        table: as parsed from TOML.
         where: the start of error messages, such as the file's name.
 
     Raises:

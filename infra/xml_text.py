@@ -53,7 +53,6 @@ def read_elements(file: BinaryIO, ended: ElementHandler, most_text: int) -> str:
     Args:
         file: bytes in any encoding that XML has.
         ended: may raise whatever it likes but ``ValueError`` and ``LookupError``.
-        most_text: letters that are kept of each element.
 
     Returns:
         Why the document ends before its time, in one line; empty if it is whole.

@@ -33,7 +33,6 @@ class LocalFrame:
     Args:
         lat_deg: latitude of the origin, −90..90.
         lon_deg: longitude of the origin, −180..180.
-        alt_m: altitude of the origin.
 
     Raises:
         GeodesyError: the origin is not a place on Earth.

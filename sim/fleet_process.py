@@ -105,7 +105,6 @@ def read_keys(path: Path, ids: Sequence[int]) -> dict[int, bytes]:
     Args:
         path: one key for all, or a folder as ``gcs keys`` makes it, ``<system id>.key`` and ``fleet.key`` for the rest;
             32 raw bytes or 64 hexadecimal digits each.
-        ids: who needs one.
 
     Raises:
         PlayError: a key is missing or is none.

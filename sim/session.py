@@ -41,7 +41,6 @@ def write_session(
     is in the folder ``view-2``, and so on. Equal scenarios give equal bytes.
 
     Args:
-        scenario: what is flown.
         folder: must not exist yet.
         video: render and encode the video instead of modelling a detector.
         film: what is filmed instead, a flight of the same length and frame rate: telemetry and film do not belong

@@ -23,8 +23,6 @@ def blend(old: Path, new: Path, share: float, score: float = SCORE) -> onnx.Mode
     """The model (1 − share) old + share new, weight by weight, with the metadata of the new one.
 
     Args:
-        old: a model file of ours.
-        new: another that began with its weights.
         share: of the new one, 0 to 1.
         score: that the model returns as ``SCORE``.
 

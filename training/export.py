@@ -94,8 +94,6 @@ def to_onnx(net: Net, version: str, nominal_length_px: float = NOMINAL_LENGTH_PX
     """The network as a model of its own.
 
     Args:
-        net: trained.
-        version: written into the metadata.
         nominal_length_px: length of a nominal vehicle (2.5 m) at which the network is best.
 
     Returns:
@@ -140,8 +138,6 @@ def export(checkpoint: Path, out: Path, version: str, score: float = SCORE) -> N
 
     Args:
         checkpoint: of ``training.train``.
-        out: the file to write.
-        version: written into the metadata.
         score: from which on ``PRECISION`` of the detections are right on held-out images; the file stores it as
             ``SCORE``.
     """
@@ -166,7 +162,6 @@ def read_weights(net: Net, path: Path) -> None:
 
     Args:
         net: is changed.
-        path: the file.
 
     Raises:
         ModelError: no such file, not one of Rollcall's, or of another network.

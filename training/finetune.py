@@ -84,11 +84,8 @@ class FineTuning:
     """A run.
 
     Args:
-        out: its folder.
         kept: images apart from which it may learn; they are only named in the record.
         watched: of the rest, the images to learn from, and those that decide when to stop and which weights are best.
-        options: what was chosen.
-        resume: continue the run that the folder holds.
 
     Raises:
         TrainingError: the folder cannot be made, exists (without ``resume``), or holds no run that began like this one
@@ -153,7 +150,6 @@ class FineTuning:
         """Train, or continue to.
 
         Args:
-            report: is told of each step.
             stopped: whether to stop; looked at after each step.
 
         Returns:

@@ -55,7 +55,6 @@ def losses(out: Tensor, batch: TrainingBatch) -> Losses:
 
     Args:
         out: (B, CHANNELS + 1, h, w), the network's map.
-        batch: what the network saw.
     """
     _, _, h, w = out.shape
     boxes, real = batch.boxes, batch.real

@@ -134,7 +134,6 @@ def mine(photograph: Photograph, truth: Truth, detector: Detector, image: Image)
         photograph: without any yet.
         truth: its labels.
         detector: any, opened with a score of MINING_SCORE or less.
-        image: its pixels.
     """
     found = detector.detect(image, gsd_m=CAR_LENGTH_M / photograph.car_px)
     iou, inside = overlap(found, truth)
@@ -156,7 +155,6 @@ def open_photographs(
     """Read every image once and mine it; one that cannot be read is logged and left out.
 
     Args:
-        images: with classes chosen.
         detector: what training begins with, opened with a score of MINING_SCORE or less.
         seed: of the order in which they come.
         report: is told how many are done, and of how many.
@@ -205,8 +203,6 @@ class Photographs:
 
         Args:
             step: its number.
-            count: how many.
-            rng: of this step.
         """
         at_hand = [self._order(step + k) for k in range(min(OPEN, len(self.photographs)))]
         chosen = [at_hand[int(k)] for k in rng.integers(len(at_hand), size=count)]

@@ -37,9 +37,7 @@ def measure(found: list[Detections], truth: list[FloatArray], score: float = 0.3
     """Compare detections with the truth, image by image.
 
     Args:
-        found: detections, best first.
         truth: (n, 6) cx, cy, length, width, heading, weight (0: counts neither way).
-        score: threshold of recall, precision and the errors.
     """
     scores, hits, centre, heading, unsure = [], [], [], [], []
     wanted = sum(int((t[:, 5] > 0.5).sum()) for t in truth)

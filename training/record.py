@@ -28,7 +28,6 @@ def begin(kept: Split, watched: Split, options: dict[str, Any], start: Path) -> 
     Args:
         kept: its kept part is measured at the end.
         watched: of the rest, what is trained on and what is watched.
-        options: that were chosen.
         start: model file that it begins with.
     """
     notes = metadata(open_session(start, ("CPUExecutionProvider",), 1))
@@ -74,9 +73,6 @@ def finish(record: dict[str, Any], model: Path, *, best_step: int, steps: int, s
 
     Args:
         record: is changed.
-        model: the file that was written.
-        best_step: of the weights in it.
-        steps: planned.
         score: of the network that the file returns as 0.3.
     """
     record |= {"steps": steps, "best step": best_step, "score returned as 0.3": score, "model sha256": sha256(model)}

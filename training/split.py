@@ -42,7 +42,6 @@ def split(images: Sequence[LabelledImage], share: float, seed: int) -> Split:
     Args:
         images: at least two.
         share: of the labelled objects, wanted in the kept part.
-        seed: of the choice among groups.
 
     Raises:
         LabelError: there are fewer than two images, or all lie in folders that are kept apart.

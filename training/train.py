@@ -271,7 +271,6 @@ def batches(mixture: Mixture, steps: range, size: int = BATCH, workers: int = 0)
     Args:
         mixture: where they come from, as it is now: processes do not see shards that join later.
         steps: numbers of the steps.
-        size: images of a batch.
         workers: processes that make them, each with a share of the memory that images take; 0: a thread of this one.
     """
     if workers:
@@ -324,10 +323,7 @@ def render_crops(
     """Begin to render shards of crops, in a process of its own; those that exist are left as they are.
 
     Args:
-        folder: of the shards.
         seed: of the first shard; the others follow.
-        shards: how many.
-        per_shard: crops in each.
         words: where what it prints goes, else where this process's goes.
     """
     numbers = ("--seed", str(seed), "--shards", str(shards), "--per-shard", str(per_shard))

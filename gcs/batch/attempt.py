@@ -23,12 +23,7 @@ _log = logging.getLogger(__name__)
 
 
 def work_on(job: FlightJob, channel: MessageChannel[FlightJob] | None = None) -> FlightDone | FlightFailed:
-    """Work on a flight and log it; no error comes out.
-
-    Args:
-        job: its scratch folder is there.
-        channel: told how far it is.
-    """
+    """Work on a flight and log it; no error comes out."""
     hide(job.address)
     hide(job.out)
     due_s = 0.0

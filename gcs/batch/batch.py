@@ -76,8 +76,6 @@ def run_batch(
     Args:
         flights: as ``gcs.batch.flights.find_flights`` gives them.
         out: folder of the results, or an address that fsspec writes; new, or of a batch before.
-        options: what results depend on besides the recordings.
-        work: who works.
         on_result: called with each flight's record as it comes, and whether its result was there before.
         on_frames: called with a flight's name, how many of its frames are done, and of how many; not from a cluster.
         note: called with each line that a user should read.

@@ -35,9 +35,7 @@ def run_in_cluster(
     """Work on flights by a cluster, and give results as they come; closing it gives up the rest.
 
     Args:
-        jobs: handed on as workers become free.
         scheduler: its address, as ``tcp://head:8786``.
-        limits: of each flight.
         note: called with the address of the dashboard, and while there is no worker.
 
     Raises:

@@ -82,10 +82,6 @@ def flights_table(records: Sequence[FlightRecord]) -> bytes:
 def read_flights(data: bytes, where: str) -> list[FlightRecord]:
     """The records of such a file.
 
-    Args:
-        data: the file.
-        where: its address, for messages.
-
     Raises:
         BatchError: pyarrow is not installed, or it is no such file.
     """

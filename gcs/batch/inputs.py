@@ -28,9 +28,6 @@ def _is_read(name: str) -> bool:
 def input_files(path: Path) -> list[Path]:
     """All files of a recording that its identification may read, in order.
 
-    Args:
-        path: session folder, or a telemetry log.
-
     Raises:
         BatchError: nothing there.
     """

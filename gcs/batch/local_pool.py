@@ -24,9 +24,6 @@ def run_in_processes(
     """Work on flights, so many at once, and give results as they come; closing it ends what is under way.
 
     Args:
-        jobs: taken as workers become free.
-        workers: processes.
-        limits: of each flight.
         on_frames: called by the threads that look after the workers.
     """
     pool = _RunnerPool(jobs, [FlightRunner(limits) for _ in range(workers)], on_frames)

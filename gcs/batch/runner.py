@@ -65,9 +65,6 @@ def keep_log(job: FlightJob, result: FlightDone | FlightFailed, log: bytes) -> N
 class FlightRunner:
     """Works on flights in a child process; any thread may own one.
 
-    Args:
-        limits: of each flight.
-
     Attributes:
         limits: of each flight.
         stopping: whether it was told to stop.

@@ -50,8 +50,6 @@ def held(files: Any, path: str, address: str) -> Iterator[None]:  # noqa: ANN401
 
     Args:
         files: fsspec's file system.
-        path: of the object in it.
-        address: of the store, for messages.
 
     Raises:
         StoreError: another batch holds it, or it cannot be written.

@@ -19,7 +19,6 @@ def hide_in_process_list(argument: str, secrets: Iterable[str]) -> None:
 
     Args:
         argument: as it was given, or the value in ``--option=value``.
-        secrets: parts of it.
     """
     try:
         # the second field is a name in brackets and may hold spaces

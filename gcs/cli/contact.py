@@ -114,9 +114,6 @@ def prepare(
     """Beginning by a mission file, else by who is heard; the command line in place of both.
 
     Args:
-        mission: the file.
-        wanted: what the command line says.
-        asked: what signals ask for.
         ending: closes what is opened, unless a flight has it by then.
         command: whether the flight may send.
         screen: whether the flight has screens.
@@ -248,11 +245,6 @@ def _heard_text(listening: Listening) -> str:
 
 def _ready(found: Found, listening: Listening, wanted: Wanted) -> Ready:
     """The flight of those who were found.
-
-    Args:
-        found: who they are.
-        listening: what else was heard.
-        wanted: what the command line says.
 
     Raises:
         GcsError: it is not clear who films, or nobody is to be named.

@@ -328,9 +328,6 @@ class CommandExecutor:
         """Commands by the newest place until a refusal, a long silence, what is watched for, or the next order.
 
         Args:
-            ugv: whose place.
-            path: the command for it.
-            period_s: between two.
             report: given what becomes of it.
             watch: asked after each command since the first was accepted; why to end, empty: go on.
             instead: what is done then, or where the command is not known; empty: nothing.

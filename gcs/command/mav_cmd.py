@@ -61,11 +61,7 @@ class Command:
         return "COMMAND_LONG" if self.place is None else "COMMAND_INT"
 
     def fields(self, system_id: int) -> str:
-        """The message's fields as JSON, where null is NaN.
-
-        Args:
-            system_id: of the UAV.
-        """
+        """The message's fields as JSON, where null is NaN."""
         values: dict[str, float | int] = {
             "target_system": system_id,
             "target_component": self.component,
@@ -98,13 +94,7 @@ def point_nowhere() -> Command:
 
 
 def gimbal_angles(pitch_rad: float, yaw_rad: float, component: int = AUTOPILOT) -> Command:
-    """Gimbal protocol 2: the gimbal looks in a direction.
-
-    Args:
-        pitch_rad: from the horizon, down is negative.
-        yaw_rad: from north.
-        component: of the gimbal manager.
-    """
+    """Gimbal protocol 2: the gimbal looks in a direction."""
     angles = (math.degrees(pitch_rad), math.degrees(yaw_rad))
     return Command(number=_PITCHYAW, params=(*angles, NAN, NAN, _FLAGS_FROM_NORTH), component=component)
 
@@ -137,7 +127,6 @@ def hold(kind: str, autopilot: int) -> Command | None:
 
     Args:
         kind: vehicle type in a word, see :func:`mavlink.protocol.modes.kind_name`.
-        autopilot: MAV_AUTOPILOT.
     """
     if autopilot == _PX4:
         return Command(number=_SET_MODE, params=(_ARMED_CUSTOM, 4, 3))  # AUTO, LOITER
@@ -154,7 +143,6 @@ def reposition(place: GeoPoint, alt_m: float, *, change_mode: bool) -> Command:
     """Fly to a place.
 
     Args:
-        place: goal.
         alt_m: above sea level.
         change_mode: whether the vehicle may change its mode for this. Only an operator's own word may: what follows in
             a stream must never take the vehicle back from a pilot who has taken it over.
@@ -174,7 +162,6 @@ def photo(number: int, component: int = AUTOPILOT) -> Command:
 
     Args:
         number: counts up from 1, so that a repeated command takes no second photo.
-        component: of the camera.
     """
     return Command(number=_PHOTO, params=(0, 0, 1, number), component=component)
 

@@ -37,12 +37,10 @@ class CommandService:
     Args:
         uav: system id of the UAV.
         ground: system ids of the ground vehicles, by name.
-        uav_name: what operators call the UAV.
         transmitter: the way out, which lets nothing pass that is not for the UAV.
         where: the place of a ground vehicle by its system id, None when it is not known for sure and now.
         on_event: called with events, in the thread of the service or in the one that polls.
         own: system and component id that the station sends as.
-        params: how orders are carried out.
         rates: message id → Hz wanted of the UAV.
         gimbal: that carries the camera: a device id 1-6 or a component id, 0: the first that reports.
 

@@ -56,7 +56,6 @@ def cot_uid(box: Box, source: str) -> str:
     """Identifier of what an event is about, the same for one vehicle all through a flight, live and exported.
 
     Args:
-        box: named or tracked.
         source: the session's name: two stations on one network tell of different things.
     """
     station = re.sub(r"[^A-Za-z0-9_.-]", "-", source)[:_MOST_LETTERS]
@@ -71,7 +70,6 @@ def cot_event(snapshot: Snapshot, box: Box, *, source: str, t_us: int | None = N
     vehicle's name or id in it.
 
     Args:
-        snapshot: what the box is from.
         box: one of :func:`cot_boxes`.
         source: as for :func:`cot_uid`.
         t_us: when it holds, Unix µs; None: the snapshot's own time.

@@ -35,7 +35,6 @@ def retimed(film: CodedFilm, shown: NDArray[np.int64], time_base: Fraction) -> I
     """The film's packets in the order of decoding, those left out that have no time.
 
     Args:
-        film: read through once more for it.
         shown: (n,) when each frame is shown, ascending ticks.
         time_base: seconds of a tick.
     """
@@ -53,10 +52,6 @@ def retimed(film: CodedFilm, shown: NDArray[np.int64], time_base: Fraction) -> I
 @contextmanager
 def copying(film: Path | None, kind: str) -> Iterator[None]:
     """Make one line of what FFmpeg says against a copy.
-
-    Args:
-        film: that is copied.
-        kind: of the file that is written.
 
     Raises:
         GcsError: in place of FFmpeg's errors.

@@ -46,7 +46,6 @@ class Faults:
 
         Args:
             job: a few words: what was being done.
-            error: with its traceback.
         """
         self.count += 1
         self.last = conceal(f"{job}: {type(error).__name__}: {error}")

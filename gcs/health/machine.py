@@ -52,7 +52,6 @@ def checks(
 
     Args:
         sessions: where flights are recorded; it need not exist yet.
-        ports: UDP ports that should be free.
         gsd_m: ground metres a pixel at the planned height.
         open_detector: loads the mission's networks; None: the bundled one.
     """

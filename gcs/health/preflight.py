@@ -48,7 +48,6 @@ def preflight(now: Snapshot, rates: Sequence[Rate]) -> tuple[Check, ...]:
     What is an alarm is told with the alarm's words and advice.
 
     Args:
-        now: the newest snapshot.
         rates: how often messages come, as they are measured.
     """
     health = now.health

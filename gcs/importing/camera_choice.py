@@ -62,9 +62,7 @@ def choose_camera(
     """The camera, and the UAV's log with what the camera's direction needs of it.
 
     Args:
-        film: what was filmed.
         uav: its log; None: its telemetry is in the fleet's.
-        options: what the user knows.
 
     Raises:
         ImportFileError: a camera of that name is not known.

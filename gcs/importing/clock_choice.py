@@ -32,7 +32,6 @@ def boxes_of_spans(path: Path, film_us: int, choice: DetectorChoice) -> Iterator
     """Boxes of the parts of a film that tell its clock, each looked at when it is asked for.
 
     Args:
-        path: the film.
         film_us: time of its first frame, Unix µs.
         choice: which network.
 
@@ -78,12 +77,9 @@ def searched_times(
     """The film's place on the fleet's clock, by how the fleet fits the picture.
 
     Args:
-        film: what was filmed.
         uav: the UAV's log; None: its telemetry is in the fleet's.
-        fleet: the ground vehicles.
         mission: who flies, with which camera.
         records: the UAV's, on the clock that ``times`` has.
-        times: as the files say.
         within_s: largest offset either way, seconds.
 
     Raises:

@@ -19,7 +19,6 @@ def read_film_log(path: Path, *, coarse: bool) -> tuple[VehicleLog | None, tuple
     """The best log that a video carries, None without any, and what it carries that cannot be read.
 
     Args:
-        path: the video.
         coarse: take one with positions to 3 m too.
 
     Raises:

@@ -125,9 +125,7 @@ def find_fleet_clock(
 
     Args:
         spans: parts of the film; the first that tells the offset decides.
-        logs: the flight.
         bounds_s: least and largest offset.
-        where: names the film in errors.
 
     Raises:
         ImportFileError: two offsets are nearly as good, none fits, or nothing can be compared.

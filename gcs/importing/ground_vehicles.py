@@ -91,7 +91,6 @@ def read_ground_vehicles(tlog: Path | None, ugv: Sequence[str]) -> GroundVehicle
     """All ground vehicles.
 
     Args:
-        tlog: telemetry log.
         ugv: ``ID=FILE``, or a file that has the ids.
 
     Raises:

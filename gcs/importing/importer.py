@@ -267,10 +267,8 @@ def write_imported(
 
     Args:
         folder: must not exist.
-        film: what was filmed.
         film_us: Unix µs of its first frame.
         streams: records, each in order of time.
-        mission: who flies.
         notes: where each number came from, for session.toml.
 
     Raises:

@@ -46,7 +46,6 @@ def vehicle_records(log: VehicleLog, system_id: int, shift_us: int, *, flies: bo
     """All messages of a vehicle, in order of time.
 
     Args:
-        log: what it did.
         system_id: under which it sends.
         shift_us: from the log's clock to Unix time, µs.
         flies: the UAV; else a rover.

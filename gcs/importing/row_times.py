@@ -58,7 +58,6 @@ def check_one_clock(t_us: Ints, source: str, *, blocks: bool = False) -> None:
 
     Args:
         t_us: µs.
-        source: names the file in messages.
         blocks: blocks may stand in another order, as long as they do not lie over each other.
 
     Raises:
@@ -95,7 +94,6 @@ def row_times(t_us: Ints, places: Floats, source: str) -> RowTimes:
     Args:
         t_us: (n,) as they stand there.
         places: (n, 2) beside them.
-        source: names the file in messages.
 
     Raises:
         ImportFileError: the times begin again, or all of them are the same.
@@ -242,7 +240,6 @@ def longest_level(what: str, ahead_us: Ints, t_us: Ints, step_us: int) -> tuple[
         what: the clock, in messages.
         ahead_us: (n,) in the order of the file.
         t_us: (n,) by the clock that it is ahead of.
-        step_us: smaller steps are lateness.
     """
     steps = level_steps(ahead_us, step_us, _AROUND)
     if not steps:

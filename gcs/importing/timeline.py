@@ -63,7 +63,6 @@ def find_timeline(
     """The film's place on the fleet's clock.
 
     Args:
-        film: with the date of its container.
         uav: the UAV's log; None: its telemetry is in the fleet's.
         fleet_span_us: first and last position of the fleet, Unix µs.
         clock_s: by how much the fleet's clock is ahead of the film's; None: not known.
@@ -112,10 +111,8 @@ def check_overlap(
     """See that the UAV and the fleet report while it is filmed, and say where one of them does so in a part of it.
 
     Args:
-        film: what was filmed.
         timeline: when.
         uav: what tells of the UAV, and its first and last position, Unix µs.
-        fleet_span_us: likewise of the fleet.
         assumed: of the fleet's times, for the message.
 
     Raises:

@@ -103,7 +103,6 @@ class JsonTcp(Sink):
 
     Args:
         url: where to listen.
-        source: of what is told.
         now_s: a clock that is never set.
     """
 

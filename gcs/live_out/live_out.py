@@ -42,7 +42,6 @@ class LiveOut:
     Args:
         latest: the station's newest snapshot; asked for from a thread of its own.
         sinks: where to.
-        source: what is told of.
         report: called with one line when there is trouble with an address, and when it is over, from any thread.
 
     Raises:

@@ -106,7 +106,6 @@ def check_apart(sinks: Iterable[SinkUrl], links: Sequence[str]) -> None:
     """Nothing but MAVLink goes where a telemetry link or an output is: a vehicle might take it for a command's start.
 
     Args:
-        sinks: all that others are told at.
         links: URLs of the flight's links and outputs, as ``mavlink.links`` writes them.
 
     Raises:

@@ -145,7 +145,6 @@ def title_of(label: str, magnification: float, *, seen: bool, shows: Callable[[s
 
     Args:
         label: as beside the box; of a vehicle without one, its name.
-        magnification: over the picture.
         seen: whether there is a box; else nothing that is shown is called by that name.
         shows: whether there is room for a text, and letters.
     """

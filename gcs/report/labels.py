@@ -92,7 +92,6 @@ def place_labels(
 
     Args:
         labels: A later one takes what earlier ones leave; one whose mark lies outside of the grid is left out.
-        grid: The field.
         former: Of the frame before: a label stays where it is while that place is free.
         marks: Marks without a label, which labels keep clear of as well.
 

@@ -117,9 +117,7 @@ def box_labels(
     """Labels of boxes.
 
     Args:
-        snapshot: Says who is sure.
         boxes: Those that are drawn, in the order in which they choose.
-        anchors: Where each is.
         shows: Whether the picture can show all letters of a text.
         pick: System id and track id of what is picked, 0 none: its label is placed with its best text.
     """
@@ -149,11 +147,9 @@ def image_inset(
     """Where ``draw`` shows the picked vehicle enlarged, below the header; None where that is not known.
 
     Args:
-        snapshot: Its boxes.
         scale: As for ``draw``.
         selected: As for ``draw``.
         track: As for ``draw``.
-        former: Of the frame before.
     """
     width, height = _size(snapshot, scale)
     top = math.ceil(_text_size("0", _unit(height))[1])
@@ -177,7 +173,6 @@ def image_labels(
     """Where ``draw`` writes, in squares of pixels.
 
     Args:
-        snapshot: Its boxes.
         scale: As for ``draw``.
         selected: As for ``draw``.
         track: As for ``draw``.

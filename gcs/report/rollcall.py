@@ -137,7 +137,6 @@ class RollCall:
         """Take in how the fleet is: who is heard and has a position, alarms, marks.
 
         Args:
-            snapshot: the next one.
             at_us: its time by a clock that nobody sets, µs from any moment on; None: as it is stamped.
         """
         at_us = snapshot.t_us if at_us is None else at_us

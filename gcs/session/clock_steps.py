@@ -86,7 +86,6 @@ class ClockSteps:
 
         Args:
             stamped_us: in the order of the frames.
-            start_us: of the telemetry.
         """
         t_us = stamped_us.copy()
         for new_us, step_us in zip(self.t_us.tolist(), self.step_us.tolist(), strict=True):

@@ -21,7 +21,6 @@ def read_snapshots(
 
     Args:
         identity: path of ``identity.csv``.
-        mission: whose vehicles are named.
         video: gives the images, None: there are none.
         warn: called with a line if rows could not be used.
 

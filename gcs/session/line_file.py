@@ -55,7 +55,6 @@ class LineFile:
         path: must not exist; nothing recorded is ever overwritten.
         header: first line of every segment, with its line end.
         disk: the operating system, or a test's.
-        lazy: make the file with its first line.
 
     Raises:
         SessionError: the file exists or cannot be made.

@@ -28,7 +28,6 @@ class SessionLog:
     """Every record once, in the order of arrival.
 
     Args:
-        path: of the first segment.
         signers: whether a system signed with a key that the flight knew: what was not refused of it was verified.
 
     A flight with frames during which nothing was received is a recording too, without a record.

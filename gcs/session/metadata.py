@@ -149,11 +149,6 @@ def mission_table(mission: Mission, notes: Mapping[str, Any]) -> str:
 class SessionFile:
     """The notes of a flight that goes on.
 
-    Args:
-        folder: of the session.
-        mission: what flies.
-        notes: what else is known from the start.
-
     Raises:
         SessionError: the file cannot be made.
     """
@@ -210,7 +205,6 @@ def _replace(folder: int, text: str) -> int:
 
     Args:
         folder: descriptor of the session's folder.
-        text: of the file.
     """
     new = f"{METADATA}.{secrets.token_hex(8)}.new"
     fd = create(new, folder=folder)

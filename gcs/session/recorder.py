@@ -89,7 +89,6 @@ class Recorder:
 
     Args:
         parent: where the folder is made.
-        mission: what flies.
         video: whether there is a camera.
         notes: what a replay has to know beside the mission (``gcs.session.metadata``).
         folder: one that was made already and has the telemetry of so far; None: a new one.
@@ -187,7 +186,6 @@ class Recorder:
 
         Args:
             record: number of the first.
-            count: of them.
         """
         if self._unfolded:
             self._unfolded.write(unfolded_row(record, count))
@@ -240,7 +238,6 @@ class Recorder:
 
         Args:
             telemetry: state of the log after the process of the links has ended.
-            notes: what else is known at the end.
         """
         self._flusher.stop()
         for file in self._files:
@@ -265,7 +262,6 @@ class SpaceForecast:
 
         Args:
             now_s: monotonic.
-            free_bytes: left on the disk.
             written_bytes: of the whole session so far, video included.
         """
         self._seen.append((now_s, free_bytes, written_bytes))

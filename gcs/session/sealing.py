@@ -30,7 +30,6 @@ class Sealing:
     """Seals the sessions in a folder.
 
     Args:
-        parent: the folder of sessions.
         report: called with a line on each, from a thread of its own.
     """
 

@@ -52,7 +52,6 @@ class RecordSenders:
         lost, it holds from its time on.
 
         Args:
-            path: of the first segment.
             t_us: (n,) stamps of all records.
             system_id: (n,) of their senders.
         """

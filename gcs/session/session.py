@@ -102,7 +102,6 @@ def open_session(
     """Open a session folder, or a bare tlog with an optional video and mission file.
 
     Args:
-        path: of the folder or the log.
         video: in place of the session's own.
         video_start_s: when a video without frame times begins, seconds after the log's first message.
         mission: file, in place of the session's own.

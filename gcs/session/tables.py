@@ -101,8 +101,6 @@ def read_table(path: Path, form: TableFormat, *, without: Collection[str] = ()) 
 
     Args:
         path: of the table, or of its first segment.
-        form: the columns it has.
-        without: columns of it that are not read.
 
     Raises:
         SessionError: no such file, no header, or a required column is missing.

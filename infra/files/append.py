@@ -65,7 +65,6 @@ class AppendFile:
     """Whole rows into a new file and, where one file does not do, into further segments of it.
 
     Args:
-        path: of the first segment.
         header: begins every segment.
         ram_bytes: most bytes kept while the disk fails; past it the oldest rows are lost, and counted.
         first: running number of the first row.

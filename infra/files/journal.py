@@ -119,8 +119,6 @@ class Journal:
 
         Args:
             file: index of the file; the rows of the first are numbered.
-            data: the rows.
-            rows: how many.
 
         Returns:
             The number of the first of them; None if there is no room: the rows are dropped and counted.

@@ -20,8 +20,6 @@ def open_to_read(path: Path | str, *, links: bool = True, folder: int | None = N
     """Open a regular file.
 
     Args:
-        path: its name.
-        links: follow a symbolic link in its place.
         folder: descriptor of the folder that ``path`` is relative to.
 
     Returns:
@@ -53,7 +51,6 @@ def create(path: Path | str, *, folder: int | None = None) -> int:
     """Make a file, to write and to read back, where nothing is, not even a link.
 
     Args:
-        path: its name.
         folder: descriptor of the folder that ``path`` is relative to.
 
     Returns:
@@ -69,7 +66,6 @@ def open_folder(path: Path | str, *, folder: int | None = None) -> int:
     """Descriptor of a folder that no link stands for, to open files relative to.
 
     Args:
-        path: its name.
         folder: descriptor of the folder that ``path`` is relative to.
 
     Raises:
@@ -82,7 +78,6 @@ def open_to_append(path: Path | str, *, links: bool = True) -> int:
     """Open a file of ours at its end, made where there is none.
 
     Args:
-        path: its name.
         links: follow a symbolic link in the place of its folder; one in its own place is never followed.
 
     Returns:

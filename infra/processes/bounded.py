@@ -56,7 +56,6 @@ def ask_child(
 
     Args:
         module: calls :func:`answer_parent`.
-        question: what it is asked.
         answers: type of its answer, a Struct with a tag.
         most_bytes: of memory that the work may take.
         most_s: for which it may take.
@@ -89,12 +88,7 @@ def ask_child(
 
 
 def answer_parent(asks: type[Question], read: Callable[[Question], msgspec.Struct]) -> None:
-    """Answer the one question of a parent; what ``read`` raises is the answer that it could not be read.
-
-    Args:
-        asks: type of the question.
-        read: what answers it.
-    """
+    """Answer the one question of a parent; what ``read`` raises is the answer that it could not be read."""
     parent: MessageChannel[_Work] = connect_to_parent(_Work)
     asked = parent.receive()
     if asked is None:

@@ -28,7 +28,6 @@ class MessageChannel(Generic[Received]):
         reading: where messages come from.
         writing: where they go to.
         received: the type of those that come, or the union of their types.
-        most_bytes: a longer message is none.
     """
 
     def __init__(

@@ -49,7 +49,6 @@ class ChildProcess(Generic[Report]):
         reports: the type of the messages that it sends, or the union of their types.
         fds: file descriptors that it needs; they have the same numbers there.
         environment: added to this process's.
-        most_bytes: a longer message of it is none.
 
     Raises:
         OSError: the system starts no process.

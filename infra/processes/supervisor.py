@@ -30,7 +30,6 @@ class Supervisor(Generic[Child]):
     one thread, but for the first ``start`` and ``begin``.
 
     Args:
-        name: of the thread.
         start: starts a process that waits for its first message; raises OSError where the system starts none.
         begin: sends that message to a process whose turn it is.
         watch: waits for a sign of life, at most so many seconds, and returns for how long the process may be silent
@@ -89,11 +88,7 @@ class Supervisor(Generic[Child]):
         self._thread.start()
 
     def stop(self, timeout_s: float | None = None) -> None:
-        """Has the process end by itself, or ends it when it is silent for too long meanwhile.
-
-        Args:
-            timeout_s: the calling thread waits no longer.
-        """
+        """Has the process end by itself, or ends it when it is silent for too long meanwhile."""
         self._stopping.set()
         self.process.channel.close_sending()
         if self._thread.is_alive():

@@ -55,7 +55,6 @@ class ClaimedPlaces:
     """The places of all senders of one system id.
 
     Args:
-        limits: what the vehicle can do.
         drives: a ground vehicle, whose height is not compared.
     """
 
@@ -68,7 +67,6 @@ class ClaimedPlaces:
         """Keeps a place and compares it with those of other senders.
 
         Args:
-            sender: who reports it.
             sample: a place that may be one, see :func:`mavlink.estimation.positions.place_error`.
             std_m: 1σ.
 

@@ -91,8 +91,6 @@ class _Alternation:
         """Adds one packet; True when its side is another than before.
 
         Args:
-            side: what distinguishes the sides.
-            sender: of this packet.
             other: of the other side's last packet.
             t_us: Unix µs of its arrival.
         """
@@ -138,11 +136,8 @@ class _Conflicts:
         """Adds one contradiction.
 
         Args:
-            kind: what is contradicted.
             side: which of the two sides this packet is of.
-            sender: of this packet.
             t_us: Unix µs of its arrival.
-            detail: in words for the operator.
             other: of the other side's last packet.
         """
         alternation = self._alternations.setdefault(kind, _Alternation())
@@ -162,8 +157,6 @@ class DuplicateIdDetector:
     """Compares what the senders of one system id report.
 
     Args:
-        limits: what the vehicle can do.
-        drives: a ground vehicle.
         links: names of the links by index, for messages to the operator.
         address: of a link's index and a peer's number, in words; empty where it is not known.
     """
@@ -253,7 +246,6 @@ class DuplicateIdDetector:
 
         Args:
             t_us: Unix µs of its arrival.
-            sender: of the message.
             gap_s: how much later the message came than its boot time allows; negative when it came earlier.
         """
         if -MAX_LINK_LAG_US <= gap_s * 1e6 < 0 and not self._stays_ahead(sender, t_us):
@@ -298,7 +290,6 @@ class DuplicateIdDetector:
 
         Args:
             t_us: Unix µs of the heartbeat.
-            sender: of the heartbeat.
             rival: id of the one that reports, negative for none.
         """
         before, self._autopilot = self._autopilot, sender

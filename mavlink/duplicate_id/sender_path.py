@@ -59,8 +59,6 @@ class SenderPath:
     """One sender: its clock, its path, and how often it contradicted others lately.
 
     Args:
-        sender: its key.
-        place: its first.
         first_us: when it was received first, under whatever run of sequence numbers.
     """
 

@@ -180,7 +180,6 @@ class VehicleClock:
         at another speed) has none that helps: the boot time of their messages is their arrival.
 
         Args:
-            boot_ms: as sent.
             arrival_us: Unix µs.
             trails: its link is known to be later than another, so that it cannot show a reboot.
         """
@@ -225,7 +224,6 @@ class VehicleClock:
         """Boot time of a message that does not teach the clock; None where it is not one of this clock.
 
         Args:
-            boot_ms: as sent.
             arrival_us: Unix µs.
         """
         if not self._started or self._by_arrival:

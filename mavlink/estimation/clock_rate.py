@@ -39,7 +39,6 @@ class ClockRate:
         """Learn from a message; True when something new is known.
 
         Args:
-            boot_us: as sent.
             arrival_us: Unix µs.
         """
         if self._least is not None and not -BACK_US <= boot_us - self._newest <= LEAP_US:

@@ -118,7 +118,6 @@ class Gimbals:
 
         Args:
             boot_us: when it held.
-            sample: any of the four messages.
             body_yaw: of the UAV then, NaN unknown.
 
         Returns:
@@ -156,7 +155,6 @@ class Gimbals:
         """R_enu_gimbal (3, 3), None when no attitude came in the last second.
 
         Args:
-            boot_us: the time.
             body_yaw: of the UAV then, NaN unknown.
         """
         before, after = self._buffer.around(boot_us)

@@ -90,7 +90,6 @@ class JumpDetector:
             verdict: from :meth:`mavlink.estimation.positions.Positions.add`.
             channel: how it came; another sender's reports are no jumps of this one's.
             t_us: Unix µs of its arrival.
-            fix: the place.
         """
         if verdict.impossible:
             if channel != self._good_channel:
@@ -301,7 +300,6 @@ class PositionDoubts:
         """Compares a receiver's own fix with what the filter makes of it.
 
         Args:
-            sample: GPS_RAW_INT.
             std_m: 1σ of it.
             then: the vehicle's position at the moment of the fix.
             frame: ENU.

@@ -120,7 +120,6 @@ def place_error(position: GlobalPosition, gps: GpsRaw | None) -> str:
     """Why a report is no place on Earth, in a word or two; empty when it may be one.
 
     Args:
-        position: the report.
         gps: the same vehicle's receiver lately, None unknown.
     """
     lat, lon = position.lat_deg, position.lon_deg
@@ -207,8 +206,6 @@ def fix_of(
         heading: from :meth:`Positions.check_heading`.
         steady: :meth:`Positions.check_altitude`.
         stds_m: from :func:`position_stds`.
-        limits: what the vehicle can do.
-        drives: a ground vehicle.
     """
     left_out = []
     std_m, up_std_m = stds_m
@@ -240,7 +237,6 @@ class Positions:
     """Positions of one vehicle by its own boot time in µs.
 
     Args:
-        limits: what the vehicle can do.
         drives: a ground vehicle, whose course must fit its heading.
     """
 
@@ -293,7 +289,6 @@ class Positions:
         """The reported heading, or NaN when attitude or course contradict it.
 
         Args:
-            sample: the report.
             yaw: of the same vehicle's attitude now, NaN unknown.
         """
         heading = sample.heading
@@ -311,11 +306,7 @@ class Positions:
         return math.nan if contradicted or not self._heading_trusted else heading
 
     def check_altitude(self, alt_m: float) -> bool:
-        """Tell whether the altitudes that are reported follow from one another; a first one is believed.
-
-        Args:
-            alt_m: one that is near the ground.
-        """
+        """Tell whether the altitudes that are reported follow from one another; a first one is believed."""
         if not math.isnan(self._alt_m):
             step2 = min(abs(alt_m - self._alt_m), _LONGEST_STEP_M) ** 2
             self._altitude_var += _ALTITUDE_GAIN * (step2 - self._altitude_var)

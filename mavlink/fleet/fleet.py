@@ -91,7 +91,6 @@ class Fleet:
         ugv_ids: system ids of the ground vehicles; their order is that of all arrays.
         origin: of the ENU frame; None: the UAV's first position, or that of the first ground vehicle that has reported
             for ten seconds without the UAV.
-        limits: what a ground vehicle can do.
         camera_id: which of the UAV's cameras, by device id 1-6 or component id; 0: the first that reports its field
             of view.
         gimbal_id: which of its gimbals, the same way; 0: the camera's, else the first that reports.

@@ -24,9 +24,6 @@ def uav_state(
     """The UAV at a Unix time, each sample by its own time.
 
     Args:
-        uav: its reports.
-        gimbals: those of its gimbal.
-        camera: what it reports of its camera.
         ground: what it reports of the ground below it.
         t_us: when.
     """

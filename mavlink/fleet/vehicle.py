@@ -75,9 +75,7 @@ class Vehicle:
     """One configured vehicle.
 
     Args:
-        system_id: whose packets it gets.
         drives: a ground vehicle: its course fits its heading, its altitude may be wrong.
-        limits: what it can do.
         links: names of the links by index, for messages to the operator.
         address: of a link's index and a peer's number, in words.
     """

@@ -60,7 +60,6 @@ class Ingest:
         urls: links, as :func:`mavlink.links.kinds.parse_url` has them.
         log: of the first segment of the raw log; must not exist.
         system_ids: whose frames make a sender known, so that it always passes while unknown senders flood; empty: any.
-        signing: keys.
         outputs: where packets go on to.
         ring_bytes: size of the memory in which packets wait to be read.
 

@@ -81,7 +81,6 @@ class IngestMemory:
         """Puts packets into the ring, all of them or, where there is no room, none; those are counted.
 
         Args:
-            link: that they came over.
             record: number of the first of them in the log, those of the others follow; None: they are not in it.
             times_us: (N) arrival.
             frames: (N).

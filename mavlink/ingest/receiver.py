@@ -106,12 +106,7 @@ class LastSenders:
         """The same by link: who is received over it."""
 
     def changes(self, link: int, batch: Batch) -> Iterator[tuple[int, int]]:
-        """Places in a batch, and system ids, of frames whose system id last came from another sender, or never.
-
-        Args:
-            link: the batch came over.
-            batch: whole frames.
-        """
+        """Places in a batch, and system ids, of frames whose system id last came from another sender, or never."""
         if batch.claimed() <= self._claims.setdefault(link, set()):
             return  # nearly always
         senders, claims = self._senders, self._claims
@@ -129,10 +124,7 @@ class Receiver:
     """Takes the batches of all links.
 
     Args:
-        links: what a batch came over.
-        log: the raw record.
         memory: where the station takes packets from.
-        signatures: verifies.
         outputs: where packets go on to.
     """
 
@@ -185,7 +177,6 @@ class Receiver:
 
         Args:
             link: over which.
-            data: the frame.
             peer: the one who is to get it; 0: all who are known there.
 
         Raises:

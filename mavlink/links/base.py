@@ -38,7 +38,6 @@ class Link(ABC):
 
     Args:
         url: from :meth:`parse`.
-        options: what it is opened for.
 
     Raises:
         LinkError: it cannot be opened; one line with what to do.

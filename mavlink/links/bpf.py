@@ -46,7 +46,6 @@ def program(known: Iterable[FilterSource], own: Mapping[FilterSource, float], li
     """The filter's instructions.
 
     Args:
-        known: senders that always pass.
         own: senders of whose datagrams a share passes, 0..1.
         likely: share of unknown datagrams that pass if they look like one MAVLink frame, 0..1.
         other: share of other unknown datagrams that pass, 0..1.

@@ -31,7 +31,6 @@ class FrameStream:
     """Frames out of the bytes of one stream.
 
     Args:
-        counters: of the link.
         peer: number of the sender.
         patience_s: for how long an unfinished frame may hold up what follows it.
         clock_s: monotonic.
@@ -66,8 +65,6 @@ class FrameStream:
 
         Args:
             data: what came; None: nothing; empty: the end of the stream.
-            t_us: now.
-            batch: gets the frames.
 
         Returns:
             How many of them have a right checksum.
@@ -121,9 +118,7 @@ class Connection:
     """One open byte stream. Frames go out whole: what it has begun to send it ends before the next.
 
     Args:
-        file: closed with the connection.
         receive: gives the bytes that are there, None when there are none now, empty at the end of the stream.
-        frames: of this stream.
         queue_bytes: so much may wait for the other end to take it.
     """
 

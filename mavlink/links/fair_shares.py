@@ -90,7 +90,6 @@ class Allowance:
 
         Args:
             used_s: what passed, in seconds of the allowed rate.
-            dt_s: the time.
             now_s: monotonic.
             now: whether not even a burst can be handled.
         """
@@ -139,9 +138,7 @@ class Shares:
         """Sets the shares from what came.
 
         Args:
-            traffic: since the last time.
             systems: for how many systems each known sender sends.
-            dt_s: since the last time.
             now_s: monotonic.
         """
         self._count(traffic, dt_s, now_s)

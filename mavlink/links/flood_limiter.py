@@ -78,7 +78,6 @@ class FloodLimiter:
         """Counts what the socket has dropped since another process last counted: that one may have hung for long.
 
         Args:
-            system_drops: of then.
             was_limited: whether a filter was at work; it went on while nobody read.
         """
         new = max(self._counted - system_drops, 0)
@@ -105,7 +104,6 @@ class FloodLimiter:
         """Tell whether so few came in a time that no known sender can be over its limit.
 
         Args:
-            datagrams: of all together.
             busiest: counts those of one address at most; only asked where that matters.
             dt_s: in which they came.
         """
@@ -124,7 +122,6 @@ class FloodLimiter:
             now_s: monotonic.
             dt_s: in which that came.
             traffic: what was let in since the last time.
-            peers: who is known.
         """
         self._since_s = self._now_s = now_s
         self.count_drops()
@@ -139,7 +136,6 @@ class FloodLimiter:
         """Senders of which only a share passes, or did a moment ago.
 
         Args:
-            peers: knows their addresses.
             strangers: where most strangers' datagrams come from.
         """
         classes = [part for part in (self.shares.likely, self.shares.other) if self._is_recent(part)]

@@ -137,10 +137,8 @@ class Peers:
 
         Args:
             known: number → address of those who were trusted.
-            claims: what they were trusted for.
             mixed: numbers of those whose datagrams were not always one frame.
             last: highest number ever given.
-            t_us: now.
         """
         for number, address in known.items():
             key = key_of(address)

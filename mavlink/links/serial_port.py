@@ -20,10 +20,6 @@ _FRAME_BITS = 280 * 10
 class SerialLink(StreamLink):
     """A serial port, taken for this program alone where the system can do that. Nothing here waits.
 
-    Args:
-        url: the link.
-        options: what it is opened for.
-
     Raises:
         LinkError: no such device, no right to it, or in use.
     """

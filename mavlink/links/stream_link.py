@@ -17,12 +17,7 @@ PAUSES_S = (0.5, 1.0, 2.0, 4.0)
 
 
 class StreamLink(Link):
-    """Base of TCP clients and serial ports.
-
-    Args:
-        url: the link.
-        options: what it is opened for.
-    """
+    """Base of TCP clients and serial ports."""
 
     def __init__(self, url: LinkUrl, options: LinkOptions) -> None:
         super().__init__(url, options)

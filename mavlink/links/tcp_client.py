@@ -42,10 +42,6 @@ def tcp_connection(sock: socket.socket, frames: FrameStream, options: LinkOption
 class TcpOut(StreamLink):
     """Connects to a server, and again soon after the connection was lost or refused.
 
-    Args:
-        url: the link.
-        options: what it is opened for.
-
     Raises:
         LinkError: no such host.
     """

@@ -32,10 +32,6 @@ class _Client:
 class TcpIn(Link):
     """Lets vehicles or routers connect, each with a parser of its own; or programs, to forward to.
 
-    Args:
-        url: the link.
-        options: what it is opened for.
-
     Raises:
         LinkError: the port is in use, or the address is not one of this machine.
     """
@@ -115,7 +111,6 @@ class TcpIn(Link):
         """Sends to every client that is known, or to one.
 
         Args:
-            frame: one frame.
             peer: number of the one client that is to get it, known or not; 0: all that are known.
 
         Raises:

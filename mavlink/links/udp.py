@@ -30,8 +30,6 @@ class UdpIn(UdpLink):
     """Listens on a port that is its own.
 
     Args:
-        url: the link.
-        options: what it is opened for.
         clock_s: monotonic.
 
     Raises:
@@ -79,7 +77,6 @@ class UdpIn(UdpLink):
         """Sends to all that sent good frames in the last minute, or to one sender.
 
         Args:
-            frame: one frame.
             peer: number of the one sender that is to get it, known or not; 0: all that are known, but only the first
                 few where packets are forwarded: addresses can be forged, and all traffic would go there.
 
@@ -105,10 +102,6 @@ class UdpIn(UdpLink):
 
 class UdpOut(UdpLink):
     """Connected to one address: the system drops what others send. Sends nothing of its own.
-
-    Args:
-        url: the link.
-        options: what it is opened for.
 
     Raises:
         LinkError: no such host.

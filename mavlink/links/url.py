@@ -41,7 +41,6 @@ def network_url(scheme: str, rest: str, *, default_port: int, default_host: str 
     """Host and port behind a scheme.
 
     Args:
-        scheme: of the result.
         rest: ``host:port``, ``host``, ``port``, each also with ``//`` before it.
         default_port: where there is none.
         default_host: where there is none; empty: one is needed.

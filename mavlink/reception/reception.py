@@ -161,7 +161,6 @@ class _FirstCopies:
         """When and where the same packet came first, as (t_us, link, peer); None for a new one.
 
         Args:
-            packet: any.
             dated: it carries a time, so that its bytes cannot repeat.
         """
         key = hash(packet.raw)

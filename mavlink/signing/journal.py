@@ -39,9 +39,6 @@ _SUM, _BODY = struct.Struct("=I"), struct.Struct("=IQQQ")  # stream, timestamp, 
 class StreamJournal:
     """The journal of one key folder; the caller holds the folder's lock.
 
-    Args:
-        folder: of the keys.
-
     Raises:
         SigningError: its file can be made neither in shared memory nor beside the keys.
     """

@@ -18,7 +18,6 @@ class Signer:
     one with each frame.
 
     Args:
-        key: of the vehicle that is sent to.
         newest: the last timestamp used before, in ticks; 0: only the clock counts.
     """
 

@@ -54,9 +54,7 @@ def open_verifier(
     To be called in the process that verifies, once for all links; there, close the store at the end.
 
     Args:
-        folder: of the keys.
         unsigned: as the verifier has it, as the next.
-        keyless: likewise.
         accept_late: as :class:`mavlink.signing.streams.Streams` has it.
 
     Raises:
@@ -88,7 +86,6 @@ class StreamStore:
 
     Args:
         folder: exists; the keys' own is a good one.
-        period_s: between saves.
         accept_late: as :class:`mavlink.signing.streams.Streams` has it.
         wall_ns: the computer's clock, Unix ns.
 

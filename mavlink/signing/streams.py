@@ -80,8 +80,6 @@ class StreamRecorder(Protocol):
             place: where.
             stream: system id << 16 | component id << 8 | link id.
             timestamp: as in :class:`StreamRow`, as the next two.
-            received: likewise.
-            booted: likewise.
         """
 
 
@@ -132,10 +130,6 @@ class Streams:
         """Tell whether a verified frame is accepted; if so, its timestamp is kept.
 
         Args:
-            system_id: of its stream, as the next two.
-            component_id: likewise.
-            link_id: likewise.
-            timestamp: of its signature.
             now: ticks when it came.
             frame: the frame itself, for the times in it.
 
@@ -185,7 +179,6 @@ class Streams:
         """Restores the row of a stream.
 
         Args:
-            row: the stream.
             not_before: frames made before this may have been received after the row was saved.
         """
         stream = row.component_id << 8 | row.link_id

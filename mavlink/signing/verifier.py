@@ -46,7 +46,6 @@ class Verifier:
         ring: the keys; an empty ring makes everything ``OPEN``.
         unsigned: ids of messages that may come unsigned from any system, none of :data:`STATE_MESSAGES`.
         keyless: how frames of systems without a key are treated while others have one: ``refused`` or ``open``.
-        streams: the table of earlier runs.
         steady_ns: a clock that is never set, for when the computer's is set back.
 
     Raises:
@@ -116,7 +115,6 @@ class Verifier:
         """Accepts a system whose frames are held, on an operator's order; returns how many of its streams were held.
 
         Args:
-            system_id: whose.
             t_us: Unix µs now.
         """
         return self.streams.accept_held(system_id, self._now(t_us))

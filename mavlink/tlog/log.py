@@ -79,7 +79,6 @@ def read_columns(data: Bytes, offset: Ints, message_id: int) -> NDArray[np.void]
     Args:
         data: (size,) the file.
         offset: (n,) where the frames begin.
-        message_id: their message.
 
     Returns:
         (n,) structured array; bytes that MAVLink 2 left out are zero.
@@ -123,7 +122,6 @@ class Tlog:
         """Reads and checks the whole file; damage is listed in ``index.damage``.
 
         Args:
-            path: the log.
             any_file: a file without a single good frame is opened too, with an empty index.
 
         Raises:

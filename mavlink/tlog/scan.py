@@ -225,8 +225,6 @@ def _candidates(data: Bytes, start: int, magic: int, wanted_v1: Callable[[Bytes,
 
     Args:
         data: (size,) the file.
-        start: of the window.
-        magic: of the frames.
         wanted_v1: of payload lengths and message ids, (n,) each, which MAVLink 1 frames are looked for.
     """
     window = data[start : start + _WINDOW]

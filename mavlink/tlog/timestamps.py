@@ -78,7 +78,6 @@ def stamped(data: Bytes, at: Ints, *, little: bool = False, near: Ints | None = 
     Args:
         data: (size,) the file.
         at: (n,) places.
-        little: little-endian times count too.
         near: (n,) other places; where a time of this century precedes one, the two must be of the same year.
     """
     big, small = _before(data, at)

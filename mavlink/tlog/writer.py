@@ -121,13 +121,9 @@ class TlogWriter:
         """Note that a system id has another sender than before, from this record on.
 
         Args:
-            number: of the record.
-            t_us: its stamp.
-            system_id: whose.
             link: index of the link it came over.
             peer: number of the sender on that link.
             address: of the sender, in words; empty where there is none.
-            name: of the link.
         """
         row = io.StringIO()
         words = to_cell(address), to_cell(name)

@@ -162,7 +162,6 @@ class MessageRates:
         uav: system id of the UAV, the only one that gets requests.
         ground: system ids of the ground vehicles.
         uav_rates: message id → Hz wanted of the UAV.
-        ugv_rates: the same of ground vehicles.
     """
 
     def __init__(
@@ -189,7 +188,6 @@ class MessageRates:
 
         Args:
             message_id: which.
-            hz: how often.
         """
         with self._lock:
             self._wanted[self._uav] = {**self._wanted[self._uav], message_id: hz}
@@ -208,7 +206,6 @@ class MessageRates:
         """Counts a packet, and reads the UAV's answers.
 
         Args:
-            packet: of any system, verified.
             now_s: monotonic seconds.
         """
         wanted = self._wanted.get(packet.system_id)

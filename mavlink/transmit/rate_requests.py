@@ -55,7 +55,6 @@ def interval_answer(packet: Packet, own: int) -> int | None:
     """MAV_RESULT of a request for an interval, None for answers to other requests or other stations.
 
     Args:
-        packet: a COMMAND_ACK.
         own: system id that asked.
     """
     payload = packet.payload.ljust(3, b"\0")

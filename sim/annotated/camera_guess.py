@@ -61,8 +61,6 @@ def guess_camera(
         tracks: labels of cars; of vehicles whose kind is unknown where no car is among them.
         size: width and height of the images, px.
         height_m: of the camera above the ground.
-        fov_deg: horizontal field of view.
-        pitch_deg: of the optical axis.
 
     Raises:
         AnnotationError: the labels are too small or too large for any height of a camera drone.

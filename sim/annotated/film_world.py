@@ -58,13 +58,10 @@ def film_world(
     Args:
         tracks: labels.
         t: (T,) seconds of the images, the first at 0.
-        camera: over level ground at the first image.
         size: width and height of the images, px.
         motions: T homographies from the image before, None where unknown; None for a camera that stands still.
-        errors: of what is reported.
         team: how many vehicles are ours: the longest seen of those that move, then of the others.
         chosen: numbers of vehicles in the label file that are ours instead.
-        seed: of the errors.
 
     Raises:
         AnnotationError: no such vehicle, or none at all.

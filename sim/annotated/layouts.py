@@ -70,7 +70,6 @@ def read_tracks(path: Path, layout: str = "auto", first_frame: int | None = None
     """Read a label file.
 
     Args:
-        path: of the file.
         layout: one of ``LAYOUTS``, or "auto".
         first_frame: number of the film's first image in the file; None: 0 for csv and 1 for the others.
 

@@ -29,7 +29,6 @@ def write_film_session(
     camera, errors and seed tell how the session came about: the vehicles and the UAV moved as in the film.
 
     Args:
-        film: its vehicles and its camera.
         tracks: labels.
         t: (T,) seconds of the images.
         folder: must not exist yet.

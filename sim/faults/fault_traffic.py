@@ -67,12 +67,7 @@ BOOT_WORDS: Final = (b"\n\nInit ArduRover V4.6.0\n\nFree RAM: 131072\n", b"Init 
 
 
 def poison(rng: random.Random, good: bytes) -> bytes:
-    """One datagram that is no frame: headers without a body, noise, text, a frame cut short or with a bit turned.
-
-    Args:
-        rng: chooses.
-        good: a whole frame to spoil.
-    """
+    """One datagram that is no frame: headers without a body, noise, text, a frame cut short or with a bit turned."""
     kind = rng.randrange(6)
     if kind == 0:
         return bytes([0xFD, 0xFF, rng.randrange(2)])
@@ -97,7 +92,6 @@ class SenderEncoder:
         system_id: 1..255.
         version: MAVLink 1 or 2; 1 cannot be signed.
         key: 32 bytes to sign with.
-        link_id: of the signatures.
     """
 
     def __init__(self, system_id: int, *, version: int = 2, key: bytes | None = None, link_id: int = 0) -> None:
@@ -161,7 +155,6 @@ def traffic(plan: FaultTraffic, start_us: int) -> Iterator[ScheduledDatagram]:
     """Everything, without end, by time since the start.
 
     Args:
-        plan: what.
         start_us: Unix time of the start.
     """
     stage = _SenderCounters(plan, start_us)

@@ -73,7 +73,6 @@ def places(fleet: SimulatedFleet, who: IntArray, t: FloatArray) -> tuple[IntArra
     """Reported positions of all senders.
 
     Args:
-        fleet: the senders.
         who: (k,) index of the sender.
         t: (k,) seconds.
 

@@ -40,7 +40,6 @@ def expose(image: Image, exposure: Exposure, rng: np.random.Generator) -> Image:
     Args:
         image: (H, W, 3) BGR.
         exposure: the camera's habits.
-        rng: draws the noise of this frame.
 
     Returns:
         (H, W, 3) BGR, a new array.

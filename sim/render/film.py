@@ -38,9 +38,7 @@ def write_video(world: World, t: FloatArray, path: Path, report: Callable[[int, 
     """Render and encode the frames exposed at t (k,) seconds; the first frame's time stamp is 0.
 
     Args:
-        world: what is filmed.
         t: (k,) seconds.
-        path: file to write.
         report: called with the frames that are encoded so far, and all there are.
     """
     film, scenario = Film(world), world.scenario
@@ -67,9 +65,7 @@ def encode(
     Args:
         images: (height, width, 3) BGR each.
         t: (k,) seconds at which they were exposed.
-        path: file to write.
         size: width and height, px, both even.
-        fps: frame rate that the file declares.
         crf: quality: lower is finer and larger.
         report: called with the images that are encoded so far, and all there are.
     """

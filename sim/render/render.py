@@ -90,8 +90,6 @@ class Renderer:
         """One frame.
 
         Args:
-            view: the camera.
-            bodies: n boxes on the ground.
             index: number of the frame; it seeds the sensor noise.
             exposure: in place of the style's own, when the camera's motion blurs this frame.
 

@@ -32,7 +32,6 @@ def merged_boxes(
         values: (n, 7) cx, cy, w, h, angle, score, heading.
         seen: (n,) the rows that are detected at all.
         lengths: boxes merge below about this distance, in lengths (mean w) of the pair.
-        rng: source of the spread.
 
     Returns:
         values and seen. The row that stays is the longer one of the pair, with its axis and heading, and now holds

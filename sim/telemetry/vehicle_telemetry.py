@@ -46,7 +46,6 @@ def fleet_telemetry(
     """All packets of the flight by time of arrival; lost ones are left out, their sequence numbers stay used.
 
     Args:
-        world: the vehicles.
         start_us: Unix time of the first frame, in place of the scenario's.
         views: the same with each further camera's aircraft.
     """

@@ -138,7 +138,6 @@ def rover(
     Args:
         axles: 2 or 3.
         nose: length of the narrow front part, in vehicle lengths.
-        cargo: length of the cargo box.
         mast: whether it carries a sensor mast.
         cargo_color: of the cargo box's lid.
         tyre: half width of a tyre, in vehicle widths.
@@ -175,7 +174,6 @@ def tracked(*, deck: Color = STEEL, turret: bool = True, belt: float = 0.15) -> 
     """A small vehicle on two belts: flat deck, sloping bow with lamps, often an arm or a turret that points ahead.
 
     Args:
-        deck: colour of the deck.
         turret: whether it carries one.
         belt: width of a belt, in vehicle widths.
     """
@@ -204,16 +202,7 @@ def car(
     rear_screen: float = 0.08,
     glass: Color = GLASS,
 ) -> Model:
-    """A passenger car seen from above: bonnet, large sloping windscreen, cabin, small rear window, boot.
-
-    Args:
-        bonnet: length of the bonnet, in car lengths.
-        boot: length of the boot.
-        roof: colour of the roof.
-        screen: how far the windscreen slopes back.
-        rear_screen: how far the rear window slopes.
-        glass: colour of the windows.
-    """
+    """A passenger car seen from above: bonnet, large sloping windscreen, cabin, small rear window, boot."""
     return Model.of(
         *_wheels((-0.3, 0.32), 0.075, 0.07, 0.4),
         Block(x=(-0.5, 0.5), y=(-0.47, 0.47), z=(0.15, 0.58), taper=(0.015, 0.03, 0.03)),

@@ -71,10 +71,7 @@ def fly(
     Args:
         t: (T,) seconds.
         filmed_xy: (T, n, 2) what is to be filmed, ENU metres.
-        flight: how.
         camera: for the distance from which an oblique camera films.
-        rng: source of the sway.
-        wobble_rng: source of the wobble.
     """
     middle = 0.5 * (filmed_xy.min(axis=1) + filmed_xy.max(axis=1))
     if flight.follow:

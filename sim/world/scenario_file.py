@@ -38,7 +38,6 @@ def parse_scenario(table: object, where: str) -> Scenario:
     """Check a parsed TOML table and build the scenario.
 
     Args:
-        table: as parsed.
         where: goes into messages, such as the file's name.
 
     Raises:

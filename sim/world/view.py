@@ -83,7 +83,6 @@ def project(view: CameraView, p_enu: ArrayLike) -> tuple[FloatArray, NDArray[np.
     """Pixels of points of the world.
 
     Args:
-        view: the camera.
         p_enu: (..., 3) metres.
 
     Returns:
@@ -108,7 +107,6 @@ def ray_ground(view: CameraView, uv: ArrayLike, z: float = 0.0) -> FloatArray:
     """Where the rays of pixels meet the plane at height z.
 
     Args:
-        view: the camera.
         uv: (..., 2) pixels.
         z: height of the plane, metres.
 

@@ -44,7 +44,6 @@ class World:
     """Generated once from the scenario's seed; looking up changes nothing.
 
     Args:
-        scenario: what is simulated.
         actors: bodies whose motion is known, in place of generated ones; the first ``scenario.fleet_size`` are ours.
         flight: the UAV's known motion, in place of a generated one.
     """

@@ -56,7 +56,6 @@ def paired_kmeans(d: FloatArray, k: int, rng: np.random.Generator) -> Clusters:
     Args:
         d: (n, m).
         k: pairs, at most n.
-        rng: of the starts.
     """
     k = min(k, len(d))
     centres = min((_converged(d, _start(d, k, rng)) for _ in range(STARTS)), key=lambda c: _spread(d, c))

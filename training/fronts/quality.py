@@ -25,10 +25,7 @@ def quality(model: Path, held_out: Vehicles, length_px: NDArray[np.float64], see
     """Shares of right fronts, boxes jittered as a detector's are.
 
     Args:
-        model: an ONNX file.
-        held_out: n vehicles.
         length_px: (n,) of the vehicles in the images that they come from.
-        seed: of the jitter.
 
     Returns:
         A row for each class of length that there is, and one for all: the lengths, the number of vehicles, the share of

@@ -54,7 +54,6 @@ def draw_sheets(folder: Path, images: Image, clusters: Clusters, guesses: Mappin
         folder: made if it is not there.
         images: (n, h, w, 3) crops.
         clusters: where they went.
-        guesses: right, left or ? for each cluster.
     """
     folder.mkdir(parents=True, exist_ok=True)
     paths = []

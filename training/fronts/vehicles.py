@@ -61,8 +61,6 @@ def crops_of(
     """A crop of every vehicle, turned at random, its box as inexact as a detector's.
 
     Args:
-        vehicles: n.
-        rng: of jitter, turns and light.
         side: of a crop, px.
         margin: as in ``rectify``.
         classes: 2, or 4 for vehicles that may be square.

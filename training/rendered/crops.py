@@ -72,10 +72,6 @@ class Crop:
 def labels(view: CameraView, bodies: Bodies) -> FloatArray:
     """Oriented boxes of vehicles: the rectangle nearest to the outline of the body at half its height.
 
-    Args:
-        view: the camera.
-        bodies: n bodies.
-
     Returns:
         (n, 5) cx, cy, length, width px, heading clockwise from image up; NaN where a body is not imaged.
     """
@@ -100,9 +96,6 @@ def seen_sides(view: CameraView, bodies: Bodies, models: Mapping[int, Model], bo
     Straight down these are the sides of ``labels``; seen from the side, the height of the body adds to them.
 
     Args:
-        view: the camera.
-        bodies: n bodies.
-        models: the shape of each kind.
         boxes: (n, 5) of ``labels``.
 
     Returns:

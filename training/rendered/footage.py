@@ -17,7 +17,6 @@ def as_footage(image: Image, rng: np.random.Generator) -> Image:
 
     Args:
         image: (H, W, 3) BGR, H and W even.
-        rng: draws the treatment.
     """
     if rng.random() < 0.25:
         image = _under_shadows(image, rng)

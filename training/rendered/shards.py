@@ -16,12 +16,9 @@ def write_missing(
     """Write the shards that the command line asks for; those that exist are left as they are.
 
     Args:
-        description: of the command.
         name: of the files, before an underscore and the seed.
         write: writes one: folder, seed, images.
         out: folder, unless the command line names one; so too what follows.
-        shards: how many.
-        per_shard: images in each.
     """
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--out", type=Path, default=out)

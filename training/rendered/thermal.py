@@ -24,10 +24,8 @@ def warmed(bodies: Bodies, vehicle: NDArray[np.bool_], alive: NDArray[np.bool_],
     """Bodies with grey levels of their temperatures for colours.
 
     Args:
-        bodies: n bodies.
         vehicle: (n,) which are vehicles: their roofs mirror a cold sky, or have taken up the sun; some are driven.
         alive: (n,) which are persons and animals, warmer than all else.
-        rng: draws the temperatures.
     """
     count = len(bodies.x)
     level = rng.normal(rng.uniform(60.0, 190.0), 25.0, count)
@@ -44,8 +42,6 @@ def draw_traces(image: Image, view: CameraView, places: FloatArray, rng: np.rand
     """Darken or lighten the ground where cars stood, into the image: patches without a sharp edge.
 
     Args:
-        image: the ground as the camera sees it.
-        view: the camera.
         places: (n, 4) x, y, heading, length of bays.
         rng: draws how large they are, and how strong.
     """
@@ -69,7 +65,6 @@ def as_thermal(image: Image, rng: np.random.Generator) -> Image:
 
     Args:
         image: (H, W, 3) BGR.
-        rng: draws the camera.
     """
     height, width = image.shape[:2]
     grey = image.astype(np.float32) @ rng.dirichlet((3.0, 3.0, 3.0)).astype(np.float32)

@@ -73,8 +73,6 @@ def calibrate(views: Sequence[BoardView], board: Board, size: tuple[int, int]) -
     """Fit a camera to views, leave out those that do not fit, and fit again.
 
     Args:
-        views: of the board, different from each other.
-        board: what was filmed.
         size: width and height of the image, px.
 
     Raises:

@@ -72,8 +72,6 @@ def find_views(
     """Sharp views of the whole board, and how many frames were searched.
 
     Args:
-        video: film of the board.
-        board: what to look for.
         report: called with the frames that were read so far, and all there are.
     """
     step = max(1, -(-video.n // LOOKS))

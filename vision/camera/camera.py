@@ -69,7 +69,6 @@ def camera_pose(
     """Pose of the camera of a vehicle.
 
     Args:
-        mount: how the camera sits.
         p_enu: (3,) m, the vehicle; the lever arm to the camera is neglected.
         R_enu_body: (3, 3) the vehicle's attitude (FRD).
         R_enu_gimbal: (3, 3) attitude that a gimbal reports; a stabilized mount believes it more than its own angles,
@@ -90,7 +89,6 @@ def project(intrinsics: Intrinsics, pose: CameraPose, p_enu: ArrayLike) -> tuple
     """Pixels of world points.
 
     Args:
-        intrinsics: the camera.
         pose: where it is.
         p_enu: (..., 3) m.
 
@@ -147,7 +145,6 @@ def image_warp(
     identity where the camera is not above the ground, because there no homography relates the images.
 
     Args:
-        intrinsics: of the first image.
         pose_from: where it was taken.
         pose_to: where the other was.
         z: m.

@@ -64,8 +64,6 @@ def examine(image: Image, look: Look, *, finest: float, most_px: float) -> Gener
 
     Args:
         image: (H, W, 3) BGR.
-        look: finds vehicles.
-        finest: the largest scale.
         most_px: pixels that are looked at at one scale.
 
     Returns:
@@ -127,7 +125,6 @@ def common_length(length: Floats, weight: Floats, finest: float) -> ApparentLeng
     Args:
         length: (k,) px, above 0.
         weight: (k,) evidence.
-        finest: the largest scale that was looked at.
 
     Returns:
         None for too little evidence.

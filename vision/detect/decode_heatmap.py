@@ -26,7 +26,6 @@ def decode(cells: NDArray[np.float32], stride: int, score: float, overlap: float
 
     Args:
         cells: (9, rows, columns), the model's map.
-        stride: pixels per cell.
         score: smallest score that counts, 0 to 1.
         overlap: of two boxes that overlap more (probabilistic IoU), the one of lower score is dropped.
 

@@ -142,7 +142,6 @@ def decode_boxes(table: NDArray[np.floating], classes: int, rule: Rule) -> tuple
 
     Args:
         table: (m, 7): x, y, w, h, px; score; class; angle, rad. Rows below the score, such as zeros, are no boxes.
-        classes: how many the model has.
         rule: which are returned; suppression within one class is done by the model.
     """
     score, kind = table[:, 4], table[:, 5]

@@ -75,7 +75,6 @@ def open_detector(
         path: an ONNX file; None = the bundled model.
         score: smallest score of a detection: raise → fewer false alarms, lower → fewer misses.
         providers: onnxruntime execution providers in order of preference; None = the CPU.
-        threads: CPU threads of one detection.
         classes: names of a YOLO model's classes that count; None = those that sound like vehicles.
         imgsz: longest side of the canvas, px, of a YOLO model that takes any; None = as its metadata has it, else 1024.
         per_class: True keeps a box for each class of a YOLO model that claims a vehicle; False one for each vehicle.

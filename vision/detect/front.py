@@ -111,8 +111,6 @@ class FrontedDetector:
     """A detector whose boxes get their fronts from a classifier; fronts that the detector itself knows are kept.
 
     Args:
-        detector: finds the boxes.
-        classifier: finds their fronts.
         score: boxes below stay without; each costs a run of a network, and what is hardly seen shows no front.
     """
 
@@ -141,7 +139,6 @@ def open_front_classifier(
         path: an ONNX file; None = the bundled model.
         sure: least probability of a front that is returned: raise → fewer fronts turned about, lower → fewer unknown.
         providers: onnxruntime execution providers in order of preference; None = the CPU.
-        threads: CPU threads of one run.
 
     Raises:
         ModelError: no such file, not an ONNX model, not a shape that is known, or metadata that make no sense.

@@ -37,9 +37,7 @@ def open_session(path: Path, providers: Sequence[str], threads: int) -> ort.Infe
     """Load an ONNX file.
 
     Args:
-        path: the file.
         providers: onnxruntime execution providers in order of preference.
-        threads: CPU threads of one run.
 
     Raises:
         ModelError: no such file, not an ONNX model, or a provider that is not installed.

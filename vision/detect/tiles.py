@@ -56,7 +56,6 @@ def detect_in_tiles(
 
     Args:
         image: (H, W, 3) the image.
-        tiles: its parts.
         detect: finds the vehicles in each of a list of parts.
     """
     seen = detect([image[tile.top : tile.bottom, tile.left : tile.right] for tile in tiles])

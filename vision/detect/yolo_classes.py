@@ -57,7 +57,6 @@ def vehicle_classes(names: Mapping[int, str], classes: int, wanted: Collection[s
 
     Args:
         names: of the model; empty when unknown.
-        classes: how many the model has.
         wanted: names to take, in any case, or class numbers as text; None takes those named like vehicles, and of
             a model with a single class or without names all.
 

@@ -50,8 +50,6 @@ class YoloDetector:
     """See ``vision.detect.yolo_layout`` for the exports that are read.
 
     Args:
-        session: the model.
-        where: what to call it in errors.
         score: boxes of this score or less are dropped.
         classes: names of the classes that count; None: those that sound like vehicles.
         imgsz: longest side of the canvas, px, for a model that takes any.
@@ -163,7 +161,6 @@ class YoloDetector:
 
         Args:
             images: each (H, W, 3).
-            most: largest scale.
             rule: which boxes are returned, None the detector's own.
         """
         need, found = self._input, []

@@ -74,7 +74,6 @@ def read_input(session: ort.InferenceSession, imgsz: int | None = None) -> YoloI
     """Input that a model takes.
 
     Args:
-        session: the model.
         imgsz: longest side of the canvas, px, for a model that takes any; None: as its metadata has it.
 
     Raises:
@@ -110,10 +109,8 @@ def output_form(shape: tuple[int, ...], names: Mapping[int, str], anchors: froze
     Seven columns are boxes, unless the model has two classes (4 + 2 + 1 = 7) and as many rows as it has anchors.
 
     Args:
-        shape: of the output, as run.
         names: of the classes; empty when unknown.
         anchors: how many anchors the input's size gives, see ``anchor_counts``.
-        suppressed: by the metadata the output holds boxes.
 
     Raises:
         ValueError: it cannot be read; names what was found and what was expected.

@@ -39,14 +39,7 @@ class Odd:
 def odd_ones(
     one: Sequence[Detections], other: Sequence[Detections], truth: Sequence[Truth], score: float
 ) -> tuple[list[Odd], list[Odd]]:
-    """Objects that only one finds, and its false alarms where the other has none; highest score first.
-
-    Args:
-        one: detections of each image.
-        other: those of the other detector.
-        truth: of each image.
-        score: operating score.
-    """
+    """Objects that only one finds, and its false alarms where the other has none; highest score first."""
     found, alarms = [], []
     for k, (mine, theirs, t) in enumerate(zip(one, other, truth, strict=True)):
         mine, theirs = (d.select(d.score >= score) for d in (mine, theirs))
@@ -66,7 +59,6 @@ def apart_sheet(images: Sequence[LabelledImage], kinds: Sequence[tuple[str, Sequ
     """Tiles under a title for each kind, (H, W, 3) BGR.
 
     Args:
-        images: labelled ones.
         kinds: title and what belongs to it; the first ones are shown.
     """
     shown = {odd.image for _, odds in kinds for odd in odds[: COLUMNS * ROWS]}

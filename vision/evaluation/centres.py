@@ -23,7 +23,6 @@ def match_centres(found: Detections, truth: Truth) -> Matches:
 
     Args:
         found: m detections.
-        truth: n objects.
     """
     far = _distance(found.centre, truth.boxes)
     free = np.where(truth.counts, far, np.inf)

@@ -52,15 +52,7 @@ class Comparison:
 def compare(
     one: Sequence[Detections], other: Sequence[Detections], truth: Sequence[Truth], score: float, *, seed: int = 0
 ) -> tuple[Difference, ...]:
-    """Figures of both, and how sure their differences are.
-
-    Args:
-        one: detections of each image.
-        other: those of the other detector.
-        truth: of each image.
-        score: operating score.
-        seed: of the draws.
-    """
+    """Figures of both, and how sure their differences are."""
     objects = np.array([int(t.counts.sum()) for t in truth], dtype=np.int64)
     draws = _draws(len(truth), seed)
     differences = []

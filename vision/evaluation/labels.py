@@ -67,7 +67,6 @@ def read_yolo(path: Path, size: tuple[int, int], names: Mapping[int, str], corne
     """YOLO labels.
 
     Args:
-        path: the file.
         size: width and height of the image, px.
         names: of the classes; a class without one is called by its number.
         corners_tell_front: the first two corners are those of the front.
@@ -102,7 +101,6 @@ def read_dota(path: Path, corners_tell_front: bool) -> LabelFile:
     """DOTA labels; difficult objects count neither way.
 
     Args:
-        path: the file.
         corners_tell_front: the first two corners are those of the front.
 
     Raises:

@@ -41,7 +41,6 @@ def match(found: Detections, truth: Truth, thresholds: Floats = THRESHOLDS) -> M
 
     Args:
         found: m detections.
-        truth: n objects.
         thresholds: least intersection over union of a pair.
     """
     iou, inside = overlap(found, truth)

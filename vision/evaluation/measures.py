@@ -103,8 +103,6 @@ def evaluate(
     """Judge detections, image by image.
 
     Args:
-        found: of each image.
-        truth: of each image.
         score: operating score of precision, recall, errors and shares.
         floor: the smallest score that the detector returned, for the record.
     """

@@ -21,7 +21,6 @@ def average_precision(
     Args:
         score: (k,) of detections.
         hit: (k,) whether each is right.
-        objects: how many there are to be found.
         times: (k,) how often each detection counts; None: once.
 
     Returns:
@@ -46,7 +45,6 @@ def balanced_score(score: NDArray[np.float64], hit: NDArray[np.bool_], objects: 
     Args:
         score: (k,) of detections.
         hit: (k,) whether each is right.
-        objects: how many there are to be found.
         slack: the lowest score is taken whose F1 is no more than this below the highest: F1 is flat near its peak, and
             on few images the peak's place is a matter of chance.
 

@@ -33,12 +33,7 @@ class ScoreBin:
 
 
 def score_bins(found: Sequence[Detections], matches: Sequence[Matches]) -> tuple[ScoreBin, ...]:
-    """Count what is right at the first threshold of the matches, by score and length.
-
-    Args:
-        found: of each image.
-        matches: of each image.
-    """
+    """Count what is right at the first threshold of the matches, by score and length."""
     score, hit, length = _judged(found, matches)
     bins = []
     for low, high in pairwise(SCORES):
@@ -57,8 +52,6 @@ def score_for(precision: float, found: Sequence[Detections], matches: Sequence[M
 
     Args:
         precision: wanted share of right ones among the detections of this score or more.
-        found: of each image.
-        matches: of each image.
 
     Returns:
         0 to 1, NaN where no score has it.

@@ -19,8 +19,6 @@ def as_json(result: Evaluation, about: Mapping[str, Any], beside: Comparison | N
     """Everything; unknown numbers are null.
 
     Args:
-        result: the figures.
-        about: what was judged on what.
         beside: another detector's.
     """
     figures = asdict(result)
@@ -43,8 +41,6 @@ def tables(
     """Names of the columns, and the rows, of each table; numbers are in all columns but the first.
 
     Args:
-        result: the figures.
-        about: what was judged on what.
         beside: another detector's figures.
     """
     yield ("what", "which"), [(k, str(v)) for k, v in about.items()]

@@ -45,9 +45,6 @@ def by_class(score: Floats, matches: Sequence[Matches], truth: Sequence[Truth], 
 
     Args:
         score: (k,) of the detections of all images.
-        matches: of each image.
-        truth: of each image.
-        seen: of each image.
     """
     number = np.concatenate([np.empty(0, np.int64), *(m.truth[0] for m in matches)])
     hit_name = np.concatenate([np.empty(0, np.str_), *(_hit_names(m, t) for m, t in zip(matches, truth, strict=True))])

@@ -43,9 +43,6 @@ def worst_sheet(images: Sequence[LabelledImage], found: Sequence[Detections], sc
 
     Args:
         images: judged ones, at least one.
-        found: detections of each.
-        score: operating score.
-        most: frames shown.
     """
     tiles = [
         _tile(images[i], found[i], score, f"{images[i].name}: {misses} missed, {false} false alarms")

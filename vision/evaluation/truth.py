@@ -100,7 +100,6 @@ def choose_classes(
     """Decide which of the labels' classes count.
 
     Args:
-        names: all that occur.
         wanted: names that count; None = those named like vehicles, or all where labels have only numbers.
         neither: names that neither count nor are background; None = NEITHER.
 

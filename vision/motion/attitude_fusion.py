@@ -267,7 +267,6 @@ class AttitudeFusion:
         """Correct by telemetry's samples, or where there is no attitude towards level.
 
         Args:
-            reported: of this frame.
             before: (3, 3) the rotation at the last frame.
             dt: seconds since then.
             telling: whether the boxes show how the camera turned, so that the lag can be seen.
@@ -352,8 +351,6 @@ def _scaled(
 
     Args:
         variance: as it was.
-        squared: innovations.
-        expected: their variance.
         part: how much of that is due to what is learnt.
         least: standard deviation, likewise ``most``.
     """

@@ -50,10 +50,7 @@ def fit_plane(a: Floats, b: Floats, size: tuple[int, int], least: int) -> PlaneF
     """Homography that takes points a (k, 2) to b (k, 2), px.
 
     Args:
-        a: in the earlier picture.
-        b: in the later.
         size: width and height of both, px.
-        least: points that have to follow it.
 
     Returns:
         None where fewer do, or where it says nothing that can be relied on about some corner of the picture.

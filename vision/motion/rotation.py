@@ -92,8 +92,6 @@ def rotation_of(motion: ImageMotion, intrinsics: Intrinsics, ground: GroundShift
 
     Args:
         motion: homography between two images of the same camera.
-        intrinsics: of the camera.
-        ground: how it moved.
 
     Returns:
         None where too little of the image is ground.

@@ -76,10 +76,6 @@ def sent_on(source: Source, timeout_s: float) -> Source | None:
 
     The server is asked without a password.
 
-    Args:
-        source: an address of HTTP.
-        timeout_s: for the connection and each answer.
-
     Raises:
         VideoError: the server names another host, or something else than HTTP.
     """
@@ -307,8 +303,6 @@ def listen(opened: Input, packet: Packet[CodedStream], arrival_s: float) -> None
     """Read the exposure time of a packet's frame: from its own time stamp, and from what the RTSP server reported.
 
     Args:
-        opened: the connection.
-        packet: with a presentation time.
         arrival_s: Unix time at which it came.
     """
     stamp_s, taken_s = (packet.pts or 0) * opened.tick_s, sei_time_s(bytes(packet))

@@ -22,7 +22,6 @@ def stall_after_s(times_us: Sequence[int] | NDArray[np.int64], least_s: float = 
 
     Args:
         times_us: when the last frames were taken, in order.
-        least_s: of any stream.
 
     Example:
         >>> stall_after_s([0, 40_000, 80_000]), stall_after_s([0, 1_000_000, 2_000_000])

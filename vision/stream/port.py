@@ -38,7 +38,6 @@ def bind(host: str, port: int) -> socket.socket:
 
     Args:
         host: empty for any address, one of ours, a multicast group, or the one sender to listen to.
-        port: to bind.
 
     Raises:
         VideoError: the port cannot be had.
@@ -73,7 +72,6 @@ class Port:
 
     Args:
         bound: from ``bind``.
-        source: what it was bound for.
         proven: who has shown a picture on it before, the first with the best right.
         go_on: asked at least every 0.2 s; False ends every wait.
         silence_s: a connection without datagrams for so long is over.

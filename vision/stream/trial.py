@@ -36,7 +36,6 @@ def looks_like(data: bytes, codec: Codec) -> Kind | None:
     """Kind of stream that a datagram could be of, None when it is of nothing that can be received.
 
     Args:
-        data: the datagram.
         codec: what the source was said to be, empty: to be found out.
     """
     if codec == "mpegts" or (not codec and data[0] == _TS_SYNC and len(data) % _TS_BYTES == 0):
@@ -59,7 +58,6 @@ class Trial:
     """One sender's datagrams, until a picture was decoded and from then on until it has its turn.
 
     Args:
-        kind: what they look like.
         codec: named by the source, empty: to be found out.
         began_s: Unix time.
 

@@ -117,7 +117,6 @@ def align(
             than that it is missed and something else is there.
         reach: (n,) px, no track is displaced further.
         usual_px: 1σ of the displacements of the frames before.
-        lens: of the camera.
     """
     pairs = _near(tracks, boxes, variance, worth, reach, lens)
     if len(pairs.motion) < 3:

@@ -66,10 +66,8 @@ class TrackEvidence:
         """Take in a frame.
 
         Args:
-            state: the tracks after it.
             dt: s since the frame before.
             reported_px: (n, 2) where vehicles report to be; None unknown.
-            reach_px: ... or within so many pixels.
         """
         young = state.evidence < ENOUGH
         self._learn(state.score[~young & ~state.unseen], dt)

@@ -44,9 +44,7 @@ def find_merged(state: TrackState, params: TrackerParams, boxes: Detections, apa
     cannot be known, and the wrong one would give its name away when they part.
 
     Args:
-        state: The tracks, moved on to this frame.
         params: Which tracks count as followed, and within which distance a box is a track's own.
-        boxes: Of this frame.
         apart: (k, m) squared distances of tracks and boxes, px².
 
     Returns:

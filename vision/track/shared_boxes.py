@@ -37,9 +37,6 @@ def find_shared(
     any size between that of one and of both, depending on how much of either is seen.
 
     Args:
-        state: The tracks, moved on to this frame.
-        params: Which tracks count as followed.
-        boxes: Of this frame.
         free: (m,) boxes that may be of any track.
         apart: (k, m) squared distances of tracks and boxes, px².
         noise: (k,) px, standard deviation of the centre of a track's box.

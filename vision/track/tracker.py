@@ -217,7 +217,6 @@ class Tracker:
         """Move the tracks by what they all are displaced: the camera moved in a way that the warp does not contain.
 
         Args:
-            boxes: of this frame.
             chosen: (m,) those that count.
             dt: s since the frame before.
             focal_px: of the camera, None unknown.

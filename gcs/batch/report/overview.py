@@ -40,7 +40,6 @@ def batch_page(records: Sequence[FlightRecord], where: str) -> str:
     """The whole page, one HTML file that needs nothing else.
 
     Args:
-        records: of all flights.
         where: address of the batch's results.
     """
     failed = [record for record in records if record.status == FAILED]

@@ -46,8 +46,6 @@ def show_flight(which: Path | None, options: ScreenOptions, *, take_over: bool) 
 
     Args:
         which: its session folder, or its process id; None where only one flies.
-        options: how they are to be.
-        take_over: from another terminal that shows them.
 
     Returns:
         How it ended.

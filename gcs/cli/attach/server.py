@@ -70,7 +70,6 @@ class AttachServer:
 
     Args:
         folder: the flight's session.
-        links: what it listens to.
 
     Attributes:
         trouble: why none can come, empty where they can.

@@ -22,8 +22,6 @@ def print_table(
     """Print a table on stdout. Cells are plain text, never markup.
 
     Args:
-        columns: names, all different.
-        rows: a cell for each column.
         right: names of the columns that are aligned right: numbers.
         head: print the names above the columns.
     """

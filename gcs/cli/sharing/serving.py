@@ -110,7 +110,6 @@ def serve_screens(command: str, title: str, port: int, show: Callable[[str], Non
     """Serves until Ctrl-C or a signal to end.
 
     Args:
-        command: what a shell runs for each browser.
         title: of the page until the screens are there.
         port: of the loopback; 0: any that is free.
         show: called with the address.

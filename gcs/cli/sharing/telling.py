@@ -70,9 +70,7 @@ def telling(station: Station, sinks: Sequence[SinkUrl], source: SinkSource, fold
     """While this lasts others are told of the station; trouble with that is an event, once.
 
     Args:
-        station: a flight or a replay.
         sinks: of :func:`parse_sinks`.
-        source: what is told of.
         folder: where a file goes that receivers of a stream need.
 
     Raises:

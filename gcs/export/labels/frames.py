@@ -76,7 +76,6 @@ class LabelFolder:
     """Writes the images and what all formats have beside them.
 
     Args:
-        job: what to export.
         images: the folder of images in the exported one.
     """
 

@@ -29,7 +29,6 @@ def pictures_of(path: Path, note: Callable[[str], None]) -> Iterator[tuple[int, 
     """Index and H.264 data of every frame of a film, in the order in which they are shown.
 
     Args:
-        path: of the film.
         note: told in a line when the film is coded again, and why.
 
     Raises:

@@ -28,11 +28,7 @@ IDENTITY_SCHEMA: Final = {
 
 
 class FoxgloveChannels:
-    """All but the video; ``gcs.export.robotics.mcap`` lists them.
-
-    Args:
-        context: what they are sent into.
-    """
+    """All but the video; ``gcs.export.robotics.mcap`` lists them."""
 
     def __init__(self, context: foxglove.Context) -> None:
         self._context = context
@@ -66,10 +62,7 @@ class FoxgloveChannels:
 
         Args:
             at_us: when it happened, Unix µs.
-            t_us: of the snapshot that it came with.
-            level: how bad it is.
             kind: as an event's.
-            text: what happened.
         """
         told = Log(timestamp=stamp_of(at_us), level=LEVELS[level], name=kind, message=plain(text))
         self._log.log(told, log_time=1000 * t_us)

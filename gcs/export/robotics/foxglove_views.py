@@ -77,8 +77,6 @@ def scene_of(snapshot: Snapshot, boxes: Sequence[Box], before: frozenset[str]) -
     """Vehicles where they stand, in metres about the snapshot's origin.
 
     Args:
-        snapshot: the frame.
-        boxes: that were seen in it.
         before: ids of what was in the scene: what is no longer seen is taken away.
 
     Returns:

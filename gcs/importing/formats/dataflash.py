@@ -228,8 +228,6 @@ def _check_one_start(
     """See that the vehicle was started once: times since two starts would lie over each other.
 
     Args:
-        path: for messages.
-        tables: records by type.
         starts: where they begin.
         begun: where the format of formats stands, which is the first record of a log.
         unit: of places in the file: bytes from 0, lines from 1.

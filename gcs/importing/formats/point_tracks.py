@@ -73,7 +73,6 @@ class PointTracks:
             alt_m: above sea level.
             height_m: above the take-off.
             std_m: 1σ of the place per axis.
-            v_mps: velocity north and east.
 
         Raises:
             ImportFileError: there are too many.
@@ -146,13 +145,6 @@ def read_xml_tracks(
     path: Path, kind: str, tracks: PointTracks, ended: ElementHandler, most_text: int
 ) -> list[VehicleLog]:
     """Read the vehicles out of XML; a file that ends in the middle has those that are there.
-
-    Args:
-        path: of others.
-        kind: the format, in messages.
-        tracks: what the handler fills.
-        ended: handler of elements.
-        most_text: letters that are kept of an element.
 
     Raises:
         ImportFileError: it cannot be read, is not XML, or has no point with a time.

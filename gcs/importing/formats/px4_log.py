@@ -107,10 +107,7 @@ def read_topics(path: str, size: int, topics: list[str], columns: list[str]) -> 
     """Read a log.
 
     Args:
-        path: of the file.
         size: bytes of it.
-        topics: those that are wanted.
-        columns: those that are wanted of them.
 
     Raises:
         UnreadError: it cannot be read, or asks for more than a log may.

@@ -46,7 +46,6 @@ def unregistered_messages(packet: bytes, length_size: int, *, hevc: bool) -> Ite
     """User data with a UUID in front, of the coded units of one packet.
 
     Args:
-        packet: of a video stream.
         length_size: bytes of the length before each unit; 0: start codes.
         hevc: H.265, else H.264.
     """

@@ -69,10 +69,7 @@ def unix_us(name: str, times: Floats, *, dated: bool, where: str) -> tuple[Float
     them is a date of our time. Smaller numbers are on a clock of their own, or of the video.
 
     Args:
-        name: of the column.
         times: (n,) as they stand in it, of dates Unix seconds.
-        dated: they are dates.
-        where: file and column for messages.
 
     Raises:
         ImportFileError: they can be of no clock.
@@ -117,7 +114,6 @@ def in_our_units(columns: dict[str, Floats], names: set[str], where: str) -> tup
     Args:
         columns: (n,) each, by our names.
         names: of the columns as the table has them.
-        where: names the file in messages.
 
     Raises:
         ImportFileError: angles may be degrees or radians.

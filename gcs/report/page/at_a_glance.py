@@ -22,7 +22,6 @@ def at_a_glance(record: FlightSummary, matched: Matched | None, lacks: Sequence[
     """The three cards.
 
     Args:
-        record: what snapshots added up to.
         matched: names beside the truth, None unknown.
         lacks: what the recording does not have, and what that costs.
     """

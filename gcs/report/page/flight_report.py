@@ -53,10 +53,7 @@ def flight_report(record: FlightSummary, stills: Stills, matched: Matched | None
     """The page.
 
     Args:
-        record: what snapshots added up to.
-        stills: pictures of the moments that matter.
         matched: names beside the truth, None unknown.
-        about: what it was made of.
     """
     calls = record.rollcall
     began = datetime.fromtimestamp(record.start_us * 1e-6, UTC)

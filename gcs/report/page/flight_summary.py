@@ -106,7 +106,6 @@ class FlightSummary:
     """Adds up the snapshots of a whole flight, with frames and without, which come in order of time.
 
     Args:
-        mission: who flies.
         start_us: when the flight began, Unix µs.
         stop_us: when it ended.
         frame_s: usual time between frames; between moments, where there are none.
