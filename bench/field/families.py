@@ -11,11 +11,15 @@ from typing import Literal
 
 import numpy as np
 
-from bench.field import camera_trouble, messy, other_trouble, standard
-from bench.field import hard as harder
+from bench.field import camera_trouble as camera
+from bench.field import hard, messy
+from bench.field import other_trouble as other
+from bench.field import standard as easy
 from sim.world.scenario import Scenario
 
 Split = Literal["tune", "report"]
+Make = Callable[[int, np.random.Generator], Scenario]
+Labels = tuple[str, ...]
 REPORT_FROM = 200
 UNRELATED = 18
 """Number of the family in which nobody who is seen is ours."""
@@ -27,8 +31,8 @@ _ROUND = 100
 class Version:
     """How the k-th kind of session of a family is made, and what the kinds are called."""
 
-    make: Callable[[int, np.random.Generator], Scenario]
-    labels: tuple[str, ...]
+    make: Make
+    labels: Labels
     film: Callable[[int, Scenario, np.random.Generator], Scenario] | None = None
     """What is seen instead of the flight, from the kind's number and the flight; None: the flight itself."""
 
@@ -97,102 +101,52 @@ def _kind(version: Version, seed: int) -> int:
     return seed % _ROUND % len(version.labels)
 
 
-def _family(number: int, name: str, easy: Version, tough: Version) -> tuple[int, Family]:
-    return number, Family(number=number, name=name, standard=easy, hard=tough)
-
-
-def _of(
-    make: Callable[[int, np.random.Generator], Scenario],
-    labels: tuple[str, ...],
-    film: Callable[[int, Scenario, np.random.Generator], Scenario] | None = None,
-) -> Version:
-    return Version(make=make, labels=labels, film=film)
-
-
 _THREE = ("straight", "curved", "open")
-_BIASES = tuple(f"{bias:g} m" for bias in standard.BIASES_M)
-_CROWDS = tuple(f"{n} {('straight', 'curved')[k % 2]}" for k, n in enumerate(standard.CROWDS))
-_CLOSE = tuple(label for label, _, _ in harder.CLOSE)
+_BIASES = tuple(f"{bias:g} m" for bias in easy.BIASES_M)
+_CROWDS = tuple(f"{n} {('straight', 'curved')[k % 2]}" for k, n in enumerate(easy.CROWDS))
+_CLOSE = tuple(label for label, _, _ in hard.CLOSE)
 _COLUMNS = ("column 8 m", "column 9 m", "column 10 m")
 
-FAMILIES: dict[int, Family] = dict(
-    (
-        _family(1, "nominal", _of(standard.nominal, standard.GROUNDS), _of(harder.nominal, _THREE)),
-        _family(2, "paper-noise", _of(standard.paper_noise, standard.VIEWS), _of(harder.paper_noise, harder.DENSE)),
-        _family(3, "corr-gnss", _of(standard.corr_gnss, _BIASES), _of(harder.corr_gnss, _CLOSE)),
-        _family(4, "attitude", _of(standard.attitude, standard.GROUNDS), _of(harder.attitude, _THREE)),
-        _family(5, "timing", _of(standard.timing, standard.GROUNDS), _of(harder.timing, _THREE)),
-        _family(6, "false-pos", _of(standard.false_positives, standard.GROUNDS), _of(harder.false_positives, _THREE)),
-        _family(7, "occlusion", _of(standard.occlusion, standard.GROUNDS), _of(harder.occlusion, _THREE)),
-        _family(8, "in-out", _of(standard.in_out, standard.GROUNDS), _of(harder.in_out, harder.WIDE)),
-        _family(
-            9, "hard-geom", _of(standard.hard_geometry, standard.FORMATIONS), _of(harder.hard_geometry, harder.TIGHT)
-        ),
-        _family(10, "oblique", _of(standard.oblique, standard.MOUNTS), _of(harder.oblique, harder.MOUNTS)),
-        _family(11, "scale", _of(standard.scale, _CROWDS), _of(harder.scale, ("straight", "curved"))),
-        _family(12, "no-heading", _of(standard.no_heading, standard.GROUNDS), _of(harder.no_heading, _COLUMNS)),
-        _family(
-            13, "bad-telem", _of(standard.bad_telemetry, standard.FAULTS), _of(harder.bad_telemetry, harder.FAULTS)
-        ),
-        _family(14, "pose-free", _of(standard.pose_free, standard.GROUNDS), _of(harder.pose_free, harder.BLIND)),
-        _family(15, "unmodelled", _of(standard.unmodelled, standard.UNLIKE), _of(harder.unmodelled, harder.UNLIKE)),
-        _family(
-            16,
-            "shaking",
-            _of(camera_trouble.shaking, camera_trouble.SHAKING),
-            _of(camera_trouble.shaking_hard, camera_trouble.SHAKING_HARD),
-        ),
-        _family(
-            17,
-            "spoofers",
-            _of(other_trouble.spoofers, other_trouble.SPOOFERS),
-            _of(other_trouble.spoofers_hard, other_trouble.SPOOFERS_HARD),
-        ),
-        _family(
-            UNRELATED,
-            "unrelated film",
-            _of(other_trouble.unrelated, other_trouble.FILMS, other_trouble.unrelated_film),
-            _of(other_trouble.unrelated_hard, other_trouble.FILMS_HARD, other_trouble.unrelated_film_hard),
-        ),
-        _family(
-            19,
-            "wrong camera",
-            _of(camera_trouble.wrong_camera, camera_trouble.WRONG_CAMERAS),
-            _of(camera_trouble.wrong_camera_hard, camera_trouble.WRONG_CAMERAS_HARD),
-        ),
-        _family(
-            20,
-            "hill",
-            _of(camera_trouble.hill, camera_trouble.HILLS),
-            _of(camera_trouble.hill_hard, camera_trouble.HILLS_HARD),
-        ),
-        _family(
-            21,
-            "other errors",
-            _of(other_trouble.other_errors, other_trouble.OTHER_ERRORS),
-            _of(other_trouble.other_errors_hard, other_trouble.OTHER_ERRORS_HARD),
-        ),
-        _family(
-            22,
-            "smooth reports",
-            _of(other_trouble.smooth, other_trouble.SMOOTH),
-            _of(other_trouble.smooth_hard, other_trouble.SMOOTH_HARD),
-        ),
-        _family(
-            23,
-            "altitudes",
-            _of(camera_trouble.altitudes, camera_trouble.ALTITUDES),
-            _of(camera_trouble.altitudes_hard, camera_trouble.ALTITUDES_HARD),
-        ),
-        _family(24, "messy", _of(messy.messy, messy.MESSY), _of(messy.messy_hard, messy.MESSY_HARD)),
-        _family(25, "crowded", _of(messy.crowded, messy.CROWDED), _of(messy.crowded_hard, messy.CROWDED_HARD)),
-        _family(26, "late", _of(messy.late, messy.LATE), _of(messy.late_hard, messy.LATE_HARD)),
-        _family(27, "missing", _of(messy.missing, messy.MISSING), _of(messy.missing_hard, messy.MISSING_HARD)),
-        _family(
-            28,
-            "unknown camera",
-            _of(camera_trouble.unknown, camera_trouble.UNKNOWN),
-            _of(camera_trouble.unknown_hard, camera_trouble.UNKNOWN_HARD),
-        ),
-    )
+_ALL: tuple[tuple[str, Make, Labels, Make, Labels], ...] = (
+    ("nominal", easy.nominal, easy.GROUNDS, hard.nominal, _THREE),
+    ("paper-noise", easy.paper_noise, easy.VIEWS, hard.paper_noise, hard.DENSE),
+    ("corr-gnss", easy.corr_gnss, _BIASES, hard.corr_gnss, _CLOSE),
+    ("attitude", easy.attitude, easy.GROUNDS, hard.attitude, _THREE),
+    ("timing", easy.timing, easy.GROUNDS, hard.timing, _THREE),
+    ("false-pos", easy.false_positives, easy.GROUNDS, hard.false_positives, _THREE),
+    ("occlusion", easy.occlusion, easy.GROUNDS, hard.occlusion, _THREE),
+    ("in-out", easy.in_out, easy.GROUNDS, hard.in_out, hard.WIDE),
+    ("hard-geom", easy.hard_geometry, easy.FORMATIONS, hard.hard_geometry, hard.TIGHT),
+    ("oblique", easy.oblique, easy.MOUNTS, hard.oblique, hard.MOUNTS),
+    ("scale", easy.scale, _CROWDS, hard.scale, ("straight", "curved")),
+    ("no-heading", easy.no_heading, easy.GROUNDS, hard.no_heading, _COLUMNS),
+    ("bad-telem", easy.bad_telemetry, easy.FAULTS, hard.bad_telemetry, hard.FAULTS),
+    ("pose-free", easy.pose_free, easy.GROUNDS, hard.pose_free, hard.BLIND),
+    ("unmodelled", easy.unmodelled, easy.UNLIKE, hard.unmodelled, hard.UNLIKE),
+    ("shaking", camera.shaking, camera.SHAKING, camera.shaking_hard, camera.SHAKING_HARD),
+    ("spoofers", other.spoofers, other.SPOOFERS, other.spoofers_hard, other.SPOOFERS_HARD),
+    ("unrelated film", other.unrelated, other.FILMS, other.unrelated_hard, other.FILMS_HARD),
+    ("wrong camera", camera.wrong_camera, camera.WRONG_CAMERAS, camera.wrong_camera_hard, camera.WRONG_CAMERAS_HARD),
+    ("hill", camera.hill, camera.HILLS, camera.hill_hard, camera.HILLS_HARD),
+    ("other errors", other.other_errors, other.OTHER_ERRORS, other.other_errors_hard, other.OTHER_ERRORS_HARD),
+    ("smooth reports", other.smooth, other.SMOOTH, other.smooth_hard, other.SMOOTH_HARD),
+    ("altitudes", camera.altitudes, camera.ALTITUDES, camera.altitudes_hard, camera.ALTITUDES_HARD),
+    ("messy", messy.messy, messy.MESSY, messy.messy_hard, messy.MESSY_HARD),
+    ("crowded", messy.crowded, messy.CROWDED, messy.crowded_hard, messy.CROWDED_HARD),
+    ("late", messy.late, messy.LATE, messy.late_hard, messy.LATE_HARD),
+    ("missing", messy.missing, messy.MISSING, messy.missing_hard, messy.MISSING_HARD),
+    ("unknown camera", camera.unknown, camera.UNKNOWN, camera.unknown_hard, camera.UNKNOWN_HARD),
 )
+"""Name, and how the standard and the hard version are made, with what their kinds are called; the n-th is family n."""
+
+_FILMS = {UNRELATED: (other.unrelated_film, other.unrelated_film_hard)}
+
+FAMILIES: dict[int, Family] = {}
+for _number, (_name, _make, _labels, _make_hard, _labels_hard) in enumerate(_ALL, 1):
+    _film, _film_hard = _FILMS.get(_number, (None, None))
+    FAMILIES[_number] = Family(
+        number=_number,
+        name=_name,
+        standard=Version(make=_make, labels=_labels, film=_film),
+        hard=Version(make=_make_hard, labels=_labels_hard, film=_film_hard),
+    )
