@@ -97,7 +97,7 @@ def write_keys(folder: Path, ids: Sequence[int]) -> Path:
     return folder
 
 
-class Station:
+class FlyingStation:
     """Starts the flight and waits until it records.
 
     Args:

@@ -23,9 +23,8 @@ from gcs.session.session import VIDEO_SUFFIXES
 from sim.annotated.camera_guess import guess_camera
 from sim.annotated.film_world import FilmWorld, film_world
 from sim.annotated.layouts import read_tracks
-from sim.annotated.session import write_film_session
+from sim.annotated.session import read_attributes, write_film_session
 from sim.annotated.tracks import AnnotatedTracks
-from sim.annotated.uavdt_attributes import read_attributes
 from sim.render.film import encode
 from sim.world.error_draws import hard_errors, standard_errors
 from vision.detect.detections import Detections

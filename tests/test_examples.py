@@ -58,25 +58,25 @@ def test_telemetry_falls_on_the_vehicles(run, tmp_path):
 
 
 @pytest.fixture
-def ten_seconds(tmp_path):
-    return shortened(SWARM, tmp_path / "session", 100)
+def six_seconds(tmp_path):
+    return shortened(SWARM, tmp_path / "session", 60)
 
 
-def test_names_as_a_table(run, ten_seconds):
-    text = run("names_of_a_flight.py", ten_seconds)
+def test_names_as_a_table(run, six_seconds):
+    text = run("names_of_a_flight.py", six_seconds)
     assert len(re.findall(r": \d{2,} boxes", text)) >= 5, text
     assert float(re.search(r"right: ([\d.]+)%", text)[1]) > 95.0
 
 
-def test_an_export_of_ones_own(run, ten_seconds, tmp_path):
-    run("own_export.py", ten_seconds, tmp_path / "seen.txt")
+def test_an_export_of_ones_own(run, six_seconds, tmp_path):
+    run("own_export.py", six_seconds, tmp_path / "seen.txt")
     lines = (tmp_path / "seen.txt").read_text(encoding="utf-8").splitlines()
-    assert len(lines) > 30
+    assert len(lines) > 10
     with pytest.raises(FileExistsError):
-        run("own_export.py", ten_seconds, tmp_path / "seen.txt")
+        run("own_export.py", six_seconds, tmp_path / "seen.txt")
 
 
-def test_a_flight_frame_by_frame(run, ten_seconds):
-    text = run("fold_frame_by_frame.py", ten_seconds)
+def test_a_flight_frame_by_frame(run, six_seconds):
+    text = run("fold_frame_by_frame.py", six_seconds)
     named = float(re.search(r"([\d.]+) of 6 vehicles named", text)[1])
-    assert named > 4.0
+    assert named > 2.0

@@ -91,14 +91,14 @@ def test_columns_of_a_log_go_by_number_and_by_name():
         ("import vision\nimport rollcall", "is loaded as 'vision'"),
     ],
 )
-def test_folders_beside_a_script_break_nothing(script, says, flight, tmp_path):
+def test_folders_beside_a_script_break_nothing(script, says, tmp_path):
     for name in ("vision", "gcs"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "__init__.py").write_text("OWN = True\n", encoding="utf-8")
     (tmp_path / "sim.py").write_text("OWN = True\n", encoding="utf-8")
     (tmp_path / "script.py").write_text(f"import sys\n{script}\n", encoding="utf-8")
     done = subprocess.run(
-        [sys.executable, "script.py", str(flight.session.path.resolve())],
+        [sys.executable, "script.py", str(shortened(SWARM, tmp_path / "a second", 10))],
         cwd=tmp_path,
         env={"PYTHONPATH": str(ROOT), "PATH": ""},
         capture_output=True,

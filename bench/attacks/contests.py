@@ -18,7 +18,7 @@ from bench.attacks.stage import FALSE, PacketSchedule, Send, SenderFactory, Stag
 from bench.attacks.takeover import CONTEST
 from bench.attacks.wire import ComponentEncoder
 from bench.ports import free_port
-from bench.station import Station, mission_text
+from bench.station import FlyingStation, mission_text
 
 BEGIN_S = 5.0
 """When second senders begin: the true ones are known by then."""
@@ -90,7 +90,7 @@ def _documented(options: Options) -> AttackRow:
     port, system_id = free_port(), 13
     words = [sys.executable, "-m", "sim.fleet_process", "--vehicles", "8", "--duplicate", str(system_id)]
     ids = range(11, 18)
-    station = Station(options.gcs, options.folder / "documented", mission_text(ids), [f"udpin:127.0.0.1:{port}"])
+    station = FlyingStation(options.gcs, options.folder / "documented", mission_text(ids), [f"udpin:127.0.0.1:{port}"])
     try:
         done = subprocess.run(
             [*words, "--to", f"127.0.0.1:{port}", "--duration", "10"],

@@ -17,7 +17,7 @@ from bench.attacks.run import Options
 from bench.attacks.stage import Stage, StageCounts, udp_to
 from bench.attacks.wire import ComponentEncoder
 from bench.ports import free_port
-from bench.station import Station, StationError, family, mission_text
+from bench.station import FlyingStation, StationError, family, mission_text
 
 PASSWORD = "Hush0xBEEF77"
 FLY_S, TRY_S = 6.0, 30.0
@@ -38,7 +38,9 @@ def video_password(options: Options) -> list[AttackRow]:
 
 def _password(options: Options, case: str, mission: str, words: Sequence[str], name: str) -> AttackRow:
     folder = options.folder / f"password-{name}"
-    station = Station(options.gcs, folder, mission_text([11], more=mission), [f"udpin:127.0.0.1:{free_port()}"], words)
+    station = FlyingStation(
+        options.gcs, folder, mission_text([11], more=mission), [f"udpin:127.0.0.1:{free_port()}"], words
+    )
     try:
         tried = _tried(station.session)
         # what the user typed is the user's; what the station starts is its own
@@ -127,7 +129,7 @@ def _ordered(options: Options, k: int, case: str, query: str, words: Sequence[st
     operator, port = Operator(), free_port()
     sockets = {system_id: udp_to(port) for system_id in (1, *ROVERS)}
     try:
-        station = Station(
+        station = FlyingStation(
             options.gcs,
             options.folder / f"out-{k}",
             mission_text(ROVERS),

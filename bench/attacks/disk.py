@@ -17,7 +17,7 @@ from bench.attacks.report import AttackRow
 from bench.attacks.run import Flown, Options, fly
 from bench.attacks.stage import TRUE, PacketSchedule, SenderFactory, Stage
 from bench.attacks.wire import ComponentEncoder
-from bench.station import Station, family
+from bench.station import FlyingStation, family
 
 IDS = tuple(range(11, 23))
 FREEZES_S = ((4.0, 2.0), (9.0, 5.0), (16.0, 1.0))
@@ -73,8 +73,8 @@ def _mounted(image: Path) -> Iterator[Path]:
         subprocess.run(["umount", mount], check=True)
 
 
-def _freezing(mount: Path) -> Callable[[Station, Stage], None]:
-    def during(station: Station, stage: Stage) -> None:
+def _freezing(mount: Path) -> Callable[[FlyingStation, Stage], None]:
+    def during(station: FlyingStation, stage: Stage) -> None:
         for at_s, length_s in FREEZES_S:
             stage.wait(at_s)
             subprocess.run(["fsfreeze", "-f", mount], check=True)
@@ -91,8 +91,8 @@ def stopped_processes(options: Options) -> list[AttackRow]:
     return [_stopped(options, "the receiving process", _writers), _stopped(options, "the station", lambda s: [s.pid])]
 
 
-def _stopped(options: Options, case: str, processes_of: Callable[[Station], Sequence[int]]) -> AttackRow:
-    def during(station: Station, stage: Stage) -> None:
+def _stopped(options: Options, case: str, processes_of: Callable[[FlyingStation], Sequence[int]]) -> AttackRow:
+    def during(station: FlyingStation, stage: Stage) -> None:
         stage.wait(4.0)
         pids = processes_of(station)
         if not pids:
@@ -114,7 +114,7 @@ def _signal(pids: Sequence[int], number: signal.Signals) -> None:
             continue  # replaced meanwhile
 
 
-def _writers(station: Station) -> list[int]:
+def _writers(station: FlyingStation) -> list[int]:
     """Children that have the telemetry log open."""
     found = []
     for pid in family(station.pid)[1:]:

@@ -21,7 +21,7 @@ from bench.attacks.run import Options
 from bench.attacks.stage import Stage, udp_to
 from bench.attacks.wire import ComponentEncoder
 from bench.ports import free_port
-from bench.station import Station, mission_text
+from bench.station import FlyingStation, mission_text
 
 FLY_S = 4.0
 MUTE, PATIENCE_S = 16, 90.0
@@ -59,11 +59,11 @@ def doors_of_a_flight(options: Options) -> list[AttackRow]:
 
 
 @contextlib.contextmanager
-def _flight(options: Options, name: str, more: Sequence[str] = (), mission: str = "") -> Iterator[Station]:
+def _flight(options: Options, name: str, more: Sequence[str] = (), mission: str = "") -> Iterator[FlyingStation]:
     """A flight that one vehicle is heard in."""
     port = free_port()
     with ExitStack() as stack:
-        station = Station(
+        station = FlyingStation(
             options.gcs,
             options.folder / f"door-{name}",
             mission_text([11], more=mission),

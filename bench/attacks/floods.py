@@ -12,7 +12,7 @@ from bench.attacks.report import AttackRow
 from bench.attacks.run import Flown, Options, fly
 from bench.attacks.stage import FALSE, TRUE, Flood, PacketSchedule, Party, SenderFactory, Stage
 from bench.attacks.wire import ComponentEncoder, ticks_now
-from bench.station import Station, key_of, write_keys
+from bench.station import FlyingStation, key_of, write_keys
 
 UNKNOWN_SENDER = 0
 """System id under which packets without one are counted."""
@@ -75,7 +75,7 @@ def _flooded(
     """A flight with a flood from :data:`BEGIN_S` until just before its end."""
     length_s = 12.0 if options.quick else 20.0
 
-    def during(station: Station, stage: Stage) -> None:
+    def during(station: FlyingStation, stage: Stage) -> None:
         stage.wait(BEGIN_S)
         for raw in datagrams:
             stage.sent.owners[raw][party] = UNLIMITED

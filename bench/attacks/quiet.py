@@ -14,7 +14,7 @@ from bench.attacks.run import Flown, Options, fly
 from bench.attacks.stage import TRUE, PacketSchedule, Send, SenderFactory, Stage
 from bench.attacks.wire import ComponentEncoder, redated
 from bench.ports import free_port
-from bench.station import Station
+from bench.station import FlyingStation
 
 FLEET = tuple(range(11, 23))
 EXPECTED = r"nothing is authenticated"
@@ -73,7 +73,7 @@ def played_recording(options: Options) -> list[AttackRow]:
         (outlets.get(sender) or outlets.setdefault(sender, new_sender()))(raw)
 
     mission = (options.recording / "session.toml").read_text()
-    station = Station(options.gcs, options.folder / "played", mission, [f"udpin:127.0.0.1:{port}"], ["-v", ""])
+    station = FlyingStation(options.gcs, options.folder / "played", mission, [f"udpin:127.0.0.1:{port}"], ["-v", ""])
     stage = Stage([PacketSchedule(party=(TRUE, 0), make=due, send=send, rate_hz=200.0)])
     shift_us = time.time_ns() // 1000 - start_us
     stage.start()

@@ -17,7 +17,7 @@ from bench.attacks.records import LoggedEvent, VehicleEstimate, estimates_of, fo
 from bench.attacks.report import AttackRow
 from bench.attacks.stage import FALSE, TRUE, PacketSchedule, Party, SenderFactory, Stage, StageCounts
 from bench.ports import free_port
-from bench.station import Station, mission_text
+from bench.station import FlyingStation, mission_text
 
 SETTLE_S = 1.0
 """What was sent last is on its way to the disk for as long."""
@@ -98,7 +98,7 @@ def fly(
     ports: int = 1,
     more: Sequence[str] = (),
     keys: str = "none",
-    during: Callable[[Station, Stage], None] | None = None,
+    during: Callable[[FlyingStation, Stage], None] | None = None,
 ) -> Flown:
     """Fly while lines are played; the station ends before they do, so that no sender falls silent in flight.
 
@@ -120,7 +120,7 @@ def fly(
         for new_sender in senders:
             stack.callback(new_sender.close)
         links = [f"udpin:127.0.0.1:{port}" for port in listened]
-        station = Station(options.gcs, folder, mission_text(ugvs, keys), links, more)
+        station = FlyingStation(options.gcs, folder, mission_text(ugvs, keys), links, more)
         stack.callback(station.kill)
         stage = Stage(lines(*senders))
         stage.start()

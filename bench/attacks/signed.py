@@ -26,7 +26,7 @@ from bench.attacks.run import PROMISE_S, SLACK_S, Options
 from bench.attacks.stage import FALSE, TRUE, PacketSchedule, Party, SenderFactory, Stage, StageCounts
 from bench.attacks.wire import ComponentEncoder, ticks_now
 from bench.ports import free_port
-from bench.station import Station, StationError, key_of, mission_text, write_keys
+from bench.station import FlyingStation, StationError, key_of, mission_text, write_keys
 
 DAY_S = 86_400.0
 LATE_S = 20.0
@@ -202,7 +202,7 @@ def late_start(options: Options) -> list[AttackRow]:
     keys = write_keys(options.folder / "keys-late", (UAV_ID, *ids))
     with ExitStack() as stack:
         new_sender = stack.enter_context(closing(SenderFactory(port)))
-        station = Station(
+        station = FlyingStation(
             options.gcs, options.folder / "late", mission_text(ids, str(keys)), [f"udpin:127.0.0.1:{port}"]
         )
         stack.callback(station.kill)
@@ -269,12 +269,12 @@ def restarts(options: Options) -> list[AttackRow]:
     return rows
 
 
-def _started(options: Options, stage: Stage, mission: str, port: int) -> Station:
+def _started(options: Options, stage: Stage, mission: str, port: int) -> FlyingStation:
     """A flight on a port that the one before may still hold for a moment."""
     until_s = stage.now_s + RETRY_S
     while True:
         try:
-            return Station(options.gcs, options.folder / "restart", mission, [f"udpin:127.0.0.1:{port}"])
+            return FlyingStation(options.gcs, options.folder / "restart", mission, [f"udpin:127.0.0.1:{port}"])
         except StationError:
             if stage.now_s > until_s:
                 raise
@@ -324,7 +324,7 @@ def replayed(options: Options) -> list[AttackRow]:
         new_sender = stack.enter_context(closing(SenderFactory(port)))
         lines = [PacketSchedule(party=(FALSE, i), make=again(i), send=new_sender(), rate_hz=50.0) for i in DELAYS_S]
         stage = Stage([*_lines(new_sender, STEADY), *lines], keep)
-        station = Station(
+        station = FlyingStation(
             options.gcs, options.folder / "replay", mission_text(ids, str(keys)), [f"udpin:127.0.0.1:{port}"]
         )
         stack.callback(station.kill)

@@ -16,7 +16,7 @@ from bench.attacks.report import AttackRow
 from bench.attacks.run import Options
 from bench.attacks.wire import ComponentEncoder
 from bench.ports import free_port
-from bench.station import Station, mission_text
+from bench.station import FlyingStation, mission_text
 
 POISON = b"\xfd\xff\x00"
 GOOD = 3
@@ -38,7 +38,7 @@ def _open_tcp(port: int) -> socket.socket:
 def over_tcp(options: Options) -> list[AttackRow]:
     """Over a connection that stays and one that is closed at once."""
     port = free_port(socket.SOCK_STREAM)
-    station = Station(options.gcs, options.folder / "tcp", mission_text([11, 12]), [f"tcpin:127.0.0.1:{port}"])
+    station = FlyingStation(options.gcs, options.folder / "tcp", mission_text([11, 12]), [f"tcpin:127.0.0.1:{port}"])
     try:
         return poison(port, station.session)
     finally:
@@ -67,7 +67,9 @@ def over_serial(options: Options) -> AttackRow:
     """Over a pseudo terminal, which a program opens as it does a serial port."""
     ours, theirs = pty.openpty()
     tty.setraw(theirs)
-    station = Station(options.gcs, options.folder / "serial", mission_text([11]), [f"{os.ttyname(theirs)},115200"])
+    station = FlyingStation(
+        options.gcs, options.folder / "serial", mission_text([11]), [f"{os.ttyname(theirs)},115200"]
+    )
     try:
         encoder = ComponentEncoder(11)
         sent = [encoder.parameter(float(k)) for k in range(SERIAL_FRAMES)]

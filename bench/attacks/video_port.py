@@ -20,7 +20,7 @@ from bench.attacks.report import AttackRow
 from bench.attacks.run import Options
 from bench.attacks.stage import StageCounts
 from bench.ports import free_port
-from bench.station import Station, mission_text
+from bench.station import FlyingStation, mission_text
 from infra.session_format import FRAMES
 
 FPS, GOP, FILM_S = 10, 10, 14.0
@@ -121,7 +121,7 @@ def others_at_the_port(options: Options) -> list[AttackRow]:
 
 def _play(options: Options, k: int, name: str, voices: Sequence[_Voice], told: str) -> AttackRow:
     port = free_port()
-    station = Station(
+    station = FlyingStation(
         options.gcs,
         options.folder / f"video-port-{k}",
         mission_text([11]),

@@ -23,7 +23,7 @@ from pathlib import Path
 
 from bench.ports import free_port
 from bench.receiving.senders import fleet_frames, send_fleet, send_flood
-from bench.station import CAMERA, FLY, Station, mission_text
+from bench.station import CAMERA, FLY, FlyingStation, mission_text
 from infra.files.segment import segments
 from infra.markdown import markdown_table
 from mavlink.protocol.encoder import MavlinkEncoder
@@ -133,7 +133,7 @@ def _fly(stack: ExitStack, folder: Path, port: int, secrets: Sequence[bytes]) ->
     for k, secret in enumerate(secrets):
         write_key(keys, k + 1, secret)
     mission = mission_text(range(2, VEHICLES + 1), str(keys) if secrets else "none", CAMERA)
-    station = Station(FLY, folder, mission, [f"udpin:127.0.0.1:{port}"])
+    station = FlyingStation(FLY, folder, mission, [f"udpin:127.0.0.1:{port}"])
     stack.callback(station.end)
     time.sleep(2.0)
     return station.session

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from bench.drawing import pyplot, read_rows
 from bench.ports import free_port
-from bench.station import CAMERA, FLY, Station, cost_of, mission_text
+from bench.station import CAMERA, FLY, FlyingStation, cost_of, mission_text
 from sim.fleet_process import system_ids
 
 
@@ -287,7 +287,7 @@ def soak(chosen: argparse.Namespace, out: Path) -> Run:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="soak-")))
         telemetry, camera = free_port(), free_port()
         more = ["-v", f"udp://127.0.0.1:{camera}"] if chosen.video else []
-        flight = Station(FLY, folder, mission(chosen.vehicles), [f"udpin:127.0.0.1:{telemetry}"], more)
+        flight = FlyingStation(FLY, folder, mission(chosen.vehicles), [f"udpin:127.0.0.1:{telemetry}"], more)
         stack.callback(flight.end)
         watch = LogWatch(flight.session)
         stack.callback(watch.close)
@@ -314,7 +314,7 @@ def soak(chosen: argparse.Namespace, out: Path) -> Run:
 
 
 def _sample(
-    flight: Station, fleet: subprocess.Popen[str], watch: LogWatch, seconds: float, out: Path
+    flight: FlyingStation, fleet: subprocess.Popen[str], watch: LogWatch, seconds: float, out: Path
 ) -> list[dict[str, float]]:
     samples: list[dict[str, float]] = []
     start = time.monotonic()

@@ -84,7 +84,7 @@ class _RunnerPool:
 
 def run_here(jobs: Iterable[FlightJob]) -> Generator[FlightResult, None, None]:
     """Work on flights in this process, one after the other."""
-    from gcs.batch.attempt import work_on  # loads all that names flights
+    from gcs.batch.work import work_on  # loads all that names flights
 
     for job in jobs:
         scratch = open_results(job.out).scratch("here")

@@ -3,6 +3,8 @@
 A result is of the same input, program and options as what is asked for, or is made anew: first its record goes, then
 its table is replaced at once, then the new record comes. So whatever is killed when, a record stands beside the table
 that it is about.
+
+One attempt at a flight: a job in, its result or what was wrong with it out, and a log of it beside.
 """
 
 from __future__ import annotations
@@ -25,14 +27,18 @@ from typing import TYPE_CHECKING
 import msgspec
 import psutil
 
+from assoc.errors import AssocError
 from gcs.batch.addresses import is_remote, last_part, local_path
 from gcs.batch.inputs import fetch, files_stamp, input_files, inputs_hash, mission_files, remote_stamp
 from gcs.batch.jobs import (
     DONE,
+    SCRATCH_LOG,
     BatchOptions,
     FlightDone,
+    FlightFailed,
     FlightJob,
     FlightRecord,
+    FramesDone,
     ScoreRecord,
     VehicleCall,
     identity_name,
@@ -47,8 +53,13 @@ from gcs.playback.identification import identify_session
 from gcs.report.rollcall import RollCall
 from gcs.report.score import score_files
 from gcs.session.session import Session, open_session
-from infra.secrets import concealed
+from infra.processes.channel import MessageChannel
+from infra.program_log import LogFile
+from infra.secrets import conceal, concealed, hide
 from infra.session_format import IDENTITY, IDENTITY_EVIDENCE
+from mavlink.errors import MavlinkError
+from sim.errors import SimError
+from vision.errors import VisionError
 
 if TYPE_CHECKING:
     from gcs.mission.mission import DetectorChoice
@@ -243,3 +254,43 @@ def write_identity_table(evidence: Path, path: Path, about: Mapping[str, str]) -
                 table.add(line)
             except msgspec.DecodeError as error:
                 raise BatchError(f"{evidence}: {error}") from error
+
+
+REPORT_S = 0.5
+_INPUT_ERRORS = (GcsError, MavlinkError, VisionError, AssocError, SimError)
+
+
+def work_on(job: FlightJob, channel: MessageChannel[FlightJob] | None = None) -> FlightDone | FlightFailed:
+    """Work on a flight and log it; no error comes out."""
+    hide(job.address)
+    hide(job.out)
+    due_s = 0.0
+
+    def report(done: int, total: int) -> None:
+        nonlocal due_s
+        if channel is not None and time.monotonic() >= due_s:
+            due_s = time.monotonic() + REPORT_S
+            channel.send(FramesDone(done, total))
+
+    if channel is not None:
+        channel.send(FramesDone(0, 0))
+    log = LogFile(Path(job.scratch) / SCRATCH_LOG)
+    try:
+        done = identify_flight(job, report)
+        _log.info("done: %s frames, %s of %s named", done.record.frames, done.record.named, done.record.vehicles)
+        return done
+    except StoreError as error:
+        return _failed(job, str(error), again=True)
+    except _INPUT_ERRORS as error:
+        return _failed(job, str(error), again=False)
+    except Exception as error:  # noqa: BLE001 - goes to the flight's log and record
+        _log.exception("a fault of this program")
+        return _failed(job, f"a fault of this program, see the flight's log: {error!r}", again=True)
+    finally:
+        log.close()
+
+
+def _failed(job: FlightJob, text: str, *, again: bool) -> FlightFailed:
+    line = conceal(" ".join(text.replace(str(fetched_path(job)), job.address).split()))
+    _log.error("%s", line)
+    return FlightFailed(line, again=again)

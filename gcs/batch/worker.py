@@ -12,8 +12,8 @@ import queue
 import shutil
 import threading
 
-from gcs.batch.attempt import work_on
 from gcs.batch.jobs import FlightJob
+from gcs.batch.work import work_on
 from infra.processes.channel import MessageChannel, connect_to_parent
 
 

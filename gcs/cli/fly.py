@@ -1,22 +1,25 @@
-"""``gcs fly``: the live screen, or the same flight without one."""
+"""``gcs fly``: the live screen, or the same flight without one.
+
+Command line of this program as other users see it.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import logging
 import math
 import os
 import resource
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gcs.cli.arguments import hide_in_process_list
 from gcs.cli.attach.client import naming_own_flight, show_flight
 from gcs.cli.attach.place import ScreenOptions
 from gcs.cli.attach.server import AttachServer, LentTerminal
@@ -56,6 +59,38 @@ from infra.session_format import METADATA
 from infra.wall_clock import now_us
 from mavlink.forwarding.outputs import parse_output
 from mavlink.state import Level
+
+_STAT = Path("/proc/self/stat")
+_ARG_START, _ARG_END = 47, 48
+"""Fields of proc_pid_stat(5), from 0: where the arguments lie in memory, which is what ps shows."""
+
+
+def hide_in_process_list(argument: str, secrets: Iterable[str]) -> None:
+    """Overwrite parts of an argument where the system keeps it, for ps and the like; Python's copies stay as they are.
+
+    On systems without /proc nothing is done.
+
+    Args:
+        argument: as it was given, or the value in ``--option=value``.
+    """
+    try:
+        # the second field is a name in brackets and may hold spaces
+        fields = ["", "", *_STAT.read_text().rpartition(")")[2].split()]
+        start, end = int(fields[_ARG_START]), int(fields[_ARG_END])
+    except (OSError, ValueError, IndexError):
+        return
+    if not 0 < start < end:
+        return
+    line, wanted = ctypes.string_at(start, end - start), os.fsencode(argument)
+    place = line.find(wanted)
+    while place >= 0:
+        for secret in map(os.fsencode, secrets):
+            at = wanted.find(secret)
+            while at >= 0:
+                ctypes.memset(start + place + at, ord("*"), len(secret))
+                at = wanted.find(secret, at + 1)
+        place = line.find(wanted, place + 1)
+
 
 _log = logging.getLogger(__name__)
 

@@ -2,13 +2,20 @@
 
 Samples are kept by each vehicle's own boot time, so that a clock learnt better later also dates earlier reports better.
 A report that cannot be right is counted and reported, never used and never fatal.
+
+Whose radio link a modem's report is about.
+
+RADIO_STATUS and RADIO come under the id of the vehicle behind the modem, or, from SiK radios, under the modem's own
+(51): then they are about the link that they came over, and about each vehicle whose packets come that way.
+
+The UAV at a time, and whether it is known yet as well as it will be.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -18,14 +25,12 @@ from mavlink.duplicate_id.autopilot_id import AUTOPILOT_VERSION
 from mavlink.estimation.camera_report import CameraReports, CameraSample
 from mavlink.estimation.gimbal import Gimbals, GimbalSample
 from mavlink.estimation.ground_distance import GroundDistance
-from mavlink.estimation.interpolation import Fix
+from mavlink.estimation.interpolation import ATTITUDE_LOST_S, Fix
 from mavlink.estimation.origin import FLEET_SPAN_M, LOCAL_REACH_M, TOO_FAR, Origin
 from mavlink.estimation.position_quality import Doubt
 from mavlink.estimation.positions import VehicleLimits, in_frame
-from mavlink.fleet.radio import MODEM_MESSAGES, add_radio_status
-from mavlink.fleet.uav import NO_FIX, is_awaited, uav_state
 from mavlink.fleet.vehicle import PositionReport, Vehicle
-from mavlink.geodesy import LocalFrame
+from mavlink.geodesy import R_ENU_NED, LocalFrame, rotation_from_euler
 from mavlink.protocol.decode import decode
 from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.messages import (
@@ -41,6 +46,7 @@ from mavlink.protocol.messages import (
     Heartbeat,
     MountOrientation,
     MountStatus,
+    RadioStatus,
     SensorHealth,
     StatusText,
     SystemTime,
@@ -51,7 +57,74 @@ from mavlink.protocol.messages import (
 from mavlink.protocol.modes import is_vehicle, kind_name
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.reception.reception import Arrival
-from mavlink.state import FleetState, Level, Notice, Reports, UavState, VehicleStatus
+from mavlink.state import CameraReport, FleetState, Level, Notice, Reports, UavState, VehicleStatus
+
+NO_FIX = Fix(*[math.nan] * 10)
+_REPORTING_US = 1_000_000
+"""Time after which nothing is waited for any more: it stopped, or comes too rarely to interpolate."""
+
+
+def uav_state(
+    uav: Vehicle, gimbals: Gimbals, camera: CameraReport | None, ground: GroundDistance, t_us: int
+) -> UavState:
+    """The UAV at a Unix time, each sample by its own time.
+
+    Args:
+        ground: what it reports of the ground below it.
+        t_us: when.
+    """
+    boot_us = uav.clock.boot_of(t_us)
+    estimate, pose = uav.positions.at(boot_us), uav.attitudes.at(boot_us)
+    fix = estimate.fix if estimate else NO_FIX
+    roll, pitch, yaw = pose[:3] if pose else (math.nan, math.nan, math.nan)
+    fresh = pose is not None and (pose.bracketed or pose.age_s <= ATTITUDE_LOST_S)
+    return UavState(
+        p_enu=np.array(fix[0:3]),
+        v_enu=np.array(fix[3:6]),
+        height_m=fix.height_m,
+        R_enu_body=R_ENU_NED @ rotation_from_euler(roll, pitch, yaw),
+        yaw=yaw % (2.0 * math.pi),
+        pitch=pitch,
+        roll=roll,
+        R_enu_gimbal=gimbals.at(boot_us, yaw),
+        position_valid=estimate is not None and estimate.usable and uav.is_trusted(t_us),
+        attitude_valid=fresh and not uav.in_conflict(t_us),
+        camera=camera,
+        range_m=ground.range_m(t_us),
+        terrain_height_m=ground.terrain_height_m(t_us),
+        std_m=fix.std_m,
+    )
+
+
+def is_awaited(uav: Vehicle, gimbals: Gimbals, t_us: int) -> bool:
+    """Tell whether a position, attitude or gimbal's attitude that belongs to a Unix time is still to come."""
+    boot_us = uav.clock.boot_of(t_us)
+    newest = (uav.positions.newest, uav.attitudes.newest, gimbals.newest)
+    return any(sample is not None and 0 < boot_us - sample[0] <= _REPORTING_US for sample in newest)
+
+
+MODEM_MESSAGES = (109, 166)
+"""RADIO_STATUS and RADIO."""
+
+
+def add_radio_status(packet: Packet, vehicles: Mapping[int, Vehicle]) -> None:
+    """Give a modem's report to the vehicles that it is about.
+
+    Args:
+        packet: one of ``MODEM_MESSAGES``.
+        vehicles: by system id.
+    """
+    sample = decode(packet)
+    if packet.auth > Auth.GOOD or not isinstance(sample, RadioStatus):
+        return
+    if packet.system_id in vehicles:
+        vehicles[packet.system_id].conditions.add_radio(sample, shared=False)
+        return
+    channel = packet.link, packet.peer
+    behind = [vehicle for vehicle in vehicles.values() if vehicle.conditions.channel == channel]
+    for vehicle in behind:
+        vehicle.conditions.add_radio(sample, shared=len(behind) > 1)
+
 
 _UAV_LIMITS = VehicleLimits(max_speed=80.0, max_acceleration=12.0)
 """A fast multicopter or a small plane."""

@@ -6,8 +6,7 @@ import re
 
 from mavlink.errors import LinkError
 from mavlink.links.base import Link, LinkOptions
-from mavlink.links.serial_port import SerialLink
-from mavlink.links.tcp_client import TcpOut
+from mavlink.links.stream_link import SerialLink, TcpOut
 from mavlink.links.tcp_server import TcpIn
 from mavlink.links.udp import UdpIn, UdpOut
 from mavlink.links.url import BARE_DEVICE, LinkUrl

@@ -1,16 +1,29 @@
-"""A link that is one byte stream to one other end, opened again soon after it was lost."""
+"""A link that is one byte stream to one other end, opened again soon after it was lost.
+
+Serial links, for telemetry radios. A port that is unplugged is opened again when it comes back.
+
+A TCP link that connects, and connects again.
+
+Nothing here waits: a peer that does not answer, or does not take what is sent, never holds up another link.
+"""
 
 from __future__ import annotations
 
+import errno
+import select
+import socket
+import time
 from abc import abstractmethod
+
+import serial
 
 from infra.reporting import Backoff
 from infra.wall_clock import now_us
 from mavlink.errors import LinkError
 from mavlink.links.base import Link, LinkOptions
 from mavlink.links.batch import Batch
-from mavlink.links.byte_stream import Connection
-from mavlink.links.url import LinkUrl
+from mavlink.links.byte_stream import PATIENCE_S, Connection, FrameStream, queue_bytes
+from mavlink.links.url import LinkUrl, network_url, serial_url
 
 PAUSES_S = (0.5, 1.0, 2.0, 4.0)
 """Before it is opened again."""
@@ -86,3 +99,161 @@ class StreamLink(Link):
         connection, self._connection = self._connection, None
         if connection is not None:
             connection.close()
+
+
+_CHUNK = 4096
+_FRAME_BITS = 280 * 10
+"""The longest frame; a byte goes as ten bits."""
+
+
+class SerialLink(StreamLink):
+    """A serial port, taken for this program alone where the system can do that. Nothing here waits.
+
+    Raises:
+        LinkError: no such device, no right to it, or in use.
+    """
+
+    example = "/dev/ttyUSB0,57600"
+
+    def __init__(self, url: LinkUrl, options: LinkOptions | None = None) -> None:
+        options = options or LinkOptions()
+        super().__init__(url, options)
+        self._device = url.device
+        self._baud = url.baud
+        self._queue_bytes = queue_bytes(options.is_output)
+        try:
+            self._plug_in()
+        except (OSError, ValueError) as error:
+            if not options.waits_for_device:
+                raise LinkError(f"{self.name}: cannot be opened: {error}; is it plugged in, and free?") from error
+
+    @classmethod
+    def parse(cls, rest: str) -> LinkUrl:
+        """A device and its baud rate."""
+        return serial_url(rest)
+
+    def maintain(self) -> None:
+        """Opens the port again when it has come back."""
+        if self._connection is None and self._open and self._backoff.due(time.monotonic()):
+            try:
+                self._plug_in()
+            except (OSError, ValueError):
+                return  # not yet
+
+    def _plug_in(self) -> None:
+        port = serial.Serial(self._device, self._baud, timeout=0, write_timeout=0, exclusive=True)
+        frames = FrameStream(self._counters, 1, patience_s=patience_s(self._baud))
+        self._opened(Connection(port, lambda: _receive(port), frames, queue_bytes=self._queue_bytes))
+
+
+def patience_s(baud: int) -> float:
+    """Twice what the longest frame takes at this rate, where that is longer than any sender pauses."""
+    return max(PATIENCE_S, 2.0 * _FRAME_BITS / baud)
+
+
+def _receive(port: serial.Serial) -> bytes | None:
+    """Bytes that are there, None when nothing is, empty where the port is gone."""
+    try:
+        # a port that can be read and has nothing is one that was unplugged: the read then fails
+        return port.read(min(max(port.in_waiting, 1), _CHUNK)) or None
+    except (OSError, TypeError):  # pyserial raises TypeError when another thread closes the port
+        return b""
+
+
+DEFAULT_PORT = 5760
+"""Where ArduPilot's simulator and most bridges listen."""
+_TCP_CHUNK = 65536
+_CONNECT_S = 5.0
+"""An answer that takes longer is not waited for."""
+_PENDING = (errno.EINPROGRESS, errno.EWOULDBLOCK, errno.EALREADY, errno.EINTR)
+
+
+def tcp_connection(sock: socket.socket, frames: FrameStream, options: LinkOptions) -> Connection:
+    """An open connection, as a stream of frames."""
+    sock.setblocking(False)
+
+    def receive() -> bytes | None:
+        try:
+            return sock.recv(_TCP_CHUNK)
+        except (BlockingIOError, InterruptedError):
+            return None
+        except (OSError, ValueError):
+            return b""
+
+    return Connection(sock, receive, frames, queue_bytes=queue_bytes(options.is_output))
+
+
+class TcpOut(StreamLink):
+    """Connects to a server, and again soon after the connection was lost or refused.
+
+    Raises:
+        LinkError: no such host.
+    """
+
+    example = "tcp:host:port"
+
+    def __init__(self, url: LinkUrl, options: LinkOptions | None = None) -> None:
+        self._options = options or LinkOptions()
+        super().__init__(url, self._options)
+        self._address = _resolve(url)
+        self._calling: socket.socket | None = None
+        """A connection that the server has not answered yet."""
+        self._give_up_s = 0.0
+
+    @classmethod
+    def parse(cls, rest: str) -> LinkUrl:
+        """Host and port of a server."""
+        return network_url("tcp", rest, default_port=DEFAULT_PORT)
+
+    @classmethod
+    def prepare(cls, url: LinkUrl) -> tuple[LinkUrl, socket.socket | None]:
+        """Looks the host up: a process that receives must not wait for that."""
+        host, port = _resolve(url)
+        return LinkUrl(scheme=url.scheme, host=host, port=port), None
+
+    def maintain(self) -> None:
+        """Connects when need be."""
+        now_s = time.monotonic()
+        if self._calling is not None:
+            self._look_for_answer(self._calling, now_s)
+        elif self._connection is None and self._open and self._backoff.due(now_s):
+            self._call(now_s)
+
+    def _call(self, now_s: float) -> None:
+        sock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        sock.setblocking(False)
+        code = sock.connect_ex(self._address)
+        if code and code not in _PENDING:
+            sock.close()
+            return
+        self._calling, self._give_up_s = sock, now_s + _CONNECT_S
+        self._look_for_answer(sock, now_s)
+
+    def _look_for_answer(self, sock: socket.socket, now_s: float) -> None:
+        if not select.select([], [sock], [], 0.0)[1]:
+            if now_s > self._give_up_s:
+                self._hang_up()
+            return
+        if sock.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
+            self._hang_up()
+            return
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._calling = None
+        self._opened(tcp_connection(sock, FrameStream(self._counters, 1), self._options))
+
+    def _hang_up(self) -> None:
+        sock, self._calling = self._calling, None
+        if sock is not None:
+            sock.close()
+
+    def _lose(self) -> None:
+        self._hang_up()
+        super()._lose()
+
+
+def _resolve(url: LinkUrl) -> tuple[str, int]:
+    try:
+        host, port = socket.getaddrinfo(url.host, url.port, socket.AF_INET, socket.SOCK_STREAM)[0][4][:2]
+    except (OSError, UnicodeError) as error:
+        raise LinkError(f"{url.name}: no such host: {error}") from error
+    return str(host), int(port)

@@ -13,7 +13,7 @@ from mavlink.links.batch import Batch, Claim
 from mavlink.links.byte_stream import Connection, FrameStream
 from mavlink.links.port_owner import cannot_listen
 from mavlink.links.report import LinkReport
-from mavlink.links.tcp_client import DEFAULT_PORT, tcp_connection
+from mavlink.links.stream_link import DEFAULT_PORT, tcp_connection
 from mavlink.links.url import LinkUrl, network_url
 
 _SENDERS, _RECEIVERS = 32, 8

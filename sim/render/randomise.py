@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from sim.render.exposure import Exposure
 from sim.render.ground_canvas import near
-from sim.render.houses import flats, house
 from sim.render.open_scene import random_ground
 from sim.render.props import (
     animal,
@@ -26,6 +25,8 @@ from sim.render.props import (
     container,
     cooler,
     flag,
+    flats,
+    house,
     motorcycle,
     panels,
     pedestrian,

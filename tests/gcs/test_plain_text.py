@@ -14,8 +14,8 @@ from gcs.mission.mission import Mission, MissionVehicle
 from gcs.report.overlay import draw, label_of
 from gcs.report.rollcall import RollCall
 from gcs.session.event_log import event_row
+from gcs.session.log import RecordSenders
 from gcs.session.metadata import mission_table
-from gcs.session.sender_table import RecordSenders
 from gcs.snapshot import Event
 from infra.plain_text import from_cell, plain, to_cell
 from mavlink.tlog.writer import TlogWriter

@@ -9,7 +9,7 @@ from pathlib import Path
 from bench.attacks.report import AttackRow
 from bench.attacks.run import Options
 from bench.ports import free_port
-from bench.station import Station, StationError, mission_text
+from bench.station import FlyingStation, StationError, mission_text
 
 PATIENCE_S = 25.0
 MOST_S = 8.0
@@ -122,7 +122,7 @@ def _start(options: Options, name: str, make: Callable[[Path, Path], None]) -> t
     make(folder, victim)
     outside = {path: path.read_bytes() for path in [victim, *base.glob("elsewhere/*")]}
     try:
-        station = Station(
+        station = FlyingStation(
             options.gcs, base, mission_text([11]), [f"udpin:127.0.0.1:{free_port()}"], patience_s=PATIENCE_S
         )
     except StationError as error:

@@ -9,8 +9,7 @@ import fsspec
 import pytest
 
 from gcs.batch.jobs import DONE, FlightRecord, ScoreRecord, VehicleCall
-from gcs.batch.report.judgement import judge
-from gcs.batch.report.overview import batch_page
+from gcs.batch.report.overview import batch_page, judge
 from tests.support.batches.short_flights import broken_flights, short_flights
 from tests.support.command_line import run_gcs
 

@@ -66,8 +66,8 @@ def test_flights_and_results_in_memory(tmp_path, memory, monkeypatch):
 
 @pytest.fixture
 def quick_lock(monkeypatch):
-    monkeypatch.setattr("gcs.batch.store_lock.RENEW_S", 0.02)
-    monkeypatch.setattr("gcs.batch.store_lock.WATCH_S", 60.0)
+    monkeypatch.setattr("gcs.batch.stores.RENEW_S", 0.02)
+    monkeypatch.setattr("gcs.batch.stores.WATCH_S", 60.0)
     return monkeypatch
 
 
@@ -90,7 +90,7 @@ def test_what_a_killed_batch_held_is_taken_over(host, tmp_path, memory, quick_lo
     left = {"host": host, "pid": over.pid, "began_s": 1.0, "key": "left"}
     memory.pipe_file("/out/.lock", json.dumps(left).encode())
     if host == "elsewhere":  # nobody can tell but by watching
-        quick_lock.setattr("gcs.batch.store_lock.WATCH_S", 0.2)
+        quick_lock.setattr("gcs.batch.stores.WATCH_S", 0.2)
     assert run_gcs("batch", "run", flight, "-o", "memory://out")[0] == 0
     assert memory.exists("/out/flights.parquet")
     assert not memory.exists("/out/.lock")

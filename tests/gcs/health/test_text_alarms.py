@@ -5,7 +5,7 @@ from dataclasses import replace
 import msgspec
 import pytest
 
-from gcs.health.text_alarms import GONE_US, MOST_TEXTS
+from gcs.health.alarms import GONE_US, MOST_TEXTS
 from gcs.session.event_log import event_row
 from gcs.snapshot import Alarm, Event
 from gcs.tui.panes.alarms import alike, text_of

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gcs.errors import ImportFileError
-from gcs.importing.fleet_clock import FilmBoxes, FilmedFleetLogs, film_spans, find_fleet_clock
+from gcs.importing.clock_choice import FilmBoxes, FilmedFleetLogs, film_spans, find_fleet_clock
 from gcs.importing.fleet_log import open_fleet
 from gcs.session.frame_tables import read_detections, read_times
 from gcs.session.session import open_session

@@ -15,8 +15,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from gcs.playback.analysis import Analysis
-from gcs.session.log import SessionLog
-from gcs.session.sender_table import RecordSenders
+from gcs.session.log import RecordSenders, SessionLog
 from gcs.session.session import open_session
 from mavlink.ingest.receiver import LastSenders
 from mavlink.links.batch import Batch

@@ -3,7 +3,7 @@
 import time
 
 from mavlink.ingest.plan import Signing
-from mavlink.ingest.refused_packets import BURST_S, KEPT_PER_S, RefusedPacketLimiter
+from mavlink.ingest.receiver import BURST_S, KEPT_PER_S, RefusedPacketLimiter
 from mavlink.links.batch import Batch
 from mavlink.links.fair_shares import HOLD_S
 from mavlink.links.report import LinkCounts, LinkReport

@@ -13,7 +13,7 @@ from mavlink.links.batch import Batch
 from mavlink.links.byte_stream import PATIENCE_S, FrameStream
 from mavlink.links.counters import Counters
 from mavlink.links.kinds import open_link
-from mavlink.links.serial_port import patience_s
+from mavlink.links.stream_link import patience_s
 from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.framing import Framer, checksum

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from sim.annotated.layouts import LAYOUTS, read_tracks
-from sim.annotated.uavdt_attributes import read_attributes
+from sim.annotated.session import read_attributes
 from sim.errors import AnnotationError
 from tests.support.films.annotated import FILMED, SUFFIXES, film_of, labels_of
 

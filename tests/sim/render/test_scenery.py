@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.render.film import Film
+from sim.render.film import CLEAR_M, Film, random_scenery
 from sim.render.randomise import FIRST_KIND
-from sim.render.scenery import CLEAR_M, random_scenery
 from sim.world.presets import curved_road
 from sim.world.view import OCCLUDER
 from sim.world.world import World

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from vision.camera.jacobians import ground_jacobians, image_jacobians
+from vision.motion.attitude_fusion import ground_jacobians, image_jacobians
 
 STEP = 1e-6
 R = Rotation.from_euler("zx", [0.7, np.pi - 0.5]).as_matrix()
