@@ -29,7 +29,7 @@ import psutil
 
 from assoc.errors import AssocError
 from gcs.batch.addresses import is_remote, last_part, local_path
-from gcs.batch.inputs import fetch, files_stamp, input_files, inputs_hash, mission_files, remote_stamp
+from gcs.batch.flights import fetch, files_stamp, input_files, inputs_hash, mission_files, remote_stamp
 from gcs.batch.jobs import (
     DONE,
     SCRATCH_LOG,

@@ -29,8 +29,8 @@ from gcs.session.line_file import LineFile
 from gcs.session.metadata import SessionFile
 from gcs.session.session import create_folder
 from gcs.snapshot import Event, Snapshot
+from infra.files.append import Flusher
 from infra.files.disk import OS_DISK, Disk
-from infra.files.flusher import Flusher
 from infra.files.record_state import RecordState
 from infra.program_log import LogFile, least_level
 from infra.reporting import ReportGrowth

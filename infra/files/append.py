@@ -1,7 +1,7 @@
 """A file that is only ever appended to, and that outlives full disks, failing disks and the death of the program.
 
 Rows go to the kernel with one system call before they count as accepted: SIGKILL loses none of them. A second thread
-(:class:`infra.files.flusher.Flusher`) has them put on the disk and repairs what fails, so that no writer ever
+(:class:`infra.files.append.Flusher`) has them put on the disk and repairs what fails, so that no writer ever
 waits for the disk:
 
 - full, failing or read-only disk: the file is cut back to its last whole row, rows wait in memory and are written in
@@ -10,6 +10,8 @@ waits for the disk:
   written again into a new segment (``name.1.ext``, ``name.2.ext``, …) next to the old one, which is left as it is;
 - a file or folder that was deleted, moved, or unmounted: it is made anew and filled from the file that is still open;
 - a file that another program cut short: it is reported, and a new segment is begun.
+
+The thread that has recordings put on the disk and repairs them.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import errno
 import math
 import threading
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -340,3 +343,32 @@ class AppendFile:
             self._segment = self._deleted = None
         for segment in open_segments:
             segment.close()
+
+
+_CLOSE_S = 5.0
+
+
+class Flusher:
+    """Maintains some files until it is stopped.
+
+    Args:
+        files: maintained in this order, one after the other.
+        period_s: from the end of one round to the start of the next.
+    """
+
+    def __init__(self, files: Sequence[AppendFile], period_s: float) -> None:
+        self._files = files
+        self._period_s = period_s
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="disk", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread; a disk that hangs is left after five seconds."""
+        self._stop.set()
+        self._thread.join(_CLOSE_S)
+
+    def _run(self) -> None:
+        while not self._stop.wait(self._period_s):
+            for file in self._files:
+                file.maintain()

@@ -15,9 +15,8 @@ from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 
-from infra.files.append import RAM_BYTES, AppendFile
+from infra.files.append import RAM_BYTES, AppendFile, Flusher
 from infra.files.disk import OS_DISK, Disk
-from infra.files.flusher import Flusher
 from infra.files.journal import Journal
 from infra.files.journal_writer import JournalWriter
 from infra.files.record_state import RecordState, overall

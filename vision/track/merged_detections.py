@@ -1,4 +1,7 @@
-"""Boxes that a detector draws around several vehicles at once."""
+"""Boxes that a detector draws around several vehicles at once.
+
+Boxes that may be of one track, of another or of both, since only one box is there for the two.
+"""
 
 from __future__ import annotations
 
@@ -72,3 +75,72 @@ def find_merged(state: TrackState, params: TrackerParams, boxes: Detections, apa
             gap_s[settled[held]] = np.minimum(gap_s[settled[held]], GAP_S)
     rows = np.flatnonzero(inside_any)
     return MergedBoxes(merged, rows, moved[rows], gap_s[rows]) if len(rows) else None
+
+
+REACH = 1.0
+"""Tracks may share a box that is no further away, sizes: what touches is detected as one."""
+SIDE_STD = 0.1
+"""1σ of the logarithm of a box's sides relative to those of its track."""
+COMMON_SIDES = 0.8
+"""Range of that logarithm for a box around two: from the side of one to somewhat more than that of both, ln 2.2."""
+CLEAR = 0.8
+"""A box is a track's own if that is at least as probable, both tracks and both at once being equally usual."""
+
+
+def find_shared(
+    state: TrackState, params: TrackerParams, boxes: Detections, free: Flags, apart: Floats, noise: Floats
+) -> MergedBoxes | None:
+    """Find the boxes that two or more tracks share, none of them having another in reach, and that fit none clearly.
+
+    With a and b where the two likeliest tracks are expected, σ² the variance of that and of the box's centre z, and l
+    the logarithms of its sides relative to those of a track, the box is of the first with the density
+
+        N(z; a, σ²) N(l; 0, s²),     of the other with the same for b, and of both with     N(d; σ²) / (|a − b| L²)
+
+    where d is its distance from the line between them (|a − b| at least √2π σ): it may lie anywhere along it, and have
+    any size between that of one and of both, depending on how much of either is seen.
+
+    Args:
+        free: (m,) boxes that may be of any track.
+        apart: (k, m) squared distances of tracks and boxes, px².
+        noise: (k,) px, standard deviation of the centre of a track's box.
+
+    Returns:
+        The boxes, which continue no track, and their tracks, which move on by themselves and stay in sight; None where
+        there are none.
+    """
+    recent = state.confirmed & (state.gap_s <= params.short_s) & (state.shared_s < params.coast_s)
+    reach = REACH * state.length
+    near = (apart < (reach * reach)[:, None]) & recent[:, None] & free
+    bound = near & (np.count_nonzero(near, axis=1) == 1)[:, None]
+    crowded = np.flatnonzero(np.count_nonzero(bound, axis=0) > 1)
+    if not len(crowded):
+        return None
+    shared, held, place = np.zeros(len(boxes), dtype=bool), np.zeros(len(state), dtype=bool), state.x[:, :2].copy()
+    for j in crowded:
+        rows = np.flatnonzero(bound[:, j])
+        alone, both = _shares(state.select(rows), noise[rows], boxes, int(j))
+        if alone < CLEAR:
+            shared[j] = held[rows] = True
+            place[rows] += PULL * both * (boxes.centre[j] - place[rows].mean(axis=0))
+    rows = np.flatnonzero(held)
+    return MergedBoxes(shared, rows, place[rows], np.minimum(state.gap_s[rows], GAP_S)) if len(rows) else None
+
+
+def _shares(tracks: TrackState, noise: Floats, boxes: Detections, j: int) -> tuple[float, float]:
+    """How likely box j is of the likeliest of the tracks (h,) alone, and of two at once."""
+    place, P = tracks.x[:, :2], tracks.P
+    variance = 0.5 * (P[:, 0, 0] + P[:, 1, 1]) + noise * noise
+    # ln of the long and the short side relative to the track's
+    larger = np.log(np.sort(boxes.table[2:4, j]) / np.sort(tracks.boxes[:, 2:4], axis=1))
+    shape = np.exp(-0.5 * (larger * larger).sum(axis=1) / SIDE_STD**2) / (2.0 * np.pi * SIDE_STD**2)
+    squared = ((boxes.centre[j] - place) ** 2).sum(axis=1)
+    alone = np.exp(-0.5 * squared / variance) / (2.0 * np.pi * variance) * shape
+    first, second = np.argsort(-alone, kind="stable")[:2]
+    between, offset, v = place[second] - place[first], boxes.centre[j] - place[first], variance[[first, second]].mean()
+    length2 = between @ between
+    away = offset - np.clip(offset @ between / max(length2, 1e-9), 0.0, 1.0) * between
+    spread = np.sqrt(2.0 * np.pi * v)
+    both = np.exp(-0.5 * (away @ away) / v) / spread / max(np.sqrt(length2), spread) / COMMON_SIDES**2
+    every = max(alone.sum() + both, 1e-300)
+    return float(alone[first] / every), float(both / every)

@@ -23,8 +23,7 @@ from vision.track import kalman
 from vision.track.alignment import Alignment, BoxShapes, Lens, align
 from vision.track.evidence import TrackEvidence
 from vision.track.matching import Pairs, assign, one_to_one
-from vision.track.merged_detections import find_merged
-from vision.track.shared_boxes import find_shared
+from vision.track.merged_detections import find_merged, find_shared
 from vision.track.track_state import ENOUGH, TrackState
 from vision.track.tracks import Stitch, TrackerParams, Tracks
 

@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from gcs.batch.inputs import input_files, mission_files
+from gcs.batch.flights import input_files, mission_files
 from gcs.cli.output.console import FRAME_SIZE, VideoStart, parse_frame_size, print_note
 from gcs.cli.output.progress import progress
 from gcs.errors import GcsError, ScoreError

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from sim.telemetry.detections import DetectorModel, wrapped
-from sim.telemetry.noise import gauss_markov, lasting_error, report_noise
-from sim.telemetry.sensors import Sensors
+from sim.telemetry.sensors import Sensors, gauss_markov, lasting_error, report_noise
 from sim.world.boxes import true_boxes
 from sim.world.earth import to_geodetic
 from sim.world.presets import nominal
