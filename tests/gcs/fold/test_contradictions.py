@@ -71,6 +71,7 @@ def test_one_that_leaves_the_picture_with_its_position_is_not_accused():
     assert not any(snapshot.conflicts for snapshot in scene.kept)
 
 
+@pytest.mark.slow
 def test_of_two_that_report_one_place_the_one_that_was_there_before_is_not_accused():
     scene = filmed(8)
     copier, copied = scene.vehicles[1], next(each for each in scene.vehicles if each.system_id == OTHER)
