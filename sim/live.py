@@ -1,4 +1,4 @@
-"""Plays a scenario in real time: telemetry over UDP, one socket per vehicle, and video as MPEG-TS over UDP."""
+"""Plays a scenario in real time: telemetry over UDP, a socket per vehicle, and the cameras' video as MPEG-TS."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class PlaybackCounts:
     packets: dict[int, int]
     """MAVLink packets by system id."""
     frames: int
-    """Video frames."""
+    """Video frames, of all cameras together."""
     frames_skipped: int
     """Frames that were due before they could be drawn."""
     start_us: int
@@ -71,14 +71,15 @@ def play(
     Args:
         scenario: what is flown; its ``start_us`` is replaced by the present.
         telemetry_url: ``udpout:host:port``.
-        video_url: ``udp://host:port``, or None for telemetry alone.
+        video_url: ``udp://host:port``, or None for telemetry alone; a second camera's video goes to the next port.
         duration_s: length of the video; the scenario's own when None.
         on_tick: called about five times a second with the seconds since the first frame (negative before it).
         stop: ends it early when set.
         boot_noise: begin with the plain text that autopilots send while they boot.
         tells_camera: the UAV's camera reports its field of view and its video once a second.
         practise_port: of this computer, at which datagrams begin and end troubles (``sim.practice``); 0: none.
-        truth_path: a new file for ``time_us,cx,cy,w,h,angle,system_id`` of every visible body in every sent frame.
+        truth_path: a new file for ``time_us,cx,cy,w,h,angle,system_id`` of every visible body in every sent frame; what
+            a second camera shows goes to ``truth-2.csv`` beside a ``truth.csv``.
 
     Raises:
         PlayError: if an address is malformed or the truth file exists.
@@ -88,43 +89,64 @@ def play(
     stop = stop or threading.Event()
     scenario = dataclasses.replace(scenario, duration_s=duration_s or scenario.duration_s)
     world = World(scenario)
-    sender = VideoSender(world, video_url, truth_path) if video_url else None
-    lead_s = LEAD_S + LEAD_PER_VEHICLE_SECOND * scenario.fleet_size * scenario.duration_s
+    views = world.views
+    urls = [_nth_url(video_url, k) if video_url else None for k in range(len(views) + 1)]
+    senders = {
+        UAV_ID + k: VideoSender(each, url, _nth_path(truth_path, k))
+        for k, (each, url) in enumerate(zip((world, *views), urls, strict=True))
+        if url
+    }
+    lead_s = LEAD_S + LEAD_PER_VEHICLE_SECOND * (scenario.fleet_size + len(views)) * scenario.duration_s
     start_us = now_us() + round((lead_s - TELEMETRY_FROM_S) * 1e6)
-    packets = dict.fromkeys((UAV_ID, *scenario.ugv_ids), 0)
-    ids = (*scenario.ugv_ids, UAV_ID)
-    camera_frames, camera_due_us = _camera_frames(scenario, video_url), 0
+    uavs = range(UAV_ID, UAV_ID + len(views) + 1)
+    packets = dict.fromkeys((*uavs, *scenario.ugv_ids), 0)
+    cameras = [_camera_frames(each.scenario, url, i) for each, url, i in zip((world, *views), urls, uavs, strict=True)]
+    camera_due_us = 0
     troubles = Troubles(tuple(packets), practise_port)
     with ExitStack() as stack:
         stack.callback(troubles.close)
         impostor = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-        sockets = [stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in ids]
-        if sender is not None:
+        sockets = {i: stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for i in packets}
+        for sender in senders.values():
             sender.start(start_us)
             stack.callback(sender.close)
         for noise in BOOT_NOISE if boot_noise else ():
-            for outlet in sockets:
+            for outlet in sockets.values():
                 outlet.sendto(noise, target)
-        for packet in _on_time(fleet_telemetry(world, start_us), start_us, stop, on_tick):
+        for packet in _on_time(fleet_telemetry(world, start_us, views), start_us, stop, on_tick):
             troubles.listen()
-            if sender is not None:
-                sender.lost = troubles.video_is_lost
+            for system_id, sender in senders.items():
+                sender.lost = troubles.video_is_lost(system_id)
             for forged, raw in troubles.frames(packet.raw):
-                (impostor if forged else sockets[packet.vehicle]).sendto(raw, target)
-                packets[ids[packet.vehicle]] += not forged
+                (impostor if forged else sockets[packet.system_id]).sendto(raw, target)
+                packets[packet.system_id] += not forged
             if tells_camera and packet.t_us >= camera_due_us:
                 camera_due_us = packet.t_us + CAMERA_US
-                for raw in next(camera_frames):
-                    sockets[-1].sendto(raw, target)
-    frames, skipped = (sender.sent, sender.skipped) if sender is not None else (0, 0)
-    return PlaybackCounts(packets=packets, frames=frames, frames_skipped=skipped, start_us=start_us)
+                for system_id, told in zip(uavs, cameras, strict=True):
+                    for raw in next(told):
+                        sockets[system_id].sendto(raw, target)
+    return PlaybackCounts(
+        packets=packets,
+        frames=sum(sender.sent for sender in senders.values()),
+        frames_skipped=sum(sender.skipped for sender in senders.values()),
+        start_us=start_us,
+    )
 
 
-def _camera_frames(scenario: Scenario, video_url: str | None) -> Iterator[tuple[bytes, ...]]:
-    """Messages that the camera sends time and again; a component of the UAV's system."""
+def _nth_url(url: str, k: int) -> str:
+    """The same address, so many ports further on."""
+    return re.sub(r":(\d+)(?=$|\?)", lambda port: f":{int(port[1]) + k}", url)
+
+
+def _nth_path(path: Path | None, k: int) -> Path | None:
+    return path.with_stem(f"{path.stem}-{k + 1}") if path and k else path
+
+
+def _camera_frames(scenario: Scenario, video_url: str | None, uav_id: int = UAV_ID) -> Iterator[tuple[bytes, ...]]:
+    """Messages that the camera sends time and again; a component of its aircraft's system."""
     port = re.search(r":(\d+)", (video_url or "").partition("://")[2])
     told = camera(scenario, int(port[1]) if port else 0)
-    mav = dialect.MAVLink(None, srcSystem=UAV_ID, srcComponent=dialect.MAV_COMP_ID_CAMERA)
+    mav = dialect.MAVLink(None, srcSystem=uav_id, srcComponent=dialect.MAV_COMP_ID_CAMERA)
     while True:
         frames = []
         for message in told:

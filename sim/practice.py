@@ -12,6 +12,7 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from sim.errors import PlayError
+from sim.world.scenario import UAV_ID
 
 VIDEO = "video"
 TROUBLES: Mapping[str, str] = MappingProxyType(
@@ -35,7 +36,7 @@ TROUBLES: Mapping[str, str] = MappingProxyType(
         VIDEO: "the video stops",
     }
 )
-"""Troubles that there are, by name; the last is of no vehicle."""
+"""Troubles that there are, by name; the last is of no ground vehicle, and without an id of the first aircraft."""
 LOST_SHARE = 0.4
 LIE_M, IMPOSTOR_M = 30.0, 80.0
 _DEGREES7_PER_M = 1e7 / 111_195.0
@@ -58,7 +59,7 @@ Message = Any
 
 
 def parse_trouble(text: str, ids: Sequence[int]) -> tuple[str, int]:
-    """A trouble and whose it is: ``battery 12``, ``video``.
+    """A trouble and whose it is: ``battery 12``, ``video``, ``video 2``.
 
     Raises:
         ValueError: no such trouble, or no such vehicle.
@@ -66,8 +67,8 @@ def parse_trouble(text: str, ids: Sequence[int]) -> tuple[str, int]:
     name, _, number = text.strip().partition(" ")
     if name not in TROUBLES:
         raise ValueError(f"{name}: is no trouble; there are {', '.join(TROUBLES)}")
-    if name == VIDEO:
-        return name, 0
+    if name == VIDEO and not number:
+        return name, UAV_ID
     if not (number.isascii() and number.isdecimal() and int(number) in ids):
         raise ValueError(f"{text}: name one of the vehicles {', '.join(map(str, ids))} behind it")
     return name, int(number)
@@ -106,10 +107,9 @@ class Troubles:
                 self._socket.close()
                 raise PlayError(f"UDP port {port} cannot be had: {error.strerror}") from error
 
-    @property
-    def video_is_lost(self) -> bool:
-        """True if no frame is to be sent."""
-        return (VIDEO, 0) in self._on
+    def video_is_lost(self, uav_id: int = UAV_ID) -> bool:
+        """Tell whether no frame of this aircraft's is to be sent."""
+        return (VIDEO, uav_id) in self._on
 
     def toggle(self, text: str) -> None:
         """Begin or end a trouble.

@@ -29,9 +29,9 @@ def sim(
     video: Annotated[bool, typer.Option("--video", help="Render the video instead of ideal detections.")] = False,
     live: Annotated[bool, typer.Option("--live", help="Play in real time over UDP.")] = False,
     telemetry: Annotated[str, typer.Option(help="Where --live sends MAVLink.")] = "udpout:127.0.0.1:14550",
-    stream: Annotated[str, typer.Option(help="Where --live sends MPEG-TS video; empty for none.")] = (
-        "udp://127.0.0.1:5600"
-    ),
+    stream: Annotated[
+        str, typer.Option(help="Where --live sends MPEG-TS video, a second camera's to the next port; empty for none.")
+    ] = "udp://127.0.0.1:5600",
     truth: Annotated[Path | None, typer.Option(help="File for the true boxes that --live shows.")] = None,
     tells_camera: Annotated[
         bool, typer.Option("--camera/--no-camera", help="Have the UAV of --live report its camera and video.")
@@ -51,7 +51,7 @@ def sim(
         int | None,
         typer.Option(
             callback=check_range(1, MOST_VIEWS),
-            help="Number of cameras, each from another side, instead of the scenario's. Not with --live.",
+            help="Number of cameras, each from another side, instead of the scenario's.",
         ),
     ] = None,
     as_json: AsJson = False,
@@ -69,8 +69,6 @@ def sim(
         return
     if out is not None:
         raise GcsError("--live writes no folder; leave --out away, and record with gcs fly")
-    if world.views:
-        raise GcsError("--live plays one camera; give --views 1, or leave --live away to write a session")
     video_to = f", video to {concealed(stream)}" if stream else ""
     print_note(f"preparing {world.name} for {world.duration_s:g} s: MAVLink to {concealed(telemetry)}{video_to}")
     with progress("sim") as report:

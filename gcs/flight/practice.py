@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 from sim.practice import TROUBLES, VIDEO
 
@@ -14,10 +14,11 @@ class PractisedFleet:
     Args:
         port: of the simulator.
         on_event: called with a system id, 0 for none, and words when a trouble begins or ends.
+        films: system ids of aircraft with a camera.
     """
 
-    def __init__(self, port: int, on_event: Callable[[int, str], None]) -> None:
-        self._port, self._on_event = port, on_event
+    def __init__(self, port: int, on_event: Callable[[int, str], None], films: Collection[int] = ()) -> None:
+        self._port, self._on_event, self._films = port, on_event, films
         self._on: set[tuple[str, int]] = set()
 
     def troubles(self, system_id: int) -> Sequence[tuple[str, str]]:
@@ -38,6 +39,5 @@ class PractisedFleet:
         ends = trouble not in self._on and key != "reboot"
         self._on_event(trouble[1], f"practised: {TROUBLES[key]}{'; it ends' if ends else ''}")
 
-    @staticmethod
-    def _of(key: str, system_id: int) -> tuple[str, int]:
-        return key, 0 if key == VIDEO else system_id
+    def _of(self, key: str, system_id: int) -> tuple[str, int]:
+        return key, 0 if key == VIDEO and system_id not in self._films else system_id

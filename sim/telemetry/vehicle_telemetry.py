@@ -39,6 +39,11 @@ class TelemetryPacket:
     vehicle: int
     """−1 an aircraft, else the ground vehicle's index."""
 
+    @property
+    def system_id(self) -> int:
+        """Who sends it."""
+        return self.raw[5]  # magic, length, two flags and the sequence number are before it
+
 
 def fleet_telemetry(
     world: World, start_us: int | None = None, views: Sequence[World] = ()
@@ -49,14 +54,19 @@ def fleet_telemetry(
         start_us: Unix time of the first frame, in place of the scenario's.
         views: the same with each further camera's aircraft.
     """
-    scenario = world.scenario if start_us is None else dataclasses.replace(world.scenario, start_us=start_us)
+    scenario = _begun(world.scenario, start_us)
     sensors = Sensors(world)
     vehicles = [_uav(scenario, sensors), *(_ugv(scenario, sensors, i) for i in range(scenario.fleet_size))]
     ids = (UAV_ID, *scenario.ugv_ids)
     sent = [_sent(scenario, vehicle - 1, ids[vehicle], stream) for vehicle, stream in enumerate(vehicles)]
     for k, view in enumerate(views, 1):
-        sent.append(_sent(view.scenario, -1, UAV_ID + k, _uav(view.scenario, Sensors(view))))
+        own = _begun(view.scenario, start_us)
+        sent.append(_sent(own, -1, UAV_ID + k, _uav(own, Sensors(view))))
     return heapq.merge(*sent, key=lambda packet: packet.t_us)
+
+
+def _begun(scenario: Scenario, start_us: int | None) -> Scenario:
+    return scenario if start_us is None else dataclasses.replace(scenario, start_us=start_us)
 
 
 def _sent(scenario: Scenario, vehicle: int, system_id: int, stream: Stream) -> Iterator[TelemetryPacket]:

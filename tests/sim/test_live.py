@@ -95,6 +95,23 @@ def test_two_seconds_live(tmp_path):
     assert {int(row["system_id"]) for row in truth} - {0} == set(range(11, 17))
 
 
+def test_each_of_two_cameras_sends_its_own(tmp_path, monkeypatch):
+    with Receiver() as telemetry, Receiver() as video, Receiver() as other:
+        url = f"udp://127.0.0.1:{video.port}?pkt_size=1316"
+        second = live._nth_url(url, other.port - video.port)
+        assert second == f"udp://127.0.0.1:{other.port}?pkt_size=1316"
+        monkeypatch.setattr(live, "_nth_url", lambda _, k: (url, second)[k])
+        truth, to = tmp_path / "truth.csv", f"udpout:127.0.0.1:{telemetry.port}"
+        played = play(SMALL.filmed_by(2), to, url, 1.0, truth_path=truth, tells_camera=True)
+    parser = dialect.MAVLink(None)
+    messages = [parser.decode(bytearray(data)) for _, _, data in telemetry.datagrams]
+    assert set(played.packets) == {1, 2, *range(11, 18)} == {each.get_srcSystem() for each in messages}
+    told = {each.get_srcSystem(): each.uri for each in messages if each.get_type() == "VIDEO_STREAM_INFORMATION"}
+    assert told == {1: str(video.port), 2: str(other.port)}
+    assert video.datagrams and other.datagrams and played.frames > 1
+    assert [len((tmp_path / name).read_text().splitlines()) > 1 for name in ("truth.csv", "truth-2.csv")] == [True] * 2
+
+
 def test_a_play_stops_when_told():
     stop = threading.Event()
     stop.set()

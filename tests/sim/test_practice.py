@@ -65,13 +65,13 @@ SHOWS = {
 def test_a_trouble_shows_in_the_frames_of_its_vehicle_alone_and_ends(name):
     troubles = Troubles(IDS)
     troubles.toggle(name if name == "video" else f"{name} 11")
-    assert troubles.video_is_lost == (name == "video")
+    assert troubles.video_is_lost() == (name == "video")
     assert SHOWS[name](*sent(troubles))
     own, forged = sent(troubles, system_id=12)
     assert len(own) == ALL and not forged and of(POSITION, own)[0].lat == 10**8
     if name != "reboot":
         troubles.toggle(name if name == "video" else f"{name} 11")
-    assert not troubles.video_is_lost and len(sent(troubles)[0]) == ALL
+    assert not troubles.video_is_lost() and len(sent(troubles)[0]) == ALL
 
 
 @pytest.mark.parametrize("text", ["", "fire 11", "battery", "battery 99", "battery ²", "lie 11 12"])
@@ -88,7 +88,7 @@ def test_troubles_come_by_a_port_of_this_computer_and_noise_there_is_passed_over
             outlet.sendto(data, ("127.0.0.1", port))
     for _ in range(100):
         troubles.listen()
-    assert troubles.video_is_lost
+    assert troubles.video_is_lost()
     with pytest.raises(PlayError, match="cannot be had"):
         Troubles(IDS, port)
     troubles.close()
