@@ -12,13 +12,14 @@ import math
 import shutil
 import time
 from collections import defaultdict, deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from gcs.errors import SessionError
 from gcs.health.station_alarms import STALLED_S
 from gcs.mission.mission import Mission
 from gcs.session.event_log import EventLog
@@ -34,7 +35,18 @@ from infra.files.disk import OS_DISK, Disk
 from infra.files.record_state import RecordState
 from infra.program_log import LogFile, least_level
 from infra.reporting import ReportGrowth
-from infra.session_format import DETECTIONS, EVENTS, FOLDS, FRAMES, LOG, MOTION, PROGRAM_LOG, UNFOLDED, TableFormat
+from infra.session_format import (
+    DETECTIONS,
+    EVENTS,
+    FOLDS,
+    FRAMES,
+    LOG,
+    MOTION,
+    PROGRAM_LOG,
+    UNFOLDED,
+    VIEW_FOLDER,
+    TableFormat,
+)
 from infra.wall_clock import now_us
 from mavlink.state import Level
 from vision.detect.detections import Detections
@@ -84,82 +96,29 @@ class RecordingEvents:
                 yield "info", "disk keeps up again"
 
 
-class Recorder:
-    """One session folder, open for writing; its methods may be called from any thread.
+class ViewRecorder:
+    """What one camera of a flight leaves behind; its methods may be called from any thread.
 
     Args:
-        parent: where the folder is made.
+        folder: where.
+        make: makes a file from its path, its heading and whether it is made with its first row only.
         video: whether there is a camera.
-        notes: what a replay has to know beside the mission (``gcs.session.metadata``).
-        folder: one that was made already and has the telemetry of so far; None: a new one.
-        began_us: when that was made, Unix µs.
-        disk: the operating system, or a test's.
 
     Attributes:
-        folder, tlog_path, video_path: where it all goes; the processes of links and video write the latter two; no
-            video_path without a camera.
-        began_us: when it was begun, Unix µs.
-        full_in_s: until the disk is full if it fills up as in the last minutes, inf unknown.
-
-    Raises:
-        SessionError: the folder or a file cannot be made.
+        video_path: where the process of the video writes; None without a camera.
     """
 
-    def __init__(
-        self,
-        parent: Path,
-        mission: Mission,
-        *,
-        video: bool,
-        notes: Mapping[str, Any] = MappingProxyType({}),
-        folder: Path | None = None,
-        began_us: int = 0,
-        disk: Disk = OS_DISK,
-    ) -> None:
-        self.folder = folder or create_folder(parent)
-        self.video_path = self.folder / "video.mkv" if video else None
-        self.tlog_path = self.folder / LOG
-        self.full_in_s = math.inf
-        self.began_us = began_us or now_us()
-        self._files: list[LineFile] = []
-        self._frames: LineFile | None = None
-        self._detections: LineFile | None = None
-        self._motion: LineFile | None = None
-        self._folds: LineFile | None = None
-        self._unfolded: LineFile | None = None
-        self._log = LogFile(self.folder / PROGRAM_LOG, least_level(logging.INFO))
-        try:
-            started = datetime.fromtimestamp(self.began_us * 1e-6, UTC)
-            self._session = SessionFile(self.folder, mission, {"started": started, **notes})
-            self._make_files(video, disk)
-        except BaseException:
-            self._log.close()
-            if folder is None:
-                shutil.rmtree(self.folder, ignore_errors=True)  # nothing but headings is in it
-            raise
-        self._flusher = Flusher([file.file for file in self._files], SYNC_S)
-        self._watch = RecordingEvents()
-        self._space = SpaceForecast()
-        self._free_bytes = shutil.disk_usage(self.folder).free
+    def __init__(self, folder: Path, make: Callable[..., LineFile], *, video: bool) -> None:
+        self.folder = folder
+        self.video_path = folder / "video.mkv" if video else None
 
-    def _make_files(self, video: bool, disk: Disk) -> None:
-        make = partial(self._make, disk)
-        self._identity = IdentityLog(self.folder, make)
-        self._events = EventLog(self.folder / EVENTS, make)
-        if video:
-            self._frames = self._table(disk, FRAMES)
-            self._detections = self._table(disk, DETECTIONS)
-            self._motion = self._table(disk, MOTION)
-            self._folds = self._table(disk, FOLDS)
-            self._unfolded = self._table(disk, UNFOLDED, lazy=True)
+        def table(form: TableFormat, *, lazy: bool = False) -> LineFile | None:
+            return make(folder / form.name, form.header, lazy=lazy) if video else None
 
-    def _table(self, disk: Disk, form: TableFormat, *, lazy: bool = False) -> LineFile:
-        return self._make(disk, self.folder / form.name, form.header, lazy=lazy)
-
-    def _make(self, disk: Disk, path: Path, header: str, *, lazy: bool = False) -> LineFile:
-        file = LineFile(path, header, disk=disk, lazy=lazy)
-        self._files.append(file)
-        return file
+        self._identity = IdentityLog(folder, make)
+        self._events = EventLog(folder / EVENTS, make)
+        self._frames, self._detections, self._motion = table(FRAMES), table(DETECTIONS), table(MOTION)
+        self._folds, self._unfolded = table(FOLDS), table(UNFOLDED, lazy=True)
 
     def frame_time(self, index: int, t_us: int) -> None:
         """Note when a frame of the recorded video was taken."""
@@ -199,6 +158,77 @@ class Recorder:
         """Append events of a moment without a frame."""
         self._events.write(events)
 
+
+class Recorder(ViewRecorder):
+    """One session folder, open for writing; what the first camera sees is in it, further ones have a folder below.
+
+    Args:
+        parent: where the folder is made.
+        mission: what flies.
+        video: whether there is a camera.
+        views: numbers of the further cameras, from 2 on.
+        notes: what a replay has to know beside the mission (``gcs.session.metadata``).
+        folder: one that was made already and has the telemetry of so far; None: a new one.
+        began_us: when that was made, Unix µs.
+        disk: the operating system, or a test's.
+
+    Attributes:
+        folder, tlog_path: where it all goes; the process of the links writes the latter.
+        further: recorders of the further cameras, in the order of their numbers.
+        began_us: when it was begun, Unix µs.
+        full_in_s: until the disk is full if it fills up as in the last minutes, inf unknown.
+
+    Raises:
+        SessionError: the folder or a file cannot be made.
+    """
+
+    def __init__(
+        self,
+        parent: Path,
+        mission: Mission,
+        *,
+        video: bool,
+        views: Sequence[int] = (),
+        notes: Mapping[str, Any] = MappingProxyType({}),
+        folder: Path | None = None,
+        began_us: int = 0,
+        disk: Disk = OS_DISK,
+    ) -> None:
+        self.folder = folder or create_folder(parent)
+        self.tlog_path = self.folder / LOG
+        self.full_in_s = math.inf
+        self.began_us = began_us or now_us()
+        self._files: list[LineFile] = []
+        self._log = LogFile(self.folder / PROGRAM_LOG, least_level(logging.INFO))
+        try:
+            started = datetime.fromtimestamp(self.began_us * 1e-6, UTC)
+            self._session = SessionFile(self.folder, mission, {"started": started, **notes})
+            make = partial(self._make, disk)
+            super().__init__(self.folder, make, video=video)
+            self.further = tuple(ViewRecorder(self._view_folder(number), make, video=True) for number in views)
+        except BaseException:
+            self._log.close()
+            if folder is None:
+                shutil.rmtree(self.folder, ignore_errors=True)  # nothing but headings is in it
+            raise
+        self._flusher = Flusher([file.file for file in self._files], SYNC_S)
+        self._watch = RecordingEvents()
+        self._space = SpaceForecast()
+        self._free_bytes = shutil.disk_usage(self.folder).free
+
+    def _make(self, disk: Disk, path: Path, header: str, *, lazy: bool = False) -> LineFile:
+        file = LineFile(path, header, disk=disk, lazy=lazy)
+        self._files.append(file)
+        return file
+
+    def _view_folder(self, number: int) -> Path:
+        folder = self.folder / VIEW_FOLDER.format(number)
+        try:
+            folder.mkdir(mode=0o755)
+        except OSError as error:
+            raise SessionError(f"{folder}: cannot be made: {error.strerror}; choose another place") from error
+        return folder
+
     def check(self, telemetry: RecordState | None = None) -> tuple[Event, ...]:
         """Events about files and disk since the last call; to be called once a second or more often.
 
@@ -216,8 +246,8 @@ class Recorder:
         return events
 
     def states(self, telemetry: RecordState | None = None) -> dict[str, RecordState]:
-        """How each file is doing, by its name."""
-        found = {file.file.path.name: file.state for file in self._files}
+        """How each file is doing, by its name; ``view-2/frames.csv`` is a further camera's."""
+        found = {str(file.file.path.relative_to(self.folder)): file.state for file in self._files}
         return found if telemetry is None else {self.tlog_path.name: telemetry} | found
 
     @property
@@ -230,7 +260,8 @@ class Recorder:
         """Size of the session so far."""
         size = 0
         with contextlib.suppress(OSError):
-            size = sum(path.stat().st_size for path in self.folder.iterdir())
+            folders = (self.folder, *(view.folder for view in self.further))
+            size = sum(path.stat().st_size for folder in folders for path in folder.iterdir())
         return size
 
     def close(self, telemetry: RecordState | None = None, **notes: int) -> tuple[str, ...]:

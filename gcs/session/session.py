@@ -127,7 +127,7 @@ def open_session(
     toml, began, changes = home / METADATA, None, tuple[FleetChange, ...]()
     if chosen is None and toml.is_file():
         chosen = _seen_by(number, load_mission(toml), path)
-        if changes := read_changes(home):
+        if changes := read_changes(path):  # by the frames of this camera
             began, chosen = chosen, with_all(chosen, changes)
     notes = FlightNotes()
     if toml.is_file():
