@@ -199,6 +199,8 @@ class View:
     camera: Camera | None = None
     """Its camera; None: as the aircraft reports it."""
     clock: Clock = field(default_factory=Clock)
+    video: str = ""
+    """Where its video comes from in flight, as ``[links] video``; the command line overrides it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,7 +223,7 @@ class Mission:
     map: MapChoice = field(default_factory=MapChoice)
 
     def __post_init__(self) -> None:
-        ids = Counter((self.uav.system_id, *(v.system_id for v in self.view), *self.ugv_ids))
+        ids = Counter(self.system_ids)
         twice = sorted(i for i, count in ids.items() if count > 1)
         if twice:
             raise ValueError(f"system id {twice[0]} is given to two vehicles; every vehicle needs its own")
@@ -235,10 +237,21 @@ class Mission:
         return tuple(v.system_id for v in self.ugv)
 
     @property
+    def system_ids(self) -> tuple[int, ...]:
+        """System ids of all who fly and drive: the aircraft with cameras first."""
+        return (self.uav.system_id, *(view.system_id for view in self.view), *self.ugv_ids)
+
+    @property
     def views(self) -> tuple[Mission, ...]:
         """The mission as each camera has it: with that one as the first, and the others as further views."""
         uav = self.uav
-        first = View(system_id=uav.system_id, name=self.name_of(uav.system_id), camera=self.camera, clock=self.clock)
+        first = View(
+            system_id=uav.system_id,
+            name=self.name_of(uav.system_id),
+            camera=self.camera,
+            clock=self.clock,
+            video=self.links.video,
+        )
         every = (first, *self.view)
         return tuple(
             replace(
@@ -246,6 +259,7 @@ class Mission:
                 uav=MissionVehicle(system_id=view.system_id, name=self.name_of(view.system_id)) if k else uav,
                 camera=view.camera,
                 clock=view.clock,
+                links=replace(self.links, video=view.video),
                 view=every[:k] + every[k + 1 :],
             )
             for k, view in enumerate(every)
@@ -333,8 +347,9 @@ def unheeded_links(path: Path) -> tuple[str, ...]:
     table = load_table(path)
     if not _came_with_a_recording(path, table):
         return ()
-    links = parse_mission(table, str(path)).links
-    return (*links.telemetry, *([links.video] if links.video else []), *links.forward)
+    mission = parse_mission(table, str(path))
+    links, videos = mission.links, [view.video for view in mission.view]
+    return (*links.telemetry, *filter(None, (links.video, *videos)), *links.forward)
 
 
 def _came_with_a_recording(path: Path, table: Mapping[str, Any]) -> bool:
@@ -354,7 +369,8 @@ def _without_reach(mission: Mission, path: Path) -> Mission:
                 f"{path}: [detector]: {network} came with the recording and is not opened; where you trust it, name it "
                 "in a mission file of your own, with --mission"
             )
-    return replace(mission, links=Links(), signing=SigningChoice())
+    views = tuple(replace(view, video="") for view in mission.view)
+    return replace(mission, links=Links(), signing=SigningChoice(), view=views)
 
 
 def _beside(path: Path, name: str) -> str:

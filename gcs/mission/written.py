@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Mapping
-from dataclasses import is_dataclass
+from dataclasses import is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,7 @@ def mission_tables(mission: Mission) -> dict[str, Any]:
         if (part := getattr(mission, name)) is not None:
             table[name] = _values(part)
     if mission.view:
-        table["view"] = [_values(view) for view in mission.view]
+        table["view"] = [_values(replace(view, video="")) for view in mission.view]
     if mission.fence:
         table["fence"] = [_values(fence) for fence in mission.fence]
     if mission.map != _DEFAULTS.map:
@@ -58,7 +58,8 @@ def mission_text(mission: Mission, origins: Mapping[str, str]) -> str:
     for name, values in tables.items():
         if name not in ("uav", "ugv", "view", "fence") and values != usual.get(name):
             blocks.append(_block(f"[{name}]", values, origins.get(name)))
-    for each in tables.get("view", ()):
+    for each, view in zip(tables.get("view", ()), mission.view, strict=True):
+        each |= {"video": view.video} if view.video else {}
         parts = {name: each.pop(name) for name in ("camera", "clock") if name in each}
         blocks.append(_block("[[view]]", each, origins.get(str(each["system_id"]))))
         blocks += [_block(f"[view.{name}]", part, None) for name, part in parts.items()]

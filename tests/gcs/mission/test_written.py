@@ -41,7 +41,7 @@ FENCE = Fence(polygon=((48.1, 11.6), (48.2, 11.6), (48.2, 11.7)), keep="out", na
             detector=DetectorChoice(model="/models/own.onnx", classes=("ugv",)),
             map=MapChoice(tiles="/m.mbtiles"),
         ),
-        replace(HEARD, view=(View(system_id=2), View(system_id=3, name="Mast", camera=LENS, clock=Clock()))),
+        replace(HEARD, view=(View(system_id=2), View(system_id=3, name="Mast", camera=LENS, video="udp://:5601"))),
         replace(HEARD, signing=SigningChoice(keys="none")),
         replace(HEARD, signing=SigningChoice(keys="/keys", unsigned=(), keyless="open")),
     ],
