@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,8 @@ Standing = Literal[
     "misplaced",
     "no new frame",
 ]
+NAMED: Final[frozenset[Standing]] = frozenset({"confirmed", "tentative", "coasting"})
+"""Standings of a vehicle that has a box in the picture."""
 Reported = Literal["", "then", "now"]
 """In a replay: only the flight reported it (``then``), or only the replay does (``now``); empty: both, or no replay."""
 
@@ -157,6 +159,8 @@ class VehicleRow:
     """Track that carries this identity, 0 none."""
     confidence: float = NAN
     """Probability of that identity, NaN without one."""
+    elsewhere: tuple[str, ...] = ()
+    """Aircraft in whose pictures it is named too, where a flight has several cameras."""
     stated: bool = False
     """The identity is what the operator stated."""
     contested: bool = False

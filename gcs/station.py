@@ -132,8 +132,8 @@ class Station(Protocol):
     def timeline(self) -> Timeline | None:
         """None when live."""
 
-    def next_view(self) -> Station:
-        """The flight's next camera at the same moment, from now on the one on show; itself where there is no other.
+    def next_view(self) -> Station | None:
+        """The flight's next camera at the same moment, from now on the one on show; None where there is no other.
 
         Raises:
             GcsError, VisionError: what that one recorded cannot be used.

@@ -88,9 +88,8 @@ class ScriptedStation(Station):
     def take_rival_video(self) -> None:
         return None
 
-    def next_view(self) -> Self:
+    def next_view(self) -> None:
         """There is no other camera."""
-        return self
 
     def stop(self) -> None:
         return None

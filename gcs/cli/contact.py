@@ -40,8 +40,8 @@ class Wanted:
 
     links: tuple[str, ...]
     """Empty: the usual ports."""
-    video: str | None
-    """None: what is offered or heard."""
+    videos: tuple[str, ...]
+    """Of each camera, as the mission has them; empty: what the mission says, or else what is offered or heard."""
     uav: int | None
     """System id of the aircraft that films; None: as heard."""
     ugv: tuple[int, ...]
@@ -51,6 +51,11 @@ class Wanted:
     accept_late: tuple[int, ...]
     sessions: Path
     listen_s: float
+
+    @property
+    def video(self) -> str | None:
+        """That of the first camera, None: not told."""
+        return next(iter(self.videos), None)
 
     @property
     def chosen(self) -> dict[int, Role]:
@@ -124,6 +129,8 @@ def prepare(
         SystemExit: interrupted.
     """
     if mission is None:
+        if len(wanted.videos) > 1:
+            raise GcsError("several --video are for a mission file with a [[view]] for each further camera")
         with naming_own_flight(wanted.links or USUAL_LINKS):
             listening = _listen(wanted, command=command)
         ending.callback(listening.close)
@@ -136,9 +143,7 @@ def prepare(
         return _ready(found, listening, wanted)
     if wanted.chosen:
         raise GcsError("--uav and --ugv are for flights without a mission file; the file has who flies")
-    loaded = load_mission(mission)
-    if loaded.view:
-        raise GcsError(f"{mission}: a flight takes one video; leave [[view]] out to fly with the first camera")
+    loaded = _with_videos(load_mission(mission), wanted.videos, mission)
     links = wanted.links or loaded.links.telemetry
     if not links:
         raise GcsError("no telemetry link; give --link (for example --link 14550) or [links] telemetry in the mission")
@@ -152,6 +157,23 @@ def prepare(
         video=loaded.links.video if wanted.video is None else wanted.video,
         forward=wanted.forward or _checked_outputs(mission, loaded.links.forward, command=command),
     )
+
+
+def _with_videos(mission: Mission, videos: Sequence[str], path: Path) -> Mission:
+    """With the further cameras' videos of the command line, where it has them.
+
+    Raises:
+        GcsError: there are more than cameras, or two cameras have one.
+    """
+    if len(videos) > len(mission.view) + 1:
+        raise GcsError(f"{len(videos)} times --video; {path} has {len(mission.view)} [[view]] beside the first camera")
+    further = dict(enumerate(videos[1:]))
+    views = tuple(replace(view, video=further.get(k, view.video)) for k, view in enumerate(mission.view))
+    every = [next(iter(videos), mission.links.video), *(view.video for view in views)]
+    twice = [video for video in every if video not in ("", AUTO) and every.count(video) > 1]
+    if twice:
+        raise GcsError(f"{concealed(twice[0])} is the video of two cameras; give each its own")
+    return replace(mission, view=views)
 
 
 def _listen(wanted: Wanted, *, command: bool) -> Listening:

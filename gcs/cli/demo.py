@@ -41,7 +41,7 @@ def demo(
         with _simulated_fleet() as (link, video, practise):
             fly(
                 link=[link],
-                video=video,
+                video=[video],
                 headless=not screen,
                 duration=None if screen else HEADLESS_S,
                 listen_s=LISTEN_S,

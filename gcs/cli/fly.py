@@ -51,7 +51,7 @@ from gcs.live_out.sink import SinkSource
 from gcs.mission.mission import Mission, unheeded_links
 from gcs.report.rollcall import RollCall
 from gcs.session.sealing import Sealing
-from gcs.snapshot import Event
+from gcs.snapshot import Event, Snapshot
 from infra.files.safe_open import is_shared
 from infra.processes.end_signals import AskedBySignals, noted_signals
 from infra.secrets import concealed, secrets_of
@@ -110,7 +110,12 @@ def fly(
     ] = None,
     link: Annotated[list[str] | None, typer.Option("--link", "-l", help="Telemetry link; may be repeated.")] = None,
     video: Annotated[
-        str | None, typer.Option("--video", "-v", help="Video URL, device or file; auto: what the UAV offers.")
+        list[str] | None,
+        typer.Option(
+            "--video",
+            "-v",
+            help="Video URL, device or file; auto: what the UAV offers. Once more for each [[view]] of the mission.",
+        ),
     ] = None,
     out: Annotated[
         list[str] | None,
@@ -190,11 +195,10 @@ def fly(
     if attach:
         print_note(show_flight(mission, options, take_over=take_over))
         return
-    if video is not None:
-        _hide_password(video)
+    _hide_passwords(video or ())
     wanted = Wanted(
         links=tuple(link or ()),
-        video=video,
+        videos=tuple(video or ()),
         uav=uav,
         ugv=parse_ids(ugv or ()),
         forward=tuple(out or ()),
@@ -208,12 +212,12 @@ def fly(
     with noted_signals() as asked, contextlib.ExitStack() as ending:
         ask = theme if screen and not as_json else None
         ready = prepare(mission, wanted, asked, ending, command=command, screen=screen, ask=ask)
-        links, source, flown = ready.links, ready.video, _with_model(ready.mission, model)
+        links, flown = ready.links, _with_model(ready.mission, model)
         sinks = parse_sinks(tell, show, (*links, *ready.forward))
         plan = FlightPlan(
             mission=flown,
             links=links,
-            video=source,
+            video=ready.video,
             sessions=sessions,
             forward=ready.forward,
             command=command,
@@ -222,25 +226,32 @@ def fly(
             origins=ready.origins,
             practise_port=practise,
         )
-        calls = RollCall(flown)
+        seen = {place: RollCall(flown.views[place]) for place in plan.videos}
+        calls = seen[0]
+        calls.other_views = tuple(seen.values())[1:]
+
+        def take(place: int, snapshot: Snapshot) -> None:
+            seen[place].add(snapshot, time.monotonic_ns() // 1000)
+
         with naming_own_flight(links):
-            flight = Flight(plan, lambda snapshot: calls.add(snapshot, time.monotonic_ns() // 1000), ready.listening)
+            flight = Flight(plan, take, ready.listening)
         ending.callback(flight.stop)
         ending.callback(_tell_start(flight, plan, mission, screen=screen).close)
         door = AttachServer(flight.folder, links)
         ending.callback(door.close)
         if not screen:
             print_note(_gone_on(flight, "recording" if headless else "no terminal, so no screen; recording", door))
-        with telling(flight, sinks, SinkSource(name=flight.title), sessions):
+        with telling(flight, sinks, SinkSource(name=flight.folder.name), sessions, flight.latest_of_first):
             if not screen or not _screen(flight, calls, options, door, asked):
                 _wait(flight, calls, door, asked, duration)
     if asked.hung_up:
         redirect_if_terminal_gone(flight.folder / CONSOLE)
-    calls.end(flight.frames)
+    for place, frames in flight.frames.items():
+        seen[place].end(frames)
     if mission is None:
         _save_mission(flight)
     _report(flight, calls, as_json=as_json)
-    if source and not calls.named:
+    if any(plan.videos.values()) and not any(each.named for each in seen.values()):
         raise SystemExit(NO_NAMES)
 
 
@@ -278,11 +289,10 @@ def _report(flight: Flight, calls: RollCall, *, as_json: bool) -> None:
         raise SystemExit(NOT_AVAILABLE)
 
 
-def _hide_password(video: str) -> None:
-    """A password on the command line is taken from the list of processes, where it stood until now."""
-    secrets = secrets_of(video)
-    if secrets:
-        hide_in_process_list(video, secrets)
+def _hide_passwords(videos: Sequence[str]) -> None:
+    """Passwords on the command line are taken from the list of processes, where they stood until now."""
+    for video in filter(secrets_of, videos):
+        hide_in_process_list(video, secrets_of(video))
         print_note("other users could see the password in --video for a moment; [links] video in a mission is safer")
 
 
@@ -313,6 +323,12 @@ def _tell_start(flight: Flight, plan: FlightPlan, mission: Path | None, *, scree
             f"{mission} came with a recording: its links do not count ({addresses}); give --link, --video, --out",
             "warning",
         )
+    for view in plan.mission.view:
+        if not view.video:
+            name = plan.mission.name_of(view.system_id)
+            report(
+                f"{name} has no video, so its camera is left out: [[view]] video or one more --video adds it", "warning"
+            )
     for folder in filter(is_shared, (flight.folder, plan.sessions)):
         report(
             f"{folder}: others may write to this folder, and change what is recorded; chmod go-w ends that", "warning"

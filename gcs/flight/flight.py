@@ -7,6 +7,7 @@ recorded and counted. What fails in a turn of a thread costs that turn: the flig
 
 from __future__ import annotations
 
+import itertools
 import logging
 import os
 import platform
@@ -19,20 +20,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gcs.errors import FlightError
-from gcs.flight.frame_loop import FrameLoop
 from gcs.flight.listening import Listening, open_ingest
-from gcs.flight.monitor import FlightMonitor
+from gcs.flight.monitor import FlightMonitor, with_video
 from gcs.flight.newcomers import Newcomers
 from gcs.flight.practice import PractisedFleet
-from gcs.flight.video import FlightVideo, check_source
+from gcs.flight.video import check_source
+from gcs.flight.view import FlightView
+from gcs.flight.views import FlightViews
 from gcs.fold.detector_factory import fingerprints, open_mission_detector
-from gcs.fold.pipeline import Pipeline
 from gcs.health.faults import Faults
 from gcs.mission.fleet_changes import changed
 from gcs.mission.mission import Mission
 from gcs.mission.written import save_mission
 from gcs.session.metadata import PROGRAM, key_notes
-from gcs.session.recorder import Recorder
+from gcs.session.recorder import Recorder, ViewRecorder
 from gcs.snapshot import Alarm, Event, FleetChange, Health, Snapshot, Statement
 from gcs.station import Commands, Newcomer
 from infra.wall_clock import now_us
@@ -48,10 +49,6 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 READ_S = 0.2
-IDLE_S = 0.2
-"""Without a new frame for this long the fleet is shown all the same."""
-WAITING_S = 0.02
-"""Poll interval in seconds while frames wait for telemetry."""
 CARE_S = 0.5
 FAULT_PAUSE_S = 0.1
 LOOK_THREADS = min(os.cpu_count() or 1, 2)
@@ -65,7 +62,8 @@ class FlightPlan:
     mission: Mission
     links: tuple[str, ...]
     video: str
-    """Empty: no camera; ``auto``: the stream that the UAV offers, once it does."""
+    """Empty: no camera; ``auto``: the stream that the UAV offers, once it does. Further cameras are those views of the
+    mission that name one."""
     sessions: Path
     forward: tuple[str, ...] = ()
     """Where packets go on to, as they came."""
@@ -80,6 +78,11 @@ class FlightPlan:
     practise_port: int = 0
     """At which a simulated fleet of this computer takes troubles, 0 none."""
 
+    @property
+    def videos(self) -> dict[int, str]:
+        """Videos of the cameras that fly by their place in the mission; the first one's may be empty."""
+        return {0: self.video} | {place: view.video for place, view in enumerate(self.mission.view, 1) if view.video}
+
 
 class Flight:
     """A station (``gcs.station.Station``) in flight."""
@@ -89,14 +92,15 @@ class Flight:
     def __init__(
         self,
         plan: FlightPlan,
-        on_snapshot: Callable[[Snapshot], None] = lambda snapshot: None,
+        on_snapshot: Callable[[int, Snapshot], None] = lambda place, snapshot: None,
         listening: Listening | None = None,
     ) -> None:
         """Open links, camera, detector and recording, then start.
 
         Args:
             plan: What to listen to.
-            on_snapshot: Called in the fold's thread with each snapshot, of a frame or without one.
+            on_snapshot: Called in the fold's thread with a camera's place in the mission, 0 the first, and each of its
+                snapshots, of a frame or without one.
             listening: has the links open already, and what was heard so far; its folder is the session's.
 
         Raises:
@@ -105,14 +109,13 @@ class Flight:
         self._plan = plan
         mission = self._mission = plan.mission
         self._ring = read_ring(mission.signing.folder) if mission.signing.folder else KeyRing()
-        detector: Detector | None = None
         notes: dict[str, Any] = {"keys": key_notes(self._ring)}
-        if plan.video:
-            check_source(plan.video)
-            detector = open_mission_detector(mission.detector, threads=LOOK_THREADS)
+        if detector := _open_detector(plan):
             notes["models"] = fingerprints(mission.detector)
         made: dict[str, Any] = {"folder": listening.folder, "began_us": listening.began_us} if listening else {}
-        self._recorder = Recorder(plan.sessions, mission, video=bool(plan.video), notes=notes, **made)
+        self._recorder = Recorder(
+            plan.sessions, mission, video=bool(plan.video), views=[k + 1 for k in plan.videos if k], notes=notes, **made
+        )
         _log.info("%s records %s in process %d", PROGRAM, self._recorder.folder.name, os.getpid())
         _log.info("Python %s on %s", platform.python_version(), platform.platform())
         self._commands: CommandService | None = None
@@ -125,19 +128,22 @@ class Flight:
             raise
         if listening:
             listening.close_video()
-        self._video = FlightVideo(plan.video, self._recorder)
-        self._pipeline = Pipeline(mission, links=self._ingest.names, address=self._ingest.address)
+        self._faults = Faults(self._recorder.folder / "faults.txt")
+        self._views = FlightViews(on_snapshot)
+        recorders = (self._recorder, *self._recorder.further)
+        for (place, source), recorder in zip(plan.videos.items(), recorders, strict=True):
+            self._add_view(place, source, recorder, detector)
+        self._first = self._views.first
         rates = uav_rates(gimbal=mission.follows_gimbal)
         self._rates = MessageRates(None, mission.uav.system_id, mission.ugv_ids, uav_rates=rates)
         self._newcomers = Newcomers([each.system_id for each in listening.roster.vehicles] if listening else ())
-        self._faults = Faults(self._recorder.folder / "faults.txt")
-        self._loop = FrameLoop(self._pipeline, detector, self._recorder, self._faults, on_snapshot)
-        self._loop.health = Health(
+        self._first.loop.health = Health(
             free_bytes=self._recorder.free_bytes, recording_since_us=self._recorder.began_us, keys=len(self._ring)
         )
         for system_id in plan.accept_late:
             self._add_operator_event(system_id, "signed packets are accepted without a proof in this flight")
-        self._practice = PractisedFleet(plan.practise_port, self._add_practised) if plan.practise_port else None
+        films = [view.uav_id for view in self._views.all.values()]
+        self._practice = PractisedFleet(plan.practise_port, self._add_practised, films) if plan.practise_port else None
         self._stop = threading.Event()
         self._stopped = threading.Lock()
         self._closed = False
@@ -147,18 +153,17 @@ class Flight:
         self._monitor = FlightMonitor(
             self._ingest,
             self._recorder,
-            self._video,
+            self._first.video,
             None if self._commands else self._rates,
             keys=len(self._ring),
             spare=plan.spare,
-            on_event=self._loop.add_event,
+            on_event=self.add_event,
         )
         if listening:
-            self._ingest.know((mission.uav.system_id, *mission.ugv_ids), mission.uav.system_id)
+            self._ingest.know(mission.system_ids, mission.uav.system_id)
             # twice: folding in a minute takes seconds, after which the flight is not to begin late
             for _ in range(2):
-                self._loop.add_packets(listening.hand_over(), self._ingest.heard_us)
-                self._loop.take_in_packets()
+                self._views.add_packets(listening.hand_over(), self._ingest.heard_us, at_once=True)
         jobs = {"listening": self._receive, "naming": self._process, "looking after the flight": self._check_health}
         self._threads = [
             threading.Thread(target=self._repeat, args=job, name=job[0], daemon=True) for job in jobs.items()
@@ -169,14 +174,13 @@ class Flight:
     @property
     def without_key(self) -> tuple[int, ...]:
         """Vehicles of the mission that are refused because others have keys and they have none."""
-        ids = (self._mission.uav.system_id, *self._mission.ugv_ids)
         refused = len(self._ring) > 0 and self._mission.signing.keyless == "refused"
-        return tuple(i for i in ids if refused and self._ring.key_of(i) is None)
+        return tuple(i for i in self._mission.system_ids if refused and self._ring.key_of(i) is None)
 
     @property
     def title(self) -> str:
-        """Where it is recorded."""
-        return self._recorder.folder.name
+        """Where it is recorded, and of several cameras the one on show."""
+        return self.folder.name + (f" from {self._views.shown.name}" if self._views.several else "")
 
     @property
     def tiles(self) -> Path | None:
@@ -195,9 +199,9 @@ class Flight:
         return health.packets - health.sent
 
     @property
-    def frames(self) -> int:
-        """Frames received and recorded, whether they were looked at or not."""
-        return self._video.stream.received if self._video.stream else 0
+    def frames(self) -> Mapping[int, int]:
+        """Frames received and recorded, whether they were looked at or not, by their camera's place in the mission."""
+        return {place: view.frames for place, view in self._views.all.items()}
 
     @property
     def error(self) -> FlightError | None:
@@ -223,43 +227,49 @@ class Flight:
         return self._commands
 
     def latest(self) -> Snapshot | None:
-        """The newest snapshot."""
-        return self._loop.latest
+        """The newest snapshot of the camera on show, with what the others tell."""
+        return self._views.latest()
+
+    def latest_of_first(self) -> Snapshot | None:
+        """The newest snapshot of the first camera, whichever is on show."""
+        return self._first.loop.latest
 
     def events(self) -> Sequence[Event]:
-        """Events so far."""
-        return self._loop.events()
+        """Events so far: of the fleet, and of each camera what is about that one."""
+        return self._views.events()
 
     def add_event(self, event: Event) -> None:
         """Something that the operator is to know, for screen and event log."""
-        self._loop.add_event(event)
+        self._first.loop.add_event(event)
 
     def mark(self, t_us: int, text: str, system_id: int = 0) -> None:
         """Keep the operator's note on a moment: an event."""
-        self._loop.add_event(Event(t_us=t_us, level="info", kind="mark", text=text, system_id=system_id))
+        self.add_event(Event(t_us=t_us, level="info", kind="mark", text=text, system_id=system_id))
 
     def acknowledge(self, alarms: Sequence[Alarm]) -> None:
         """The operator has seen these: an event each."""
         t_us = now_us()
-        for alarm in alarms:
-            self._loop.add_event(
+        for view, alarm in itertools.product(self._views.all.values(), alarms):
+            if (own := view.own(alarm)) is None:
+                continue
+            view.loop.add_event(
                 Event(
                     t_us=t_us,
                     level="info",
                     kind="operator",
-                    text=f"seen: {alarm.text}",
-                    system_id=alarm.system_id,
-                    alarm=alarm.key,
+                    text=f"seen: {own.text}",
+                    system_id=own.system_id,
+                    alarm=own.key,
                 )
             )
 
     def state_name(self, track_id: int, system_id: int) -> None:
         """The operator states which vehicle a box is."""
-        self._pipeline.state_name(Statement(track_id=track_id, system_id=system_id))
+        self._views.shown.pipeline.state_name(Statement(track_id=track_id, system_id=system_id))
 
     def undo_statement(self, track_id: int = 0) -> None:
         """The operator withdraws a statement."""
-        self._pipeline.state_name(Statement(track_id=track_id, system_id=0, undone=True))
+        self._views.shown.pipeline.state_name(Statement(track_id=track_id, system_id=0, undone=True))
 
     def rates(self) -> Sequence[Rate]:
         """How often messages come."""
@@ -271,20 +281,26 @@ class Flight:
 
     def change_fleet(self, change: FleetChange) -> None:
         """The operator takes a vehicle into the fleet, leaves it out or renames it."""
-        after = changed(self._pipeline.mission, change)
-        self._pipeline.change_fleet(change)
+        after = changed(self._views.shown.pipeline.mission, change)
+        films = {view.uav_id for view in self._views.all.values()}
+        for view in self._views.all.values():
+            if change.system_id not in films - {view.uav_id}:
+                view.pipeline.change_fleet(change)
         self._rates.set_ground(after.ugv_ids)
         if self._commands:
             self._commands.set_ground({i: after.name_of(i) for i in after.ugv_ids})
-        self._ingest.know((after.uav.system_id, *after.ugv_ids), after.uav.system_id)
+        self._ingest.know(after.system_ids, self._first.uav_id)
 
     def save_mission(self) -> str:
         """Write the mission as a file of the working folder, never over one, to be flown again; tells where.
 
         A camera that the film showed is in it.
         """
-        mission, origins = self._pipeline.mission, self._plan.origins
-        if found := self._pipeline.found_camera:
+        mission, origins = self._first.pipeline.mission, self._plan.origins
+        cameras = {view.uav_id: found for view in self._views.all.values() if (found := view.pipeline.found_camera)}
+        views = (replace(view, camera=cameras.get(view.system_id, view.camera)) for view in mission.view)
+        mission = replace(mission, view=tuple(views))
+        if found := cameras.get(self._first.uav_id):
             mission = replace(mission, camera=found)
             origins = {**origins, "camera": f"Found from the film of {self.title}: gcs calibrate measures it better."}
         path, new = save_mission(mission, origins, Path.cwd())
@@ -299,30 +315,29 @@ class Flight:
             except LinkError as error:
                 self._add_operator_event(system_id, f"signed packets stay held: {error}")
 
-    def next_view(self) -> Flight:
-        """A flight has one camera."""
-        return self
+    def next_view(self) -> Flight | None:
+        """The same with its next camera on show and in focus."""
+        self._views.show_next()
+        return self if self._views.several else None
 
     def take_rival_video(self) -> None:
         """The operator takes the other video where two senders contest its port: an event."""
-        if taken := self._video.take_rival():
-            self._loop.add_event(
+        if taken := self._views.shown.video.take_rival():
+            self._views.shown.loop.add_event(
                 Event(t_us=now_us(), level="warning", kind="operator", text=f"video is to come from {taken}")
             )
 
     def _add_practised(self, system_id: int, text: str) -> None:
-        name = self._pipeline.mission.name_of(system_id) if system_id else "practice"
-        self._loop.add_event(
-            Event(t_us=now_us(), level="info", kind="operator", text=f"{name}: {text}", system_id=system_id)
-        )
+        name = self._first.pipeline.mission.name_of(system_id) if system_id else "practice"
+        self.add_event(Event(t_us=now_us(), level="info", kind="operator", text=f"{name}: {text}", system_id=system_id))
 
     def _add_operator_event(self, system_id: int, text: str) -> None:
-        self._loop.add_event(
+        self.add_event(
             Event(
                 t_us=now_us(),
                 level="warning",
                 kind="operator",
-                text=f"{self._pipeline.mission.name_of(system_id)}: {text}",
+                text=f"{self._first.pipeline.mission.name_of(system_id)}: {text}",
                 system_id=system_id,
             )
         )
@@ -336,12 +351,14 @@ class Flight:
         self._stop.set()
         if self._commands:
             self._commands.close()
-        self._video.close()
+        for view in self._views.all.values():
+            view.video.close()
         for thread in self._threads:
             if thread is not threading.current_thread():
                 thread.join(timeout=5)
         self._ingest.stop()
-        self._loop.close()
+        for view in self._views.all.values():
+            view.loop.close()
         health = self._ingest.health()
         _log.info("the flight ends with %d packets", self.packets)
         self.lost = self._recorder.close(health.record, refused=health.refused)
@@ -354,8 +371,14 @@ class Flight:
             mission,
             self._ingest,
             self._ring,
-            where=lambda system_id: place_of(system_id, self._loop.latest),
-            on_event=self._loop.add_event,
+            where=lambda system_id: place_of(system_id, self.latest_of_first()),
+            on_event=self.add_event,
+        )
+
+    def _add_view(self, place: int, video: str, recorder: ViewRecorder, detector: Detector | None) -> None:
+        mission = self._mission.views[place] if place else self._mission
+        self._views.add(
+            place, FlightView(mission, video, recorder, detector, self._ingest, self._faults, self._views.take)
         )
 
     def _repeat(self, job: str, turn: Callable[[], None]) -> None:
@@ -371,7 +394,7 @@ class Flight:
 
     def _receive(self) -> None:
         packets = self._ingest.read(READ_S)
-        self._loop.add_packets(packets, self._ingest.heard_us)
+        self._views.add_packets(packets, self._ingest.heard_us)
         self._newcomers.add_packets(packets, self._fleet)
         if self._commands:
             for packet in packets:
@@ -382,23 +405,39 @@ class Flight:
                 self._rates.add_packet(packet, now_s)
 
     def _process(self) -> None:
-        frame = self._video.latest(WAITING_S if self._loop.frames_wait else IDLE_S)
-        if self._video.stream is None:
-            self._stop.wait(IDLE_S)
         if self._commands:
             self._commands.poll()
-        self._loop.run_once(frame)
+        self._views.turn(self._stop.wait)
 
     @property
     def _fleet(self) -> frozenset[int]:
         """System ids of those who fly now."""
-        return frozenset((self._pipeline.mission.uav.system_id, *self._pipeline.mission.ugv_ids))
+        return frozenset(self._first.pipeline.mission.system_ids)
 
     def _check_health(self) -> None:
-        for event in self._newcomers.look(now_us(), self._fleet, self.latest()):
-            self._loop.add_event(event)
-        self._loop.health = self._monitor.check(self._loop.throughput, self._faults, self._pipeline.fleet.video_offer)
+        for event in self._newcomers.look(now_us(), self._fleet, self.latest_of_first()):
+            self.add_event(event)
+        first, *others = self._views.all.values()
+        offer = first.pipeline.fleet.video_offer
+        first.loop.health = self._monitor.check(first.loop.throughput, self._faults, offer)
+        for view in others:
+            view.loop.health = with_video(first.loop.health, view.video, view.loop.throughput)
+            for event in view.video.check(view.pipeline.fleet.video_offer):
+                view.loop.add_event(event)
         self._stop.wait(CARE_S)
+
+
+def _open_detector(plan: FlightPlan) -> Detector | None:
+    """The one that looks at the frames of all cameras, None without any.
+
+    Raises:
+        VideoError: a video could never be opened.
+        ModelError: the detector cannot be.
+    """
+    for source in plan.videos.values():
+        check_source(source)
+    choice = plan.mission.detector
+    return open_mission_detector(choice, threads=LOOK_THREADS) if any(plan.videos.values()) else None
 
 
 def _open_ingest(plan: FlightPlan, log: Path) -> Ingest:
@@ -412,5 +451,5 @@ def _open_ingest(plan: FlightPlan, log: Path) -> Ingest:
         command=plan.command,
         accept_late=plan.accept_late,
         uav=uav,
-        system_ids=(uav, *mission.ugv_ids),
+        system_ids=mission.system_ids,
     )

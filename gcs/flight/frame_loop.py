@@ -11,7 +11,7 @@ from gcs.flight.monitor import Throughput
 from gcs.fold.pipeline import HELD_US, Pipeline
 from gcs.health.faults import Faults
 from gcs.session.fold_order import NO_FRAME, FoldTurn
-from gcs.session.recorder import Recorder
+from gcs.session.recorder import ViewRecorder
 from gcs.snapshot import Event, Health, Snapshot
 from infra.wall_clock import now_us
 from mavlink.protocol.packet import Packet
@@ -61,7 +61,7 @@ class FrameLoop:
         self,
         pipeline: Pipeline,
         detector: Detector | None,
-        recorder: Recorder,
+        recorder: ViewRecorder,
         faults: Faults,
         on_snapshot: Callable[[Snapshot], None],
         now_us: Callable[[], int] = now_us,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gcs.flight.video import FlightVideo
 from gcs.health.faults import Faults
@@ -82,17 +82,10 @@ class FlightMonitor:
         self._on_event(Event(t_us=t_us, level=level, kind="link", text=text, system_id=system_id))
 
     def _health(self, ingest: IngestHealth, throughput: Throughput, faults: Faults) -> Health:
-        recorder, stream = self._recorder, self._video.stream
+        recorder = self._recorder
         states = recorder.states(ingest.record).values()
         worst = max(states, key=lambda state: state.failing_s)
-        return Health(
-            fps=throughput.fps,
-            frames=throughput.frames,
-            skipped_frames=stream.skipped if stream else 0,
-            video=self._video.state,
-            video_sender=str(stream.sender or "") if stream else "",
-            video_rival=str(stream.rival or "") if stream else "",
-            undecoded=stream.undecoded if stream else 0,
+        health = Health(
             links=tuple(_link(link) for link in ingest.links if link.counts.packets or link.name not in self._spare),
             recorded_bytes=recorder.bytes,
             recording_since_us=recorder.began_us,
@@ -110,6 +103,22 @@ class FlightMonitor:
             faults=faults.count,
             fault=faults.last,
         )
+        return with_video(health, self._video, throughput)
+
+
+def with_video(health: Health, video: FlightVideo, throughput: Throughput) -> Health:
+    """A flight's health as it is for one of its cameras."""
+    stream = video.stream
+    return replace(
+        health,
+        fps=throughput.fps,
+        frames=throughput.frames,
+        skipped_frames=stream.skipped if stream else 0,
+        video=video.state,
+        video_sender=str(stream.sender or "") if stream else "",
+        video_rival=str(stream.rival or "") if stream else "",
+        undecoded=stream.undecoded if stream else 0,
+    )
 
 
 def _link(link: LinkReport) -> LinkHealth:

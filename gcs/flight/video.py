@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from gcs.session.recorder import Recorder
+from gcs.session.recorder import ViewRecorder
 from gcs.snapshot import Event
 from infra.secrets import concealed
 from infra.wall_clock import now_us
@@ -44,7 +44,7 @@ class FlightVideo:
         recorder: keeps the stream and the times of its frames.
     """
 
-    def __init__(self, wanted: str, recorder: Recorder) -> None:
+    def __init__(self, wanted: str, recorder: ViewRecorder) -> None:
         self.stream: VideoStream | None = None
         self._wanted, self._recorder = wanted, recorder
         self._offered = ""

@@ -28,7 +28,7 @@ from gcs.playback.preview import Preview
 from gcs.playback.snapshot_store import SnapshotStore
 from gcs.session.event_log import append_event, marks_path, read_marks
 from gcs.session.session import Session
-from gcs.snapshot import Alarm, Event, FleetChange, Snapshot
+from gcs.snapshot import NAMED, Alarm, Event, FleetChange, Snapshot
 from gcs.station import Gap, Newcomer
 from gcs.trails import Trail, Trails
 from mavlink.geodesy import LocalFrame
@@ -49,7 +49,6 @@ PARTS: Final = 1000
 """Parts of a recording: several for each cell of the widest screens."""
 HELD_US: Final = 2_000_000
 """A name counts for so long without another snapshot, as on the screen."""
-NAMED: Final = frozenset({"confirmed", "tentative", "coasting"})
 
 
 def find_gaps(
@@ -281,13 +280,15 @@ class Replay:
             if (goal_us - self._now_us) * frames > 0:
                 self._now_us = goal_us
 
-    def next_view(self) -> Replay:
+    def next_view(self) -> Replay | None:
         """The flight's next camera: opened when it is wanted first, and going on from here."""
         place = self._views.index(self) + 1
         if place == len(self._views) and self._unseen:
             new = Replay(self._unseen.popleft(), redetect=self._redetect)
             new._views, new._unseen = self._views, self._unseen
             self._views.append(new)
+        if len(self._views) == 1:
+            return None
         view = self._views[place % len(self._views)]
         playing, self._playing = self._playing, False
         view.seek(self.now_us)

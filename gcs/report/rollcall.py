@@ -143,7 +143,9 @@ class RollCall:
         if self._begin_us is None:
             self._begin_us = at_us
         for row in snapshot.vehicles:
-            if row.role == "ugv":
+            if row.role == "uav":
+                self.films = row.name
+            else:
                 entry = self._entries.setdefault(row.system_id, _Entry())
                 self._names[row.system_id] = row.name
                 _watch(entry, row, (at_us - self._begin_us) * 1e-6)
@@ -177,6 +179,10 @@ class RollCall:
             entry.first_us = entry.first_us or snapshot.t_us
             entry.boxes += 1
             entry.confidence += box.confidence
+
+    def of(self, films: str) -> RollCall:
+        """The roll call of the camera on an aircraft of that name; of the first one, where none is."""
+        return next((calls for calls in (self, *self.other_views) if calls.films == films), self)
 
     def end(self, frames: int) -> None:
         """Take in how many frames came, looked at or not."""

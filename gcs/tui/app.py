@@ -188,8 +188,8 @@ class RollcallApp(ReplayApp):
         if self._timeline is not None and self._station.timeline is not None and self.snapshot is not None:
             ours = [row.system_id for row in self.snapshot.vehicles if row.role == "ugv"]
             self._identity.named_for = playback.shares_named(self._station.timeline, ours)
-        elif self._calls is not None:
-            rows = self._calls.rows()
+        elif self._calls is not None and self.snapshot is not None:
+            rows = self._calls.of(self.snapshot.vehicles[0].name).rows()
             self._identity.named_for = {row.system_id: row.share for row in rows if math.isfinite(row.share)}
 
     def _show_keys_of(self, focused: Widget | None) -> None:
@@ -303,14 +303,15 @@ class RollcallApp(ReplayApp):
             self._pick(0, 0)
 
     def action_next_view(self) -> None:
-        """Show what the flight's next camera saw; which track is which vehicle differs from one to the other."""
+        """Show what the flight's next camera sees; which track is which vehicle differs from one to the other."""
         try:
             view = self._station.next_view()
         except (GcsError, VisionError) as error:
             self.notify(str(error), severity="warning", markup=False)
             return
-        if view is self._station:
+        if view is None:
             self.notify("there is one camera", markup=False, timeout=2)
+            return
         self._station = view
         self._pick(self.selected, 0)
 

@@ -35,7 +35,6 @@ REPLAY: Final = (
     _key("n", "event(1)", "event", "Go to the next event that the log shows, or of N's kind", id="replay.next"),
     _key("p", "event(-1)", "event", "Go to the event before", id="replay.previous"),
     _key("N", "jumps", "kind", "What n and p go to: the log, alarms, marks, gaps, warnings, names", id="replay.kind"),
-    _key("C", "next_view", "camera", "The flight's next camera, where it had several", id="replay.camera"),
 )
 PANES: Final = (
     _key("v", "pane('video')", "video", "Video: show and focus, again to hide", id="pane.video"),
@@ -45,6 +44,7 @@ PANES: Final = (
     _key("e", "pane('events')", "events", "Event log: show and focus, again to hide", id="pane.events"),
     _key("z", "maximise", "zoom", "Focused pane over the whole screen and back", id="pane.maximise"),
     _key("Z", "inset", "enlarge", "Video: the picked vehicle enlarged in a corner, again to hide", id="video.inset"),
+    _key("C", "next_view", "camera", "The next camera, where a flight has several", id="video.camera"),
     _key("1", "layout(1)", "video", "Layout: video first", id="layout.video"),
     _key("2", "layout(2)", "map", "Layout: map first", id="layout.map"),
     _key("3", "layout(3)", "both", "Layout: video and map above the whole table", id="layout.both"),
@@ -117,9 +117,7 @@ ALARMS: Final = (
 
 GROUPS: Final = (("Replay", REPLAY), ("Panes", PANES), ("Look", LOOK), ("Station", STATION), ("Alarms", ALARMS))
 BINDINGS: Final = [binding for _, group in GROUPS for binding in group]
-REPLAY_ACTIONS: Final = frozenset(
-    {"toggle_play", "jump", "step", "speed", "edge", "go_to", "event", "jumps", "next_view"}
-)
+REPLAY_ACTIONS: Final = frozenset({"toggle_play", "jump", "step", "speed", "edge", "go_to", "event", "jumps"})
 LIVE_ACTIONS: Final = frozenset({"preflight", "fleet", "practise"})
 
 LIVE_HINTS: Final = (

@@ -293,8 +293,8 @@ class FakeStation:
     def take_rival_video(self) -> None:
         self.taken += 1
 
-    def next_view(self) -> FakeStation:
-        return self.other_view or self
+    def next_view(self) -> FakeStation | None:
+        return self.other_view
 
     def stop(self) -> None:
         self.stopped += 1

@@ -15,7 +15,7 @@ from gcs.errors import GcsError
 from gcs.live_out.live_out import LiveOut
 from gcs.live_out.sink import SinkSource
 from gcs.live_out.sink_url import SinkUrl, check_apart, parse_show, parse_tell
-from gcs.snapshot import Event
+from gcs.snapshot import Event, Snapshot
 from gcs.station import Station
 from infra.files.safe_open import create, read_small
 from infra.wall_clock import now_us
@@ -66,12 +66,19 @@ def parse_sinks(tell: Sequence[str] | None, show: str | None = None, links: Sequ
 
 
 @contextlib.contextmanager
-def telling(station: Station, sinks: Sequence[SinkUrl], source: SinkSource, folder: Path) -> Iterator[None]:
+def telling(
+    station: Station,
+    sinks: Sequence[SinkUrl],
+    source: SinkSource,
+    folder: Path,
+    latest: Callable[[], Snapshot | None] | None = None,
+) -> Iterator[None]:
     """While this lasts others are told of the station; trouble with that is an event, once.
 
     Args:
         sinks: of :func:`parse_sinks`.
         folder: where a file goes that receivers of a stream need.
+        latest: the newest snapshot to tell of; None: the one on show.
 
     Raises:
         GcsError: the system starts no process for it.
@@ -86,7 +93,7 @@ def telling(station: Station, sinks: Sequence[SinkUrl], source: SinkSource, fold
         station.add_event(Event(t_us=at_us, level=level, kind="program", text=text))
 
     try:
-        live_out = LiveOut(station.latest, sinks, source, report)
+        live_out = LiveOut(latest or station.latest, sinks, source, report)
     except OSError as error:
         raise GcsError(f"others cannot be told: {error.strerror or error}; leave --publish and --stream out") from error
     with live_out:

@@ -14,7 +14,7 @@ from textual.reactive import reactive
 from textual.strip import Strip
 
 from gcs.certainty import certainty, named
-from gcs.snapshot import Snapshot, VehicleRow
+from gcs.snapshot import NAMED, Snapshot, VehicleRow
 from gcs.tui.draw.condition import battery, from_uav, hdop, radio, satellites
 from gcs.tui.draw.format import NOT_ANALYSED, age, name_or_id, number, percent, position, standing_word
 from gcs.tui.draw.freshness import UNKNOWN, aged, fix_age_s, spread
@@ -159,7 +159,9 @@ def _many(count: int) -> str:
 
 
 def _identity(row: VehicleRow) -> Cell:
-    """Its standing as a mark and a word."""
+    """Its standing as a mark and a word; of one that another camera shows alone, which one does."""
+    if row.elsewhere and row.standing not in NAMED:
+        return f"{STANDING_MARKS[row.standing]} in {plain(row.elsewhere[0])}", INK
     words = named(standing_word(row.standing), row.confidence, stated=row.stated)
     return f"{STANDING_MARKS[row.standing]} {words}", standing_colour(row.standing)
 

@@ -17,7 +17,7 @@ from gcs.health.vehicle_alarms import CONTRADICTED
 from gcs.missing import may_be
 from gcs.report.box_shapes import drawable
 from gcs.report.overlay import named_count, standing_of
-from gcs.snapshot import HELD_SHOWN_S, Box, Candidate, Snapshot, Standing, VehicleRow
+from gcs.snapshot import HELD_SHOWN_S, NAMED, Box, Candidate, Snapshot, Standing, VehicleRow
 from gcs.tui.draw.condition import condition_facts
 from gcs.tui.draw.format import NOT_ANALYSED, age, degrees, metres, name_or_id, number, percent, position, standing_word
 from gcs.tui.draw.freshness import UNKNOWN, aged, fix_age_s, spread
@@ -64,8 +64,6 @@ EVIDENCE: Final = (
 FACT_CELLS: Final = 40
 """Widest fact with its age on one row; a narrow pane has it on a second row."""
 Fact = tuple[str, str, Colour]
-SURE: Final[frozenset[Standing]] = frozenset({"confirmed", "tentative", "coasting"})
-"""Standings of vehicles that have a box."""
 ADVICE: Final[Mapping[Standing, str]] = MappingProxyType(
     {
         "confirmed": "nothing: rely on it",
@@ -202,7 +200,7 @@ def _against(snapshot: Snapshot, row: VehicleRow, box: Box | None) -> tuple[str,
     if worst is not None:
         return plain(trouble_of(worst)), level_colour(worst.level)
     if box is None:
-        return ("nothing names it now", FAINT) if row.standing not in SURE else ("nothing", FAINT)
+        return ("nothing names it now", FAINT) if row.standing not in NAMED else ("nothing", FAINT)
     if doubt := may_be(snapshot, box) or box.doubt:
         return plain(doubt), WARN
     own = next((each.against for each in box.candidates if each.system_id == row.system_id), "")

@@ -125,9 +125,12 @@ BAD = {
     "no such mission": (lambda t: ("fly", t / "m.toml", "-l", "14550"), 2, "no such file"),
     "no link": (lambda t: ("fly", SWARM / "session.toml"), 2, "no telemetry link"),
     "several cameras": (
-        lambda t: ("fly", swarm_session(t, toml=lambda s: s + "\n[[view]]\nsystem_id = 99\n") / "session.toml"),
+        lambda t: (
+            *("fly", swarm_session(t, toml=lambda s: s + "\n[[view]]\nsystem_id = 99\n") / "session.toml"),
+            *("--video", "udp://:5600", "--video", "udp://:5600"),
+        ),
         2,
-        "a flight takes one video",
+        "is the video of two cameras",
     ),
     "a bad link": (lambda t: ("fly", SWARM / "session.toml", "-l", "pigeon:1"), 3, "pigeon"),
     "a flight of no time": (

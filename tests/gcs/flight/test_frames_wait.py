@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from gcs.flight.flight import WAITING_S
 from gcs.flight.frame_loop import FrameLoop
+from gcs.flight.views import WAITING_S
 from gcs.fold.pipeline import WAIT_US, Pipeline
 from gcs.health.faults import Faults
 from gcs.session.fold_order import NO_FRAME, FoldOrder

@@ -1,0 +1,89 @@
+"""One camera of a flight: its video, its fold and its files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+from gcs.flight.frame_loop import FrameLoop
+from gcs.flight.video import FlightVideo
+from gcs.fold.pipeline import Pipeline
+from gcs.health.faults import Faults
+from gcs.mission.mission import Mission
+from gcs.session.recorder import ViewRecorder
+from gcs.snapshot import Alarm, Event, Snapshot
+from mavlink.ingest.ingest import Ingest
+from vision.detect.detector import Detector
+
+OF_A_CAMERA: Final = frozenset({"camera", "identity", "video"})
+"""Kinds of alarms and events that are about one camera, and not about the fleet that all of them see."""
+
+
+class FlightView:
+    """One camera of a flight.
+
+    Args:
+        mission: as this camera has it.
+        video: its source, as of :class:`gcs.flight.video.FlightVideo`.
+        recorder: keeps what it sees.
+        detector: looks at its frames, and at those of other cameras; one thread does.
+        ingest: how telemetry comes in.
+        faults: records what fails on the way.
+        on_snapshot: called with each snapshot.
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        video: str,
+        recorder: ViewRecorder,
+        detector: Detector | None,
+        ingest: Ingest,
+        faults: Faults,
+        on_snapshot: Callable[[FlightView, Snapshot], None],
+    ) -> None:
+        self.recorder = recorder
+        self.video = FlightVideo(video, recorder)
+        self.pipeline = Pipeline(mission, links=ingest.names, address=ingest.address)
+        self.loop = FrameLoop(self.pipeline, detector, recorder, faults, lambda snapshot: on_snapshot(self, snapshot))
+        self.turned_s = -math.inf
+        """When it had its last turn of the fold, by the monotonic clock."""
+
+    @property
+    def uav_id(self) -> int:
+        """System id of the aircraft that carries it."""
+        return self.pipeline.mission.uav.system_id
+
+    @property
+    def name(self) -> str:
+        """What operators call that aircraft."""
+        return self.pipeline.mission.name_of(self.uav_id)
+
+    @property
+    def frames(self) -> int:
+        """Frames received and recorded, whether they were looked at or not."""
+        return self.video.stream.received if self.video.stream else 0
+
+    def tells(self, event: Event) -> bool:
+        """Tell whether an event is about this camera or its aircraft, and not about the fleet that all of them see."""
+        return event.kind in OF_A_CAMERA or event.system_id == self.uav_id
+
+    def told(self, event: Event) -> Event:
+        """An event of this camera as it is told among those of others."""
+        return replace(event, text=f"{self.name}: {event.text}") if event.kind in OF_A_CAMERA else event
+
+    def told_alarm(self, alarm: Alarm) -> Alarm:
+        """An alarm of this camera as it is told among those of others; by the aircraft's id it is told from theirs."""
+        if alarm.kind not in OF_A_CAMERA or alarm.system_id:
+            return alarm
+        return replace(alarm, text=f"{self.name}: {alarm.text}", system_id=self.uav_id)
+
+    def own(self, alarm: Alarm) -> Alarm | None:
+        """The alarm that :meth:`told_alarm` was given; None of one that is of another camera."""
+        if alarm.kind not in OF_A_CAMERA or not alarm.system_id:
+            return alarm
+        if alarm.system_id != self.uav_id:
+            return None
+        return replace(alarm, text=alarm.text.removeprefix(f"{self.name}: "), system_id=0)

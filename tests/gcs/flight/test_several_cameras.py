@@ -1,0 +1,135 @@
+"""Two cameras over one fleet in one flight: whose turn it is, what each tells beside the other, and the recording."""
+
+import json
+import threading
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+
+from gcs.cli.identify import identify_into
+from gcs.errors import SessionError
+from gcs.flight.flight import Flight, FlightPlan
+from gcs.flight.view import FlightView
+from gcs.flight.views import OVERDUE_S, FlightViews, beside
+from gcs.mission.mission import View, parse_mission
+from gcs.session.recorder import Recorder
+from gcs.session.session import open_session
+from gcs.snapshot import Alarm, Event
+from sim import live
+from sim.world.presets import nominal
+from sim.world.scenario import ScenarioCamera
+from tests.support.fake_station import make_snapshot
+from tests.support.ports import free_port
+from tests.support.waiting import until
+
+MISSION = parse_mission(
+    {"uav": {"system_id": 1}, "ugv": [{"system_id": i} for i in range(11, 18)], "view": [{"system_id": 2}]}, "here"
+)
+SMALL = ScenarioCamera(width=640, height=360, fx=400.0, fy=400.0, cx=320.0, cy=180.0)
+
+
+def a_view(system_id, name, snapshot=None):
+    view = FlightView.__new__(FlightView)
+    mission = SimpleNamespace(uav=SimpleNamespace(system_id=system_id), name_of=lambda _: name)
+    view.pipeline = SimpleNamespace(mission=mission)
+    view.loop = SimpleNamespace(latest=snapshot)
+    return view
+
+
+@pytest.mark.parametrize(
+    ("looked_s", "last", "want"),
+    [
+        ({0: 9.9, 1: 9.9, 2: 9.8}, 0, [0, 2, 1]),  # nobody waits too long
+        ({0: 9.9, 1: 9.5, 2: 9.8}, 0, [1, 0, 2]),  # one does
+        ({0: 9.9, 1: 9.5, 2: 9.4}, 0, [2, 1, 0]),
+        ({0: 9.5, 1: 9.9, 2: 9.4}, 1, [0, 2, 1]),  # after another one it is the focus's turn
+    ],
+)
+def test_the_camera_in_focus_is_looked_at_most_often_and_no_other_one_is_forgotten(looked_s, last, want):
+    assert 10.0 - 9.8 < OVERDUE_S < 10.0 - 9.5
+    views = FlightViews(lambda place, snapshot: None)
+    for place in looked_s:
+        views.add(place, a_view(place + 1, f"UAV-{place + 1}"))
+    views._looked_s, views._last = looked_s, last
+    assert views.order(0, 10.0) == want
+    assert [(views.show_next(), views.place)[1] for _ in range(3)] == [1, 2, 0]
+
+
+def alarm(key, kind, system_id=0):
+    return Alarm(key=key, level="alarm", kind=kind, text=key, advice="", since_us=1, system_id=system_id)
+
+
+def test_what_another_camera_tells_stands_beside_what_this_one_does():
+    base = make_snapshot(live=True)
+    stopped, silent = alarm("video", "video"), alarm("silent 11", "vehicle", 11)
+    lone = alarm("silent 2", "vehicle", 2)
+    here = a_view(1, "UAV", replace(base, alarms=(stopped, silent)))
+    there = a_view(2, "Mast", replace(base, alarms=(stopped, silent, lone)))
+    shown = beside(here.loop.latest, here, [there])
+    told = {(each.text, each.system_id) for each in shown.alarms}
+    assert told == {("UAV: video", 1), ("Mast: video", 2), ("silent 11", 11), ("silent 2", 2)}
+    assert {here.own(each) for each in shown.alarms} == {None, stopped, silent, lone}
+    named = {row.system_id for row in base.vehicles if row.standing == "confirmed" and row.role == "ugv"}
+    assert named <= {row.system_id for row in shown.vehicles if row.elsewhere == ("Mast",)}
+    stale = replace(base, t_us=base.t_us + 10_000_000)
+    assert not any(row.elsewhere for row in beside(base, here, [a_view(2, "Mast", stale)]).vehicles)
+
+
+def test_events_of_a_camera_say_which_one_and_those_of_the_fleet_come_once():
+    views = FlightViews(lambda place, snapshot: None)
+    for place, view in enumerate((a_view(1, "UAV"), a_view(2, "Mast"))):
+        views.add(place, view)
+    events = [
+        Event(t_us=1, level="info", kind=kind, text=kind, system_id=who)
+        for kind, who in (("video", 0), ("vehicle", 11), ("vehicle", 2))
+    ]
+    for view in views.all.values():
+        views.take(view, replace(make_snapshot(live=True), events=tuple(events)))
+    assert [each.text for each in views.events()] == ["UAV: video", "vehicle", "vehicle", "Mast: video", "vehicle"]
+
+
+def test_a_further_camera_has_a_folder_of_its_own(tmp_path):
+    recorder = Recorder(tmp_path, MISSION, video=True, views=[2])
+    (further,) = recorder.further
+    further.frame_time(0, 5)
+    assert "view-2/frames.csv" in recorder.states() and recorder.bytes > 0
+    (recorder.folder / "view-3").write_text("")
+    with pytest.raises(SessionError, match="view-3: cannot be made"):
+        recorder._view_folder(3)
+    recorder.close()
+    assert (recorder.folder / "view-2" / "frames.csv").read_text().endswith("\n0,5\n")
+
+
+@pytest.mark.slow
+def test_both_cameras_of_a_flight_are_recorded_and_named_again_alike(tmp_path, monkeypatch):
+    scenario = replace(nominal(3), camera=SMALL, fps=5.0, duration_s=60.0).filmed_by(2)
+    urls = [f"udp://127.0.0.1:{free_port()}" for _ in range(2)]
+    monkeypatch.setattr(live, "_nth_url", lambda _, k: urls[k])
+    port, stop = free_port(), threading.Event()
+    mission = replace(MISSION, view=(View(system_id=2, video="auto"),))
+    plan = FlightPlan(mission=mission, links=(f"udpin:127.0.0.1:{port}",), video="auto", sessions=tmp_path)
+    seen = {0: set(), 1: set()}
+    flight = Flight(plan, lambda place, now: seen[place].update(box.system_id for box in now.boxes))
+    fleet = threading.Thread(
+        target=live.play,
+        args=(scenario, f"udpout:127.0.0.1:{port}", urls[0]),
+        kwargs={"stop": stop, "tells_camera": True},
+    )
+    fleet.start()
+    try:
+        assert until(lambda: all(len(ids - {0}) >= 3 for ids in seen.values()))
+        assert until(lambda: any(row.elsewhere == ("UAV-2",) for row in flight.latest().vehicles))
+        assert flight.title.endswith("from UAV") and flight.next_view() is flight
+        assert until(lambda: flight.title.endswith("from UAV-2") and flight.latest().vehicles[0].system_id == 2)
+    finally:
+        stop.set()
+        fleet.join()
+        flight.stop()
+    identify_into(open_session(flight.folder), tmp_path / "again")
+    for folder in ("", "view-2"):
+        live_rows, again = (
+            (path / folder / "identity.jsonl").read_text().splitlines() for path in (flight.folder, tmp_path / "again")
+        )
+        assert live_rows == again
+        assert any(json.loads(row)["system_id"] for row in live_rows)
