@@ -17,10 +17,20 @@ from pathlib import Path
 from gcs.batch.addresses import is_pattern, is_remote, last_part, local_path, remote_files, store_errors
 from gcs.errors import BatchError, StoreError
 from gcs.mission.mission import BUNDLED, Mission
+from gcs.session.session import VIEW
 from infra.files.safe_open import read_small
 from infra.files.segment import segments
 from infra.secrets import concealed, hide
-from infra.session_format import EVENTS, IDENTITY, IDENTITY_EVIDENCE, LOG, MARKS, PROGRAM_LOG
+from infra.session_format import (
+    EVENTS,
+    FRAMES,
+    IDENTITY,
+    IDENTITY_EVIDENCE,
+    LOG,
+    MARKS,
+    PROGRAM_LOG,
+    VIEW_FOLDER,
+)
 
 MOST_LIST_BYTES = 64 << 20
 """Maximum bytes of a list: a hundred thousand signed addresses."""
@@ -44,7 +54,8 @@ def find_flights(
     """The flights that words stand for, in their order, each once.
 
     A word is a session folder, a folder of session folders, a telemetry log, a pattern of those (``*``, ``?``, ``[]``),
-    or an address with a protocol, as ``s3://bucket/flights/*``. ``NAME=WORD`` gives a single flight another name.
+    or an address with a protocol, as ``s3://bucket/flights/*``. ``NAME=WORD`` gives a single flight another name. What
+    a second camera recorded is a flight of its own, ``NAME.view-2``.
 
     Args:
         words: as given by the user.
@@ -85,10 +96,25 @@ def _flights_of(word: str, folder: Path, note: Callable[[str], None]) -> Iterato
         found = list(_addresses(rest, folder, note))
         if len(found) != 1:
             raise BatchError(f"{word}: {len(found)} flights there; a name is for one")
-        yield BatchFlight(_checked(name), found[0])
+        yield from _cameras(_checked(name), found[0])
     else:
         for address in _addresses(word, folder, note):
-            yield BatchFlight(_checked(_name_of(address)), address)
+            yield from _cameras(_checked(_name_of(address)), address)
+
+
+def _cameras(name: str, address: str) -> Iterator[BatchFlight]:
+    """A flight, and what each further camera of it recorded as one of its own."""
+    yield BatchFlight(name, address)
+    if not is_remote(address):
+        for folder in sorted(Path(address).glob(VIEW_FOLDER.format("*"))):
+            if VIEW.fullmatch(folder.name) and any(_has_frames(folder)):
+                yield BatchFlight(f"{name}.{folder.name}", str(folder))
+
+
+def _has_frames(folder: Path) -> Iterator[bool]:
+    """Tell of each table of frames whether it has a row."""
+    for part in segments(folder / FRAMES.name):
+        yield part.stat().st_size > len(FRAMES.header)
 
 
 def _lines(path: Path) -> Iterator[str]:
@@ -111,7 +137,9 @@ def _checked(name: str) -> str:
 
 
 def _name_of(address: str) -> str:
-    return last_part(address).removesuffix(LOG_SUFFIX)
+    name = last_part(address).removesuffix(LOG_SUFFIX)
+    # a further camera's folder is called alike in all flights
+    return f"{last_part(address.rpartition('/')[0])}.{name}" if VIEW.fullmatch(name) else name
 
 
 def _addresses(word: str, folder: Path, note: Callable[[str], None]) -> Iterator[str]:

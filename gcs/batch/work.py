@@ -99,6 +99,8 @@ def identify_flight(job: FlightJob, report: Callable[[int, int], None] = lambda 
     if is_remote(job.address):
         fetch(job.address, path)
     session, files = _open(path, job.options)
+    if is_remote(job.address) and session.mission and session.mission.view:
+        raise BatchError(f"{source}: of several cameras, which a batch takes from a disk alone: copy it there first")
     as_found, inputs = files_stamp(files), inputs_hash(files)
     if kept and _is_whole(results, kept, job, inputs):
         return FlightDone(kept, skipped=True, worker_bytes=_held_bytes())
@@ -112,6 +114,7 @@ def identify_flight(job: FlightJob, report: Callable[[int, int], None] = lambda 
         session,
         scratch,
         detect=job.options.detect,
+        further=False,  # each is a flight of the batch
         report=report,
         note=_log.warning,
         open_detector=_detector,
@@ -178,8 +181,10 @@ def _open(path: Path, options: BatchOptions) -> tuple[Session, list[Path]]:
     files = input_files(path)
     mission = Path(options.mission) if options.mission else None
     session = open_session(path, mission=mission, frame_size=options.frame_size)
-    if session.mission and session.mission.view:
-        raise BatchError(f"{path}: of several cameras; a batch takes flights of one, gcs identify names its views")
+    if not session.is_first_view:  # telemetry and mission are those above it
+        files += input_files(session.tlog.parent)
+        if mission and session.mission and not session.mission.view:
+            raise BatchError(f"{path}: {mission} has no [[view]], so it does not tell whose camera this is")
     return session, [*files, *([mission] if mission else []), *mission_files(session.mission)]
 
 

@@ -44,6 +44,7 @@ def identify_session(
     *,
     detect: bool = False,
     hindsight: bool | None = None,
+    further: bool = True,
     report: Callable[[int, int], None] = lambda done, total: None,
     note: Callable[[str], None] = lambda text: None,
     open_detector: Callable[[DetectorChoice], Detector] | None = None,
@@ -65,6 +66,7 @@ def identify_session(
         detect: look at the video even if detections were kept.
         hindsight: name each box by what is known of its track 15 s later, not as a screen would have shown it. None:
             unless the recording kept the order in which a flight took it in; then the names are as they were seen.
+        further: name what the flight's further cameras saw, too.
         report: called after every frame with the frames of a camera that are done, and all there are.
         note: called with each line that a user should read: what the recording lacks, what the camera's stream did,
             what was not known in the end.
@@ -78,7 +80,7 @@ def identify_session(
         SessionError: no frame in it, files of these names in ``out``, or it cannot be written.
         ConfigError, ModelError, LogError: mission, detector or telemetry cannot be used.
     """
-    sessions = (session, *(session.other_views if session.is_first_view else ()))
+    sessions = (session, *(session.other_views if further and session.is_first_view else ()))
     outs = [out, *(out / view.path.name for view in sessions[1:])]
     for path in (folder / name for folder in outs for name in _FILES):
         if os.path.lexists(path):

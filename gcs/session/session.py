@@ -29,7 +29,8 @@ from infra.files.safe_open import open_to_read
 from infra.files.segment import segments
 from infra.session_format import DETECTIONS, FOLDS, FRAMES, IDENTITY, LOG, METADATA, MOTION, TRUTH, VIEW_FOLDER
 
-_VIEW = re.compile(VIEW_FOLDER.format("([2-9]|[1-9][0-9]{1,2})"))
+VIEW = re.compile(VIEW_FOLDER.format("([2-9]|[1-9][0-9]{1,2})"))
+"""Name of the folder of a further camera."""
 
 VIDEO_SUFFIXES = (".mkv", ".mp4", ".ts", ".mov", ".avi")
 
@@ -124,6 +125,8 @@ def open_session(
     tlog = home / LOG
     if not segments(tlog):
         raise SessionError(f"{path}: no {LOG} in this folder; a session needs one")
+    if chosen is not None and chosen.view:
+        chosen = _seen_by(number, chosen, path)
     toml, began, changes = home / METADATA, None, tuple[FleetChange, ...]()
     if chosen is None and toml.is_file():
         chosen = _seen_by(number, load_mission(toml), path)
@@ -157,7 +160,7 @@ def open_session(
 
 def _view_number(path: Path) -> int:
     """Number of the camera whose folder this is, 1 for a whole session's."""
-    found = _VIEW.fullmatch(path.resolve().name)
+    found = VIEW.fullmatch(path.resolve().name)
     return int(found[1]) if found and not segments(path / LOG) else 1
 
 
@@ -168,7 +171,7 @@ def _seen_by(number: int, mission: Mission, path: Path) -> Mission:
         SessionError: it has no such camera.
     """
     if number > len(mission.view) + 1:
-        raise SessionError(f"{path}: {METADATA} above it has {len(mission.view)} [[view]]; this needs {number - 1}")
+        raise SessionError(f"{path}: its mission has {len(mission.view)} [[view]]; this needs {number - 1}")
     return mission if number == 1 else mission.views[number - 1]
 
 

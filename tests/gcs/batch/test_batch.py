@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 
 import duckdb
 import pytest
@@ -12,6 +13,8 @@ from pyarrow import parquet
 from gcs.playback.identification import identify_session
 from gcs.session.identity_log import read_identity
 from gcs.session.session import open_session
+from sim.session import write_session
+from sim.world.presets import nominal
 from tests.support.batches.short_flights import broken_flights, short_flights
 from tests.support.command_line import run_gcs
 
@@ -53,7 +56,7 @@ def test_broken_flights_are_told_and_the_others_finish(tmp_path):
     assert code == 6
     assert not said(stderr)
     *lines, sums = told(stdout)
-    assert (sums["flights"], sums["done"], sums["failed"]) == (9, 2, 7)
+    assert (sums["flights"], sums["done"], sums["failed"]) == (8, 2, 6)
     errors = {line["flight"]: line["error"] for line in lines if line["status"] == "failed"}
     assert {path.name for path in broken.values()} == set(errors)
     for kind, path in broken.items():
@@ -62,9 +65,28 @@ def test_broken_flights_are_told_and_the_others_finish(tmp_path):
         assert "fault of this program" not in errors[path.name]
         assert errors[path.name] in (tmp_path / "out" / "logs" / f"{path.name}.log").read_text()
     rows = duckdb.sql(f"select status, count(*) from '{tmp_path}/out/flights.parquet' group by status").fetchall()
-    assert dict(rows) == {"done": 2, "failed": 7}
+    assert dict(rows) == {"done": 2, "failed": 6}
     counts = duckdb.sql(f"select flight, count(*) from '{tmp_path}/out/identity/*/*.parquet' group by flight")
     assert dict(counts.fetchall()).keys() == {"a", "b"}
+
+
+@pytest.mark.slow
+def test_each_camera_of_a_flight_is_a_flight_of_the_batch(tmp_path):
+    write_session(replace(nominal(), duration_s=3.0, fps=5.0).filmed_by(2), tmp_path / "flight")
+    words = ("batch", "run", tmp_path / "flight", "-o", tmp_path / "out", "-j", 1, "--json")
+    assert {line["flight"]: line["status"] for line in told(run_gcs(*words)[1])[:-1]} == {
+        "flight": "done",
+        "flight.view-2": "done",
+    }
+    identify_session(open_session(tmp_path / "flight"), tmp_path / "identified")
+    for folder in ("", "view-2"):
+        table = tmp_path / "out" / "identity" / f"flight=flight.{folder}".rstrip(".") / "part-0.parquet"
+        logged = read_identity(tmp_path / "identified" / folder / "identity.csv")
+        assert logged["system_id"] == pytest.approx(parquet.read_table(table)["system_id"].to_numpy(), nan_ok=True)
+    one = tmp_path / "one.toml"
+    one.write_text((tmp_path / "flight" / "session.toml").read_text().partition("[[view]]")[0])
+    errors = [line.get("error") for line in told(run_gcs(*words, "--mission", one)[1])[:-1]]
+    assert sum("has no [[view]]" in (error or "") for error in errors) == 1
 
 
 @pytest.mark.slow

@@ -16,6 +16,11 @@ def recordings(tmp_path, monkeypatch):
     for name in ("day 1/x", "day 1/y", "day 2/x"):
         (tmp_path / name).mkdir(parents=True)
         (tmp_path / name / "telemetry.tlog").write_bytes(b"")
+    for view in ("two/view-2", "two/view-3"):
+        (tmp_path / view).mkdir(parents=True)
+    (tmp_path / "two" / "telemetry.tlog").write_bytes(b"")
+    (tmp_path / "two" / "view-2" / "frames.csv").write_text("frame,time_us\n0,1\n")
+    (tmp_path / "two" / "view-3" / "frames.csv").write_text("frame,time_us\n")
     (tmp_path / "day 1" / "notes.md").write_text("windy")
     (tmp_path / "lone.tlog").write_bytes(b"")
     (tmp_path / "empty").mkdir()
@@ -34,6 +39,10 @@ def recordings(tmp_path, monkeypatch):
         # the same flight twice
         (["day 1/x", "day 1/../day 1/x/"], {"x": "day 1/x"}),
         (["day 1", "second x=day 2/x"], {"x": "day 1/x", "y": "day 1/y", "second x": "day 2/x"}),
+        # of two cameras
+        (["two"], {"two": "two", "two.view-2": "two/view-2"}),
+        (["mine=two"], {"mine": "two", "mine.view-2": "two/view-2"}),
+        (["two/view-2"], {"two.view-2": "two/view-2"}),
         # what is not there is a broken flight of its own
         (["empty", "gone"], {"empty": "empty", "gone": "gone"}),
     ],
