@@ -367,12 +367,14 @@ class Snapshot:
     image: NDArray[np.uint8] | None
     """(height, width, 3) BGR, None when there is no image."""
     vehicles: tuple[VehicleRow, ...]
-    """UAV first."""
+    """UAV first; where a flight shows several cameras the aircraft of the others next."""
     names: Mapping[int, str] = field(default_factory=dict)
     """Names of the mission's vehicles by system id, where there are no rows of them."""
     boxes: tuple[Box, ...]
     footprint_enu: NDArray[np.float64] | None
     """(4, 2) corners of the image on the ground, image order from top left clockwise."""
+    footprints_elsewhere: tuple[NDArray[np.float64], ...] = ()
+    """The same of the flight's other cameras."""
     uav_enu: NDArray[np.float64]
     """(3,), NaN unknown."""
     uav_heading: float

@@ -281,11 +281,12 @@ class Flight:
 
     def change_fleet(self, change: FleetChange) -> None:
         """The operator takes a vehicle into the fleet, leaves it out or renames it."""
-        after = changed(self._views.shown.pipeline.mission, change)
-        films = {view.uav_id for view in self._views.all.values()}
-        for view in self._views.all.values():
-            if change.system_id not in films - {view.uav_id}:
-                view.pipeline.change_fleet(change)
+        views = self._views.all.values()
+        # an aircraft is known by that name to its own camera's fold alone
+        of_one = [view for view in views if view.uav_id == change.system_id]
+        after = changed((of_one or [self._first])[0].pipeline.mission, change)
+        for view in of_one or views:
+            view.pipeline.change_fleet(change)
         self._rates.set_ground(after.ugv_ids)
         if self._commands:
             self._commands.set_ground({i: after.name_of(i) for i in after.ugv_ids})

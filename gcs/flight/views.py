@@ -8,10 +8,13 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gcs.flight.frame_loop import MOST_EVENTS
 from gcs.flight.view import FlightView
 from gcs.health.alarms import urgency
-from gcs.snapshot import HELD_SHOWN_S, NAMED, Event, Snapshot
+from gcs.snapshot import NAMED, Event, Snapshot, VehicleRow
 from mavlink.protocol.packet import Packet
 from vision.video.video import Frame
 
@@ -147,7 +150,8 @@ class FlightViews:
 
 
 def beside(snapshot: Snapshot, view: FlightView, others: Sequence[FlightView]) -> Snapshot:
-    """A camera's snapshot with what the others tell: alarms that it has not, and who is named in their pictures.
+    """A camera's snapshot with what the others tell: alarms that it has not, their aircraft, what they see, and who is
+    named there.
 
     Args:
         snapshot: of the camera.
@@ -157,16 +161,31 @@ def beside(snapshot: Snapshot, view: FlightView, others: Sequence[FlightView]) -
     alarms = [view.told_alarm(alarm) for alarm in snapshot.alarms]
     known = {(alarm.key, alarm.system_id) for alarm in alarms}
     elsewhere: dict[int, tuple[str, ...]] = {}
+    aircraft, footprints = list[VehicleRow](), list[NDArray[np.float64]]()
     for other in others:
         if (theirs := other.loop.latest) is None:
             continue
         told = map(other.told_alarm, theirs.alarms)
         alarms += [alarm for alarm in told if (alarm.key, alarm.system_id) not in known]
         known |= {(alarm.key, alarm.system_id) for alarm in alarms}
-        if theirs.boxes_age_s > HELD_SHOWN_S:
-            continue
         for row in theirs.vehicles:
             if row.role == "ugv" and row.standing in NAMED:
                 elsewhere[row.system_id] = (*elsewhere.get(row.system_id, ()), other.name)
-    rows = tuple(replace(row, elsewhere=elsewhere.get(row.system_id, ())) for row in snapshot.vehicles)
-    return replace(snapshot, vehicles=rows, alarms=tuple(sorted(alarms, key=urgency)))
+        aircraft.append(replace(theirs.vehicles[0], p_enu=_moved(theirs.vehicles[0].p_enu, theirs, snapshot)))
+        if theirs.footprint_enu is not None:
+            corners = np.column_stack([theirs.footprint_enu, np.zeros(len(theirs.footprint_enu))])
+            footprints.append(_moved(corners, theirs, snapshot)[:, :2])
+    uav, *rest = (replace(row, elsewhere=elsewhere.get(row.system_id, ())) for row in snapshot.vehicles)
+    return replace(
+        snapshot,
+        vehicles=(uav, *aircraft, *rest),
+        footprints_elsewhere=tuple(footprints),
+        alarms=tuple(sorted(alarms, key=urgency)),
+    )
+
+
+def _moved(p_enu: NDArray[np.float64], of: Snapshot, into: Snapshot) -> NDArray[np.float64]:
+    """Places (..., 3) of one camera's snapshot in the frame of another's; NaN while one of them has none."""
+    if of.origin is None or into.origin is None:
+        return np.full_like(p_enu, np.nan)
+    return into.origin.to_enu(*of.origin.to_geodetic(p_enu))

@@ -62,11 +62,12 @@ class MapView:
 
 
 def points_of(snapshot: Snapshot) -> NDArray[np.float64]:
-    """(k, 2) known positions: UAV, vehicles, footprint, boxes without a name."""
+    """(k, 2) known positions: UAV, vehicles, footprints, boxes without a name."""
     points = [snapshot.uav_enu[:2], *(row.p_enu[:2] for row in snapshot.vehicles)]
     points += [box.p_enu[:2] for box in snapshot.boxes if not box.system_id]
     if snapshot.footprint_enu is not None:
         points += list(snapshot.footprint_enu[:, :2])
+    points += [corner for footprint in snapshot.footprints_elsewhere for corner in footprint]
     stacked = np.array(points, dtype=np.float64).reshape(-1, 2)
     return stacked[np.isfinite(stacked).all(axis=1)]
 

@@ -109,6 +109,8 @@ def chart_cells(
     draw_fences(dots, snapshot, view)
     if snapshot.footprint_enu is not None:
         dots.polygon(view.dots(snapshot.footprint_enu), pack(LINE), every=2.0)
+    for footprint in snapshot.footprints_elsewhere:
+        dots.polygon(view.dots(footprint), pack(LINE), every=4.0)
     for row in rows:
         if not _is_old(row) and row.std_m <= USABLE_M:
             dots.circle(_dot(view, row.p_enu), row.std_m / view.metres_per_dot, pack(LINE))
@@ -181,7 +183,7 @@ def map_labels(
             others.append(anchor)
             continue
         shown, word = names[mark.system_id], state.get(mark.system_id, "")
-        own = uav_name if mark.glyph == UAV_MARK else shown.name
+        own = uav_name if mark.system_id == snapshot.vehicles[0].system_id and mark.glyph == UAV_MARK else shown.name
         texts = tuple(dict.fromkeys((own + word, shown.short + word)))
         stressed = bool(selected) and mark.system_id == selected
         labels.append(
@@ -240,13 +242,16 @@ def _marks(snapshot: Snapshot, rows: Sequence[VehicleRow], view: MapView, extras
     pointers = zip((extras.ruler.cursor, *extras.ruler.picks), (CURSOR_MARK, *PICK_MARKS), strict=False)
     cells = [(place and view.cell(np.array(place)), glyph) for place, glyph in pointers]
     marks = [_Mark(*cell, glyph, BRIGHT) for cell, glyph in cells if cell]
-    uav = next((row for row in snapshot.vehicles if row.role == "uav"), None)
+    aircraft = [row for row in snapshot.vehicles if row.role == "uav"]
+    uav = aircraft[0] if aircraft else None
     if (cell := view.cell(snapshot.uav_enu)) is not None:
         marks.append(_Mark(*cell, UAV_MARK, _dated(ACCENT, uav), uav.system_id if uav else 0))
-    for row in rows:
+    for row in (*aircraft[1:], *rows):
         if (cell := view.cell(row.p_enu)) is not None:
-            glyph = STANDING_MARKS.get(row.standing, BOX_MARK)
-            marks.append(_Mark(*cell, glyph, _dated(standing_colour(row.standing), row), row.system_id))
+            flies = row.role == "uav"
+            glyph = UAV_MARK if flies else STANDING_MARKS.get(row.standing, BOX_MARK)
+            colour = ACCENT if flies else standing_colour(row.standing)
+            marks.append(_Mark(*cell, glyph, _dated(colour, row), row.system_id))
     for box in snapshot.boxes:
         if not box.system_id and (cell := view.cell(box.p_enu)) is not None:
             picked = bool(extras.track) and box.track_id == extras.track

@@ -173,6 +173,9 @@ def _vehicle(snapshot: Snapshot, row: VehicleRow, box: Box | None, width: int) -
     which box it may be."""
     words = named(standing_word(row.standing), row.confidence, stated=row.stated)
     lines = _standing(f"{STANDING_MARKS[row.standing]} {words}", row.standing, row.standing_since_us, snapshot, width)
+    if row.elsewhere:
+        too = " too" if row.standing in NAMED else ""
+        lines += _text(("seen by", f"{', '.join(map(plain, row.elsewhere))}{too}: C shows it", INK), width)
     lines += _text(("against", *_against(snapshot, row, box)), width)
     lines += _text(("should be", expected_place(snapshot, row), INK), width)
     lines += _text(("do", _to_do(snapshot, row), INK), width)
@@ -210,7 +213,9 @@ def _against(snapshot: Snapshot, row: VehicleRow, box: Box | None) -> tuple[str,
 def _to_do(snapshot: Snapshot, row: VehicleRow) -> str:
     """Advice of the worst alarm, else what the standing does."""
     worst = worst_alarm(snapshot, row.system_id)
-    return plain(worst.advice) if worst is not None and worst.advice else ADVICE[row.standing]
+    if worst is not None and worst.advice:
+        return plain(worst.advice)
+    return "nothing: another camera shows it" if row.elsewhere and not row.in_view else ADVICE[row.standing]
 
 
 def _unnamed(snapshot: Snapshot, box: Box | None, width: int) -> list[list[Part]]:

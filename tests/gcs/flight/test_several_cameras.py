@@ -5,6 +5,7 @@ import threading
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from gcs.cli.identify import identify_into
@@ -16,6 +17,7 @@ from gcs.mission.mission import View, parse_mission
 from gcs.session.recorder import Recorder
 from gcs.session.session import open_session
 from gcs.snapshot import Alarm, Event
+from mavlink.geodesy import LocalFrame
 from sim import live
 from sim.world.presets import nominal
 from sim.world.scenario import ScenarioCamera
@@ -72,8 +74,21 @@ def test_what_another_camera_tells_stands_beside_what_this_one_does():
     assert {here.own(each) for each in shown.alarms} == {None, stopped, silent, lone}
     named = {row.system_id for row in base.vehicles if row.standing == "confirmed" and row.role == "ugv"}
     assert named <= {row.system_id for row in shown.vehicles if row.elsewhere == ("Mast",)}
-    stale = replace(base, t_us=base.t_us + 10_000_000)
-    assert not any(row.elsewhere for row in beside(base, here, [a_view(2, "Mast", stale)]).vehicles)
+    lapsed = replace(base, vehicles=tuple(replace(row, standing="no new frame") for row in base.vehicles))
+    assert not any(row.elsewhere for row in beside(base, here, [a_view(2, "Mast", lapsed)]).vehicles)
+
+
+def test_another_camera_s_aircraft_and_what_it_sees_are_in_the_place_of_this_one():
+    base = replace(make_snapshot(live=True), origin=LocalFrame(48.1, 11.6, 550.0))
+    moved = LocalFrame(base.origin.lat_deg, base.origin.lon_deg + 1e-3, base.origin.alt_m)
+    there = a_view(2, "Mast", replace(base, origin=moved))
+    shown = beside(base, a_view(1, "UAV", base), [there])
+    assert [row.role for row in shown.vehicles[:3]] == ["uav", "uav", "ugv"]
+    east_m = 1e-3 * 111_320 * np.cos(np.radians(base.origin.lat_deg))
+    assert shown.vehicles[1].p_enu - base.vehicles[0].p_enu == pytest.approx([east_m, 0, 0], abs=0.5)
+    assert shown.footprints_elsewhere[0] - base.footprint_enu == pytest.approx(np.tile([east_m, 0], (4, 1)), abs=0.5)
+    nowhere = a_view(2, "Mast", replace(base, origin=None))
+    assert np.isnan(beside(base, a_view(1, "UAV", base), [nowhere]).vehicles[1].p_enu).all()
 
 
 def test_events_of_a_camera_say_which_one_and_those_of_the_fleet_come_once():
