@@ -22,7 +22,8 @@ import numpy as np
 
 from bench.ports import free_port
 from bench.receiving.senders import send_fleet, send_flood
-from gcs.flight.flight import Flight, FlightPlan
+from gcs.flight.flight import Flight
+from gcs.flight.plan import FlightPlan
 from gcs.mission.mission import parse_mission
 from gcs.tui import RollcallApp
 

@@ -18,7 +18,8 @@ import typer
 from gcs.cli.output.console import FAR_S, AsJson, check_range, print_json, print_note
 from gcs.cli.output.tables import print_table
 from gcs.errors import GcsError
-from gcs.flight.flight import Flight, FlightPlan
+from gcs.flight.flight import Flight
+from gcs.flight.plan import FlightPlan
 from gcs.fold.detector_factory import open_mission_detector
 from gcs.health.machine import GSD_M, PORTS, checks
 from gcs.health.preflight import Check, preflight

@@ -46,7 +46,8 @@ from gcs.cli.output.console import (
 from gcs.cli.rollcall import print_rollcall, rollcall_json
 from gcs.cli.sharing.telling import Show, Tell, parse_sinks, telling
 from gcs.errors import GcsError
-from gcs.flight.flight import Flight, FlightPlan
+from gcs.flight.flight import Flight
+from gcs.flight.plan import FlightPlan
 from gcs.live_out.sink import SinkSource
 from gcs.mission.mission import Mission, unheeded_links
 from gcs.report.rollcall import RollCall

@@ -15,19 +15,19 @@ import shutil
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gcs.errors import FlightError
-from gcs.flight.listening import Listening, open_ingest
+from gcs.flight.listening import Listening
 from gcs.flight.monitor import FlightMonitor, with_video
 from gcs.flight.newcomers import Newcomers
+from gcs.flight.plan import FlightPlan, open_detector, open_links
 from gcs.flight.practice import PractisedFleet
-from gcs.flight.video import check_source
 from gcs.flight.view import FlightView
 from gcs.flight.views import FlightViews
-from gcs.fold.detector_factory import fingerprints, open_mission_detector
+from gcs.fold.detector_factory import fingerprints
 from gcs.health.faults import Faults
 from gcs.mission.fleet_changes import changed
 from gcs.mission.mission import Mission
@@ -38,7 +38,6 @@ from gcs.snapshot import Alarm, Event, FleetChange, Health, Snapshot, Statement
 from gcs.station import Commands, Newcomer
 from infra.wall_clock import now_us
 from mavlink.errors import LinkError
-from mavlink.ingest.ingest import Ingest
 from mavlink.signing.keys import KeyRing, read_ring
 from mavlink.transmit.message_rates import MessageRates, Rate, uav_rates
 from vision.detect.detector import Detector
@@ -51,37 +50,6 @@ _log = logging.getLogger(__name__)
 READ_S = 0.2
 CARE_S = 0.5
 FAULT_PAUSE_S = 0.1
-LOOK_THREADS = min(os.cpu_count() or 1, 2)
-"""Threads of the detector: the newest frame is looked at alone, and soon."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlightPlan:
-    """Plan of what to listen to, and where to keep it."""
-
-    mission: Mission
-    links: tuple[str, ...]
-    video: str
-    """Empty: no camera; ``auto``: the stream that the UAV offers, once it does. Further cameras are those views of the
-    mission that name one."""
-    sessions: Path
-    forward: tuple[str, ...] = ()
-    """Where packets go on to, as they came."""
-    command: bool = False
-    """True if this station may send: beat, ask for rates, and command the UAV."""
-    accept_late: tuple[int, ...] = ()
-    """Vehicles whose signed packets are accepted without a proof that they are made now."""
-    spare: tuple[str, ...] = ()
-    """Links that nobody asked for: they count once something came over them."""
-    origins: Mapping[str, str] = field(default_factory=dict)
-    """Where the parts of the mission come from, for the file that it may be saved in."""
-    practise_port: int = 0
-    """At which a simulated fleet of this computer takes troubles, 0 none."""
-
-    @property
-    def videos(self) -> dict[int, str]:
-        """Videos of the cameras that fly by their place in the mission; the first one's may be empty."""
-        return {0: self.video} | {place: view.video for place, view in enumerate(self.mission.view, 1) if view.video}
 
 
 class Flight:
@@ -110,17 +78,16 @@ class Flight:
         mission = self._mission = plan.mission
         self._ring = read_ring(mission.signing.folder) if mission.signing.folder else KeyRing()
         notes: dict[str, Any] = {"keys": key_notes(self._ring)}
-        if detector := _open_detector(plan):
+        if detector := open_detector(plan):
             notes["models"] = fingerprints(mission.detector)
         made: dict[str, Any] = {"folder": listening.folder, "began_us": listening.began_us} if listening else {}
-        self._recorder = Recorder(
-            plan.sessions, mission, video=bool(plan.video), views=[k + 1 for k in plan.videos if k], notes=notes, **made
-        )
+        views = [k + 1 for k in plan.videos if k]
+        self._recorder = Recorder(plan.sessions, mission, video=bool(plan.video), views=views, notes=notes, **made)
         _log.info("%s records %s in process %d", PROGRAM, self._recorder.folder.name, os.getpid())
         _log.info("Python %s on %s", platform.python_version(), platform.platform())
         self._commands: CommandService | None = None
         try:
-            self._ingest = listening.ingest if listening else _open_ingest(plan, self._recorder.tlog_path)
+            self._ingest = listening.ingest if listening else open_links(plan, self._recorder.tlog_path)
         except BaseException:
             # nothing was received: what is in the folder are headings
             self._recorder.close()
@@ -134,8 +101,17 @@ class Flight:
         for (place, source), recorder in zip(plan.videos.items(), recorders, strict=True):
             self._add_view(place, source, recorder, detector)
         self._first = self._views.first
-        rates = uav_rates(gimbal=mission.follows_gimbal)
-        self._rates = MessageRates(None, mission.uav.system_id, mission.ugv_ids, uav_rates=rates)
+        # those that are measured alone; with orders to the first camera's aircraft the command service asks for its own
+        self._rates = [
+            MessageRates(
+                None,
+                view.uav_id,
+                () if place else mission.ugv_ids,
+                uav_rates=uav_rates(gimbal=view.pipeline.mission.follows_gimbal),
+            )
+            for place, view in self._views.all.items()
+            if place or not plan.command
+        ]
         self._newcomers = Newcomers([each.system_id for each in listening.roster.vehicles] if listening else ())
         self._first.loop.health = Health(
             free_bytes=self._recorder.free_bytes, recording_since_us=self._recorder.began_us, keys=len(self._ring)
@@ -154,7 +130,7 @@ class Flight:
             self._ingest,
             self._recorder,
             self._first.video,
-            None if self._commands else self._rates,
+            self._rates,
             keys=len(self._ring),
             spare=plan.spare,
             on_event=self.add_event,
@@ -273,7 +249,8 @@ class Flight:
 
     def rates(self) -> Sequence[Rate]:
         """How often messages come."""
-        return (self._commands.rates if self._commands else self._rates).rates(time.monotonic())
+        measured = (*([self._commands.rates] if self._commands else []), *self._rates)
+        return [rate for rates in measured for rate in rates.rates(time.monotonic())]
 
     def newcomers(self) -> Sequence[Newcomer]:
         """Who is heard and not in the fleet."""
@@ -287,9 +264,10 @@ class Flight:
         after = changed((of_one or [self._first])[0].pipeline.mission, change)
         for view in of_one or views:
             view.pipeline.change_fleet(change)
-        self._rates.set_ground(after.ugv_ids)
         if self._commands:
             self._commands.set_ground({i: after.name_of(i) for i in after.ugv_ids})
+        else:
+            self._rates[0].set_ground(after.ugv_ids)
         self._ingest.know(after.system_ids, self._first.uav_id)
 
     def save_mission(self) -> str:
@@ -397,13 +375,12 @@ class Flight:
         packets = self._ingest.read(READ_S)
         self._views.add_packets(packets, self._ingest.heard_us)
         self._newcomers.add_packets(packets, self._fleet)
-        if self._commands:
-            for packet in packets:
+        now_s = time.monotonic()
+        for packet in packets:
+            if self._commands:
                 self._commands.receive(packet)
-        elif packets:
-            now_s = time.monotonic()
-            for packet in packets:
-                self._rates.add_packet(packet, now_s)
+            for rates in self._rates:
+                rates.add_packet(packet, now_s)
 
     def _process(self) -> None:
         if self._commands:
@@ -426,31 +403,3 @@ class Flight:
             for event in view.video.check(view.pipeline.fleet.video_offer):
                 view.loop.add_event(event)
         self._stop.wait(CARE_S)
-
-
-def _open_detector(plan: FlightPlan) -> Detector | None:
-    """The one that looks at the frames of all cameras, None without any.
-
-    Raises:
-        VideoError: a video could never be opened.
-        ModelError: the detector cannot be.
-    """
-    for source in plan.videos.values():
-        check_source(source)
-    choice = plan.mission.detector
-    return open_mission_detector(choice, threads=LOOK_THREADS) if any(plan.videos.values()) else None
-
-
-def _open_ingest(plan: FlightPlan, log: Path) -> Ingest:
-    mission = plan.mission
-    uav = mission.uav.system_id
-    return open_ingest(
-        plan.links,
-        log,
-        mission.signing,
-        forward=plan.forward,
-        command=plan.command,
-        accept_late=plan.accept_late,
-        uav=uav,
-        system_ids=mission.system_ids,
-    )

@@ -41,7 +41,7 @@ class FlightMonitor:
         ingest: how telemetry comes in.
         recorder: writes the session.
         video: the camera, if there is one.
-        rates: message rates to report; None where the command service does.
+        rates: message rates to report, without those that the command service does.
         keys: signing keys in use.
         spare: names of links that are not told of before something came over them.
         on_event: called with each change.
@@ -52,7 +52,7 @@ class FlightMonitor:
         ingest: Ingest,
         recorder: Recorder,
         video: FlightVideo,
-        rates: MessageRates | None,
+        rates: Collection[MessageRates],
         *,
         keys: int,
         spare: Collection[str] = (),
@@ -72,7 +72,7 @@ class FlightMonitor:
         ingest = self._ingest.health()
         for notice in self._ingest.notices():
             self._note(notice.t_us, notice.level, notice.text)
-        for rate in self._rates.troubles(time.monotonic()) if self._rates else ():
+        for rate in (rate for rates in self._rates for rate in rates.troubles(time.monotonic())):
             self._note(now_us(), "warning", rate.words, rate.system_id)
         for event in (*self._recorder.check(ingest.record), *self._video.check(offer)):
             self._on_event(event)

@@ -23,7 +23,7 @@ class ShownName:
     """Names that may be written for a vehicle."""
 
     short: str
-    """Its system id, ``UAV`` for the UAV: never the same for two."""
+    """Its system id, ``UAV`` for the only aircraft: never the same for two."""
     name: str
     """Its name, else the same as ``short``."""
     legend: str
@@ -37,7 +37,8 @@ def shown_names(snapshot: Snapshot, shows: Callable[[str], bool]) -> Mapping[int
         snapshot: Names may be words from a mission file, of any length and in any writing.
         shows: Whether a picture can show all letters of a text.
     """
-    uavs = {row.system_id for row in snapshot.vehicles if row.role == "uav"}
+    aircraft = {row.system_id for row in snapshot.vehicles if row.role == "uav"}
+    uavs = aircraft if len(aircraft) == 1 else set[int]()
     ids = {row.system_id for row in snapshot.vehicles} | {box.system_id for box in snapshot.boxes if box.system_id}
     names = {row.system_id: row.name for row in snapshot.vehicles}
     names |= {system_id: snapshot.name_of(system_id) for system_id in ids - names.keys()}

@@ -5,7 +5,8 @@ from __future__ import annotations
 import time
 
 from gcs.command import CommandService
-from gcs.flight.flight import Flight, FlightPlan
+from gcs.flight.flight import Flight
+from gcs.flight.plan import FlightPlan
 from gcs.mission.mission import Mission, MissionVehicle
 from mavlink.ingest.ingest import Ingest
 from mavlink.tlog.log import Tlog

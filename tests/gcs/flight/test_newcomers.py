@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs.flight.flight import Flight, FlightPlan
+from gcs.flight.flight import Flight
 from gcs.flight.newcomers import MOST_OFFERED, MOST_PACKETS, Newcomers
+from gcs.flight.plan import FlightPlan
 from gcs.mission.mission import Mission, MissionVehicle, load_mission
 from gcs.playback.analysis import Analysis
 from gcs.session.session import open_session

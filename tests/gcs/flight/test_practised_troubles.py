@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from gcs.flight.flight import Flight, FlightPlan
+from gcs.flight.flight import Flight
+from gcs.flight.plan import FlightPlan
 from gcs.mission.mission import Mission, MissionVehicle
 from sim.live import play
 from sim.world.presets import nominal

@@ -10,10 +10,12 @@ import pytest
 
 from gcs.cli.identify import identify_into
 from gcs.errors import SessionError
-from gcs.flight.flight import Flight, FlightPlan
+from gcs.flight.flight import Flight
+from gcs.flight.plan import FlightPlan
 from gcs.flight.view import FlightView
 from gcs.flight.views import OVERDUE_S, FlightViews, beside
 from gcs.mission.mission import View, parse_mission
+from gcs.report.vehicle_names import shown_names
 from gcs.session.recorder import Recorder
 from gcs.session.session import open_session
 from gcs.snapshot import Alarm, Event
@@ -81,12 +83,15 @@ def test_what_another_camera_tells_stands_beside_what_this_one_does():
 def test_another_camera_s_aircraft_and_what_it_sees_are_in_the_place_of_this_one():
     base = replace(make_snapshot(live=True), origin=LocalFrame(48.1, 11.6, 550.0))
     moved = LocalFrame(base.origin.lat_deg, base.origin.lon_deg + 1e-3, base.origin.alt_m)
-    there = a_view(2, "Mast", replace(base, origin=moved))
+    uav, *rest = base.vehicles
+    second = replace(base, origin=moved, vehicles=(replace(uav, system_id=2, name="Mast"), *rest))
+    there = a_view(2, "Mast", second)
     shown = beside(base, a_view(1, "UAV", base), [there])
     assert [row.role for row in shown.vehicles[:3]] == ["uav", "uav", "ugv"]
     east_m = 1e-3 * 111_320 * np.cos(np.radians(base.origin.lat_deg))
     assert shown.vehicles[1].p_enu - base.vehicles[0].p_enu == pytest.approx([east_m, 0, 0], abs=0.5)
     assert shown.footprints_elsewhere[0] - base.footprint_enu == pytest.approx(np.tile([east_m, 0], (4, 1)), abs=0.5)
+    assert {each.short for each in shown_names(shown, lambda _: True).values()} >= {"1", "2"}
     nowhere = a_view(2, "Mast", replace(base, origin=None))
     assert np.isnan(beside(base, a_view(1, "UAV", base), [nowhere]).vehicles[1].p_enu).all()
 

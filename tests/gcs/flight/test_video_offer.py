@@ -5,7 +5,8 @@ import socket
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gcs.flight.flight import Flight, FlightPlan
+from gcs.flight.flight import Flight
+from gcs.flight.plan import FlightPlan
 from gcs.flight.video import AUTO
 from gcs.mission.mission import parse_mission
 from tests.support.ports import free_port
@@ -47,7 +48,8 @@ def test_an_offer_is_told_and_taken_only_when_asked_for(tmp_path, video, uri, to
             assert until(is_told)
         texts = [event.text for event in flight.events()]
         assert sum(told in text for text in texts) == 1, texts
-        assert until(lambda: (flight._video.stream.url if flight._video.stream else None) == opened)
+        video = flight._first.video
+        assert until(lambda: (video.stream.url if video.stream else None) == opened)
     finally:
         flight.stop()
     assert flight.error is None

@@ -117,9 +117,7 @@ class Station:
         self.video, self.faults = FlightVideo(video, self.recorder), Faults(self.recorder.folder / "faults.txt")
         self.ingest = ingest or SimpleNamespace(health=IngestHealth, notices=list)
         self.events = []
-        self.monitor = FlightMonitor(
-            self.ingest, self.recorder, self.video, None, keys=keys, on_event=self.events.append
-        )
+        self.monitor = FlightMonitor(self.ingest, self.recorder, self.video, (), keys=keys, on_event=self.events.append)
 
     def health(self, packets_dropped=0):
         return self.monitor.check(Throughput(frames=0, fps=0.0, packets_dropped=packets_dropped), self.faults, None)

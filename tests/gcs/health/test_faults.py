@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gcs.flight.flight import Flight, FlightPlan
+from gcs.flight.flight import Flight
 from gcs.flight.frame_loop import MOST_WAITING, FrameLoop
+from gcs.flight.plan import FlightPlan
 from gcs.fold.pipeline import Pipeline
 from gcs.health.faults import LASTING, Faults
 from gcs.mission.mission import parse_mission
@@ -129,7 +130,7 @@ def test_tracebacks_that_cannot_be_kept_are_no_fault(tmp_path):
 def test_a_flight_whose_fold_fails_goes_on_recording_and_says_so(tmp_path, monkeypatch):
     port = free_port()
     monkeypatch.setattr("gcs.flight.flight.FAULT_PAUSE_S", 0.01)
-    monkeypatch.setattr("gcs.flight.flight.IDLE_S", 0.01)
+    monkeypatch.setattr("gcs.flight.views.IDLE_S", 0.01)
     monkeypatch.setattr(Pipeline, "add_frame", lambda *_, **__: fail("lost its head"))
     flight = Flight(FlightPlan(mission=MISSION, links=(f"udpin:127.0.0.1:{port}",), video="", sessions=tmp_path))
     sent = 0

@@ -12,7 +12,8 @@ from dataclasses import replace
 import psutil
 import pytest
 
-from gcs.flight.flight import Flight, FlightPlan
+from gcs.flight.flight import Flight
+from gcs.flight.plan import FlightPlan
 from gcs.live_out import live_out
 from gcs.live_out.live_out import LiveOut
 from gcs.live_out.sink import SinkSource

@@ -8,7 +8,8 @@ import socket
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gcs.flight.flight import Flight, FlightPlan
+from gcs.flight.flight import Flight
+from gcs.flight.plan import FlightPlan
 from gcs.mission.mission import Mission, MissionVehicle
 from mavlink.errors import LinkError
 from mavlink.forwarding.forward import Forwarder
