@@ -30,6 +30,13 @@ def import_flight(
             help="Log of a ground vehicle, as 11=rover.bin (.ulg, .tlog, .csv, .gpx, .kml, .nmea …); repeatable."
         ),
     ] = None,
+    view: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="FILM[=LOG]",
+            help="Film of another aircraft of the same flight, and its log where the film has none; may be repeated.",
+        ),
+    ] = None,
     tlog: Annotated[
         Path | None, typer.Option(help="Telemetry log with the ground vehicles, and perhaps the UAV.")
     ] = None,
@@ -68,7 +75,7 @@ def import_flight(
     """Write a session from a flight that others recorded: film, logs, tables."""
     # decoder and readers are loaded only where they are needed: that takes time
     from gcs.importing.camera_choice import CameraOptions
-    from gcs.importing.importer import ImportOptions
+    from gcs.importing.importer import FurtherFilm, ImportOptions
     from gcs.importing.importer import import_flight as import_files
 
     options = ImportOptions(
@@ -78,6 +85,7 @@ def import_flight(
         tlog=tlog,
         clock_s=_clock_s(clock),
         clock_within_s=math.inf if clock_within is None else clock_within,
+        views=tuple(FurtherFilm(**files) for files in map(_film_and_log, view or ())),
         camera=CameraOptions(fov_deg=fov, lens=lens, model=camera, pitch_deg=pitch, mount=mount),
     )
     report = import_files(out, options)
@@ -86,6 +94,11 @@ def import_flight(
         return
     print_table(("what", "how"), report.explained() if explain else report.rows(), head=False)
     print_note(f"wrote {out}; next: gcs identify {out} -o {out}-names")
+
+
+def _film_and_log(text: str) -> dict[str, Path]:
+    film, named, log = text.rpartition("=")
+    return {"video": Path(film), "uav": Path(log)} if named and not Path(text).exists() else {"video": Path(text)}
 
 
 def _clock_s(text: str) -> float | None:

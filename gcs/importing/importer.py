@@ -10,7 +10,7 @@ import math
 import os
 import shutil
 import struct
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -31,14 +31,16 @@ from gcs.importing.smoothing import filled_in
 from gcs.importing.sources import read_vehicle_logs
 from gcs.importing.timeline import FilmTimes, check_overlap, find_timeline, on_film
 from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog
-from gcs.mission.mission import Clock, MapChoice, Mission, MissionVehicle
+from gcs.mission.mission import Clock, MapChoice, Mission, MissionVehicle, View
 from gcs.session.metadata import PROGRAM, import_rows, mission_table
 from gcs.session.session import VIDEO_SUFFIXES
-from infra.session_format import FRAMES, LOG, METADATA
+from infra.session_format import FRAMES, LOG, METADATA, VIEW_FOLDER
 from mavlink.geodesy import separation_m
 from sim.session import new_session, write_frames
 
 _MOST_GAPS = 100
+_OF_A_FILM = frozenset({"video", "uav", "attitude", "camera", "direction", "clock"})
+"""Subjects and roles that each film of a flight has its own of."""
 _CLOCKS = {
     "video": "that of the film",
     "frame": "that of the film: its frames are numbered",
@@ -80,6 +82,17 @@ class ImportReport:
     sources: tuple[SourceAccount, ...]
     uav_id: int = 0
     ugv_ids: tuple[int, ...] = ()
+
+    def with_view(self, number: int, other: ImportReport) -> ImportReport:
+        """The same with what was found of a further film, whose fleet is that of the first."""
+        own = [(subject, text) for subject, text in other.found if subject in _OF_A_FILM]
+        accounts = [replace(each, role=f"{each.role} {number}", spans={}) for each in other.sources]
+        return replace(
+            self,
+            found=(*self.found, *((f"{subject} {number}", text) for subject, text in own)),
+            assumed=tuple(dict.fromkeys((*self.assumed, *other.assumed))),
+            sources=(*self.sources, *(each for each in accounts if each.role.partition(" ")[0] in _OF_A_FILM)),
+        )
 
     @property
     def left_out(self) -> dict[str, int]:
@@ -207,6 +220,21 @@ class ImportOptions:
     clock_within_s: float = math.inf
     """Largest offset that is searched, either way."""
     camera: CameraOptions = field(default_factory=CameraOptions)
+    """Of all films."""
+    views: tuple[FurtherFilm, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FurtherFilm:
+    """A film that another aircraft took of the same flight."""
+
+    video: Path
+    uav: Path | None = None
+    """As of the first one."""
+
+    def of(self, options: ImportOptions) -> ImportOptions:
+        """The options of an import of this film; its clock is searched for."""
+        return replace(options, video=self.video, uav=self.uav, clock_s=None, views=())
 
 
 def import_flight(out: Path, options: ImportOptions) -> ImportReport:
@@ -221,12 +249,49 @@ def import_flight(out: Path, options: ImportOptions) -> ImportReport:
     """
     if out.exists():
         raise ImportFileError(f"{out}: exists already; recordings are never overwritten, give another name")
-    film = open_film(options.video)
     fleet = read_ground_vehicles(options.tlog, options.ugv)
-    uav, unread = _uav_log(options, coarse=not fleet.aircraft)
+    filmed = [_import_film(options, fleet)]
+    for further in options.views:
+        filmed.append(_import_film(further.of(options), fleet, taken=[each.uav_id for each in filmed]))
+    first, *others = filmed
+    report, mission = first.report, first.mission
+    for number, other in enumerate(others, 2):
+        report = report.with_view(number, other.report)
+    unread = "; ".join(text for each in filmed for text in each.unread)
+    unused = (("not read", unread), ("not in the mission", _not_in_mission(fleet, [each.uav_id for each in filmed])))
+    report = replace(report, found=(*report.found, *((subject, text) for subject, text in unused if text)))
+    known = all(each.mission.map.takeoff_known for each in filmed)
+    views = tuple(View(system_id=each.uav_id, camera=each.mission.camera, clock=each.mission.clock) for each in others)
+    mission = replace(mission, view=views, map=replace(mission.map, takeoff_known=known))
+    streams = [*fleet.streams(), *(each.records for each in filmed)]
+    write_imported(out, [(each.film, each.film_us) for each in filmed], streams, mission, report.table())
+    return report
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Filmed:
+    """A film on the fleet's time line, with its aircraft."""
+
+    film: ImportedFilm
+    film_us: int
+    """Unix µs of its first frame."""
+    uav_id: int
+    records: Iterable[TlogRecord]
+    """Packets of the aircraft that the fleet's log has not."""
+    mission: Mission
+    report: ImportReport
+    unread: tuple[str, ...]
+    """Telemetry in the film that cannot be read."""
+
+
+def _import_film(options: ImportOptions, fleet: GroundVehicles, taken: Collection[int] = ()) -> _Filmed:
+    """Put a film on the fleet's time line; taken: system ids of aircraft that filmed others."""
+    film = open_film(options.video)
+    aircraft = [i for i in fleet.aircraft if i not in taken]
+    uav, unread = _uav_log(options, coarse=not aircraft)
     uav, swapped = _above(on_film(uav, film), fleet) if uav is not None else (None, ())
     uav = replace(uav, places=filled_in(uav.places)) if uav is not None else None
-    uav_id = _uav_id(fleet, uav, unread)
+    uav_id = _uav_id(aircraft, {*fleet.used_ids, *taken}, uav, unread)
     chosen, uav = choose_camera(film, uav, options.camera)
     timeline = find_timeline(film, uav, fleet.span_us, options.clock_s)
     mission = Mission(
@@ -241,16 +306,16 @@ def import_flight(out: Path, options: ImportOptions) -> ImportReport:
         timeline = searched_times(film, uav, fleet, mission, seen, timeline, options.clock_within_s)
     uav_span = _uav_span(uav, uav_id, fleet, timeline)
     partly = check_overlap(film, timeline, uav_span, fleet.span_us, dict.fromkeys(fleet.assumed))
-    mission = replace(mission, camera=chosen.stated)
     report = _report(film, fleet, uav, chosen, timeline, uav_id)
-    unused = (("not read", "; ".join(unread)), ("not in the mission", _not_in_mission(fleet, uav_id)))
-    found = (*report.found, *((subject, text) for subject, text in unused if text))
-    report = replace(report, found=found, assumed=(*report.assumed, *swapped, *partly, *_uav_clock(uav, fleet)))
-    streams = fleet.streams()
-    if uav is not None:
-        streams.append(_uav_records(uav, uav_id, fleet, timeline))
-    write_imported(out, film, timeline.film_us, streams, mission, report.table())
-    return report
+    return _Filmed(
+        film=film,
+        film_us=timeline.film_us,
+        uav_id=uav_id,
+        records=() if uav is None else _uav_records(uav, uav_id, fleet, timeline),
+        mission=replace(mission, camera=chosen.stated),
+        report=replace(report, assumed=(*report.assumed, *swapped, *partly, *_uav_clock(uav, fleet))),
+        unread=unread,
+    )
 
 
 def _uav_log(options: ImportOptions, *, coarse: bool) -> tuple[VehicleLog | None, tuple[str, ...]]:
@@ -331,19 +396,25 @@ def _above(uav: VehicleLog, fleet: GroundVehicles) -> tuple[VehicleLog, tuple[st
     )
 
 
-def _uav_id(fleet: GroundVehicles, uav: VehicleLog | None, unread: tuple[str, ...]) -> int:
+def _uav_id(aircraft: Sequence[int], used: Collection[int], uav: VehicleLog | None, unread: tuple[str, ...]) -> int:
     """Id of the UAV: its own, else one that nobody uses.
+
+    Args:
+        aircraft: that are in the fleet's log and film nothing else.
+        used: ids of others.
+        uav: its log, if it has one of its own.
+        unread: what of the video could not be read.
 
     Raises:
         ImportFileError: there is no UAV, or no id for it.
     """
     if uav is None:
-        if not fleet.aircraft:
+        if not aircraft:
             there = f" (not read: {'; '.join(unread)})" if unread else ""
             raise ImportFileError(f"nothing tells where the UAV was; give its log with --uav{there}")
-        return int(fleet.aircraft[0])
+        return int(aircraft[0])
     wanted: list[int] = [uav.system_id, *range(1, LAST_ID + 1)]
-    free = [system_id for system_id in wanted if system_id and system_id not in fleet.used_ids]
+    free = [system_id for system_id in wanted if system_id and system_id not in used]
     if free:
         return free[0]
     raise ImportFileError("every system id from 1 to 255 is in use; cut the fleet's log by --system")
@@ -382,10 +453,10 @@ def _report(
     )
 
 
-def _not_in_mission(fleet: GroundVehicles, uav_id: int) -> str:
+def _not_in_mission(fleet: GroundVehicles, films: Collection[int]) -> str:
     """Vehicles of the telemetry log that neither film nor are named, and why."""
     silent = [i for i in fleet.tlog.ground if i not in fleet.places] if fleet.tlog is not None else []
-    aircraft = [i for i in fleet.aircraft if i != uav_id]
+    aircraft = [i for i in fleet.aircraft if i not in films]
     words = [f"system {i}, which reports no position" for i in silent]
     return "; ".join([*words, *(f"system {i}, another aircraft" for i in aircraft)])
 
@@ -404,8 +475,7 @@ def _height_words(uav: VehicleLog, fleet: GroundVehicles) -> list[str]:
 
 def write_imported(
     folder: Path,
-    film: ImportedFilm,
-    film_us: int,
+    films: Sequence[tuple[ImportedFilm, int]],
     streams: Sequence[Iterable[TlogRecord]],
     mission: Mission,
     notes: Mapping[str, Any],
@@ -414,7 +484,7 @@ def write_imported(
 
     Args:
         folder: must not exist.
-        film_us: Unix µs of its first frame.
+        films: what was filmed and the Unix µs of its first frame, by each camera.
         streams: records, each in order of time.
         notes: where each number came from, for session.toml.
 
@@ -422,18 +492,25 @@ def write_imported(
         SessionWriteError: the folder exists or cannot be made.
         ImportFileError: the video's container is none that a session has.
     """
-    suffix = film.path.suffix.lower()
-    suffix = _OTHER_NAMES.get(suffix, suffix)
-    if suffix not in VIDEO_SUFFIXES:
-        raise ImportFileError(f"{film.path}: a session's video is one of {', '.join(VIDEO_SUFFIXES)}; remux it")
+    suffixes = [_suffix(film.path) for film, _ in films]
     text = mission_table(mission, {"format": 1, "program": PROGRAM, "imported": dict(notes)})
     with new_session(folder) as made:
         with (made / LOG).open("xb") as log:
             for t_us, raw in heapq.merge(*streams, key=lambda record: record[0]):
                 log.write(_TIME.pack(t_us) + raw)
-        write_frames(made / FRAMES.name, film.elapsed_us + film_us)
-        _link(film.path, made / f"video{suffix}")
+        for number, ((film, film_us), suffix) in enumerate(zip(films, suffixes, strict=True), 1):
+            place = made / VIEW_FOLDER.format(number) if number > 1 else made
+            place.mkdir(exist_ok=True)
+            write_frames(place / FRAMES.name, film.elapsed_us + film_us)
+            _link(film.path, place / f"video{suffix}")
         (made / METADATA).write_text(text, encoding="utf-8")
+
+
+def _suffix(path: Path) -> str:
+    suffix = _OTHER_NAMES.get(path.suffix.lower(), path.suffix.lower())
+    if suffix not in VIDEO_SUFFIXES:
+        raise ImportFileError(f"{path}: a session's video is one of {', '.join(VIDEO_SUFFIXES)}; remux it")
+    return suffix
 
 
 def _link(source: Path, target: Path) -> None:

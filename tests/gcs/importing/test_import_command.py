@@ -65,6 +65,21 @@ def test_a_dji_drone_above_rovers(flown, tmp_path):
     assert result.wrong_sure_s == 0.0
 
 
+def test_two_drones_above_rovers(flown, tmp_path):
+    subtitles, film, session = tmp_path / "DJI_0001.SRT", tmp_path / "DJI_0002.MP4", tmp_path / "session"
+    subtitles.write_text(srt("keyed", flown.spots()))
+    film.write_bytes(flown.video.read_bytes())
+    words = import_words(flown, session, "--uav", subtitles, "--view", f"{film}={subtitles}", "--json")
+    code, told, stderr = run_gcs(*words)
+    assert code == 0, stderr
+    found = dict(json.loads(told)["found"])
+    assert "DJI_0002.MP4" in found["video 2"] and "as system 2:" in found["uav 2"]
+    mission = load_mission(session / "session.toml")
+    assert [view.system_id for view in mission.view] == [2] and mission.view[0].camera == mission.camera
+    assert right_of(session, flown, tmp_path).right >= RIGHT
+    assert score_files(flown.session / "truth.csv", tmp_path / "names" / "view-2" / "identity.csv").right >= RIGHT
+
+
 @pytest.mark.slow
 def test_a_logged_uav_above_logged_rovers(flown, tmp_path):
     (tmp_path / "uav.bin").write_bytes(dataflash(flown, 1))
