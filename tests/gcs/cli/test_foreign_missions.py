@@ -9,7 +9,7 @@ import threading
 import pytest
 
 from gcs.errors import ConfigError
-from gcs.mission.mission import Links, SigningChoice, load_mission
+from gcs.mission.mission import Links, SigningChoice, load_mission, unheeded_links
 from tests.support.bundled import SWARM, shortened
 from tests.support.command_line import MISSION, heartbeat, run_gcs, run_gcs_process
 from tests.support.ports import free_port
@@ -97,6 +97,7 @@ def test_who_may_write_into_a_mission_may_not_order_the_uav_by_it(tmp_path, outl
 def test_links_and_signing_of_a_recording_do_not_count(tmp_path):
     text = (
         f'{MISSION}[links]\ntelemetry = ["14550"]\nvideo = "http://h/x"\n[signing]\nkeys = "none"\nkeyless = "open"\n'
+        '[[view]]\nsystem_id = 2\nvideo = "http://h/y"\n'
     )
     (tmp_path / "mission.toml").write_text(text)
     assert load_mission(tmp_path / "mission.toml").signing.keys == "none"
@@ -104,6 +105,7 @@ def test_links_and_signing_of_a_recording_do_not_count(tmp_path):
         (tmp_path / name).write_text(text + more)
         mission = load_mission(tmp_path / name)
         assert mission.links == Links() and mission.signing.keyless == SigningChoice().keyless
+        assert not mission.view[0].video and unheeded_links(tmp_path / name)[1:] == ("http://h/x", "http://h/y")
         assert mission.signing.keys != "none"
 
 
