@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
 from typing import ClassVar, Final
 
 from textual.reactive import reactive
@@ -37,7 +36,8 @@ from gcs.tui.palette import (
     position_colour,
     standing_colour,
 )
-from gcs.tui.panes.alarms import trouble_of, worst_alarm
+from gcs.tui.panes.advice import what_to_do
+from gcs.tui.panes.alarms import trouble_of
 from gcs.tui.panes.pane import Pane
 from gcs.tui.picking import picked_box
 from gcs.tui.themes import Colour
@@ -64,19 +64,6 @@ EVIDENCE: Final = (
 FACT_CELLS: Final = 40
 """Widest fact with its age on one row; a narrow pane has it on a second row."""
 Fact = tuple[str, str, Colour]
-ADVICE: Final[Mapping[Standing, str]] = MappingProxyType(
-    {
-        "confirmed": "nothing: rely on it",
-        "tentative": "do not rely on it yet; = states who it is",
-        "coasting": "wait until it is seen again",
-        "unidentified": "do not guess: it should be there without a name",
-        "out of view": "turn or move the camera there",
-        "no position": "check its receiver and its stream rates",
-        "misplaced": "do not rely on its position: find it by eye",
-        "no new frame": "check the camera and its link",
-    }
-)
-"""While no alarm says more."""
 
 
 class IdentityPane(Pane):
@@ -178,7 +165,7 @@ def _vehicle(snapshot: Snapshot, row: VehicleRow, box: Box | None, width: int) -
         lines += _text(("seen by", f"{', '.join(map(plain, row.elsewhere))}{too}: C shows it", INK), width)
     lines += _text(("against", *_against(snapshot, row, box)), width)
     lines += _text(("should be", expected_place(snapshot, row), INK), width)
-    lines += _text(("do", _to_do(snapshot, row), INK), width)
+    lines += _text(("do", what_to_do(snapshot, row), INK), width)
     if box is not None:
         return lines + _candidates(snapshot, box, width)
     other = _likeliest_box(snapshot, row.system_id)
@@ -208,14 +195,6 @@ def _against(snapshot: Snapshot, row: VehicleRow, box: Box | None) -> tuple[str,
         return plain(doubt), WARN
     own = next((each.against for each in box.candidates if each.system_id == row.system_id), "")
     return (plain(own), WARN) if own else ("nothing", FAINT)
-
-
-def _to_do(snapshot: Snapshot, row: VehicleRow) -> str:
-    """Advice of the worst alarm, else what the standing does."""
-    worst = worst_alarm(snapshot, row.system_id)
-    if worst is not None and worst.advice:
-        return plain(worst.advice)
-    return "nothing: another camera shows it" if row.elsewhere and not row.in_view else ADVICE[row.standing]
 
 
 def _unnamed(snapshot: Snapshot, box: Box | None, width: int) -> list[list[Part]]:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from gcs.snapshot import Candidate
 from gcs.tui.draw.mosaic import fit
 from gcs.tui.framing import frame_for
+from gcs.tui.panes.advice import what_to_do
 from gcs.tui.panes.identity import IdentityPane, expected_place
 from gcs.tui.panes.video import VideoPane
 from tests.support.fake_station import WIDE, FakeStation, make_snapshot, polled, running, text_of
@@ -125,6 +127,16 @@ async def test_standings_say_since_when():
 )
 def test_a_vehicle_without_a_box_says_where_it_should_be(px, words):
     assert expected_place(SNAPSHOT, row_of(15, expected_px=px)) == words
+
+
+def test_the_nearest_camera_is_to_turn_to_a_vehicle_that_none_shows():
+    uav, *rest = SNAPSHOT.vehicles
+    row = row_of(rest[0].system_id, standing="out of view")
+    second = replace(uav, system_id=2, name="North", p_enu=row.p_enu + np.array([3.0, 4.0, 40.0]))
+    both = replace(SNAPSHOT, vehicles=(uav, second, row))
+    assert what_to_do(replace(both, vehicles=(uav, row)), row) == "turn or move the camera there"
+    assert what_to_do(both, row) == "turn or move the camera there: North is nearest, 5.0 m away"
+    assert what_to_do(both, replace(row, elsewhere=("North",))) == "nothing: another camera shows it"
 
 
 def test_where_no_box_is_is_not_said_without_a_new_frame():
