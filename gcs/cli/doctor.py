@@ -7,9 +7,10 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
@@ -22,8 +23,9 @@ from gcs.flight.flight import Flight
 from gcs.flight.plan import FlightPlan
 from gcs.fold.detector_factory import open_mission_detector
 from gcs.health.machine import GSD_M, PORTS, checks
-from gcs.health.preflight import Check, preflight
+from gcs.health.preflight import Check, of_its_camera, preflight
 from gcs.mission.mission import Mission, load_mission
+from gcs.station import Station
 
 NOT_READY = 2
 LOOK_S = 0.5
@@ -118,13 +120,23 @@ def _listen(mission: Mission, listen_s: float, *, command: bool) -> tuple[Check,
             began_s, found = time.monotonic(), tuple[Check, ...]()
             while (waited_s := time.monotonic() - began_s) < listen_s:
                 time.sleep(LOOK_S)
-                now = flight.latest()
-                found = preflight(now, flight.rates()) if now is not None else ()
+                found = _of_all_cameras(flight, len(plan.videos))
                 if waited_s >= SETTLED_S and found and all(check.verdict == "ok" for check in found):
                     break
             return found
         finally:
             flight.stop()
+
+
+def _of_all_cameras(station: Station, cameras: int) -> tuple[Check, ...]:
+    """What a flight needs, by what each of its cameras shows; nothing before all have shown anything."""
+    found = list[Sequence[Check]]()
+    for place in range(cameras):
+        if (now := station.latest()) is not None:
+            needed = preflight(now, station.rates())
+            found.append(of_its_camera(needed, now.vehicles[0].name) if place else needed)
+        station = station.next_view() or station  # once round
+    return tuple(chain.from_iterable(found)) if len(found) == cameras else ()
 
 
 def _rows(check: Check) -> Iterator[tuple[str, str, str]]:

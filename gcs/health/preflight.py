@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from gcs.health.heard import is_heard, refused_because
 from gcs.snapshot import Alarm, Health, Snapshot, VehicleRow
 from mavlink.transmit.message_rates import Rate
 
+_OF_A_CAMERA = frozenset({"video", "video delay", "camera"})
+"""Names of the checks that each camera has its own of."""
 CAMERA_ADVICE = (
     "have the UAV report it (CAMERA_FOV_STATUS or CAMERA_INFORMATION), or describe it as [camera] of the mission; "
     "else it is found once three vehicles have driven in view for some 5 s"
@@ -62,6 +64,11 @@ def preflight(now: Snapshot, rates: Sequence[Rate]) -> tuple[Check, ...]:
             *station,
         ]
     )
+
+
+def of_its_camera(checks: Iterable[Check], name: str) -> list[Check]:
+    """The checks that are about a camera and not about the fleet, with the camera's name."""
+    return [replace(check, name=f"{name}: {check.name}") for check in checks if check.name in _OF_A_CAMERA]
 
 
 def _is_of_a_vehicle(alarm: Alarm, now: Snapshot) -> bool:

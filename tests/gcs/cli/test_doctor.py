@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import socket
+from dataclasses import replace
 
 import pytest
 from typer.testing import CliRunner
 
 from gcs.cli.app import app
+from gcs.cli.doctor import _of_all_cameras
 from gcs.health import machine
 from mavlink.protocol.encoder import COPTER, ROVER
+from tests.support.fake_station import FakeStation
 from tests.support.fake_vehicles import FakeVehicle
 from tests.support.ports import free_port
 
@@ -91,6 +94,19 @@ def test_with_a_mission_every_vehicle_is_listened_to_and_nothing_is_kept(tmp_pat
     assert by_name["UGV-12"]["found"] == "system id 12 is not heard" and by_name["video"]["verdict"] == "short"
     assert by_name["UGV-11"]["found"] != "system id 11 is not heard"
     assert [each.name for each in tmp_path.iterdir()] == ["m.toml"]
+
+
+def test_each_camera_is_checked_and_the_fleet_once():
+    first, second = FakeStation(live=True), FakeStation(live=True)
+    first.other_view, second.other_view = second, first
+    uav, *rest = second.snapshot.vehicles
+    second.snapshot = replace(second.snapshot, vehicles=(replace(uav, name="North"), *rest))
+    alone, both = _of_all_cameras(first, 1), _of_all_cameras(first, 2)
+    assert both[: len(alone)] == alone
+    assert {check.name for check in both[len(alone) :]} <= {"North: video", "North: video delay", "North: camera"}
+    assert len(both) > len(alone)
+    second.snapshot = None
+    assert _of_all_cameras(first, 2) == ()
 
 
 def test_what_is_about_a_flight_needs_a_mission():
