@@ -125,16 +125,19 @@ class FlightViews:
     def _next_frame(self, stopped_within: Callable[[float], bool]) -> tuple[int, Frame | None]:
         """The place of a camera and its newest frame; the one on show and None, or -1 of several, without any."""
         focus = self.place
-        for place in self.order(focus, time.monotonic()):
-            frame = self._views[place].video.latest(0.0)
-            if frame is not None:
-                self._looked_s[place], self._last = time.monotonic(), place
-                return place, frame
+        for place in self.order(focus, time.monotonic()) if self.several else ():
+            if frame := self._views[place].video.latest(0.0):
+                return self._looked(place), frame
         wait_s = WAITING_S if self.several or self.shown.loop.frames_wait else IDLE_S
         if self._views[focus].video.stream is None:
             stopped_within(wait_s)
         frame = self._views[focus].video.latest(wait_s)
-        return (focus, frame) if frame or not self.several else (-1, None)
+        return (self._looked(focus), frame) if frame or not self.several else (-1, None)
+
+    def _looked(self, place: int) -> int:
+        """Note that a camera has its turn; its place."""
+        self._looked_s[place], self._last = time.monotonic(), place
+        return place
 
     def order(self, focus: int, now_s: float) -> list[int]:
         """Places of cameras in the order in which they are asked for a new frame.
