@@ -42,6 +42,7 @@ def test_offset_is_found_under_difficulties(fleet, film, path):
     assert abs(found.best.offset_s - 77.7) < 0.2
 
 
+@pytest.mark.slow
 def test_offset_of_a_video_against_uav_and_fleet_together():
     fleet = FilmedFleet(ahead_s=-245.25, uav_mps=2.0)
     path = fleet.path(ahead_s=-245.25, log_s=(-400.0, 600.0))
@@ -50,6 +51,7 @@ def test_offset_of_a_video_against_uav_and_fleet_together():
     assert abs(found.best.offset_s + 245.25) < 0.15
 
 
+@pytest.mark.slow
 def test_vehicles_that_stand_all_the_time_are_refused():
     fleet = FilmedFleet(still=True)
     found = find_clock(fleet.film(), fleet.path(), fleet.log(), ANY)
@@ -73,6 +75,7 @@ def test_nothing_is_found_where_the_time_of_the_film_is_not_in_the_log(seed):
     assert find_clock(fleet.film(), fleet.path(), log, ANY).verdict is not ClockVerdict.FOUND
 
 
+@pytest.mark.slow
 def test_nothing_is_found_beyond_the_bounds():
     fleet = FilmedFleet(ahead_s=300.0)
     assert find_clock(fleet.film(), fleet.path(), fleet.log(), (-60.0, 60.0)).verdict is not ClockVerdict.FOUND
@@ -100,6 +103,7 @@ def test_reports_of_years_apart_are_no_burden():
     assert abs(found.best.offset_s - 40.0) < 0.15
 
 
+@pytest.mark.slow
 def test_a_log_that_begins_in_the_middle_of_the_film_is_enough():
     fleet = FilmedFleet(ahead_s=1000.0)
     found = find_clock(fleet.film(), fleet.path(), fleet.log(15.0, 900.0), ANY)

@@ -68,6 +68,7 @@ def test_of_two_that_report_one_place_from_the_start_neither_is_named(seed, spre
     assert answer.system_id.tolist() == [11, 0, 0, 14]
 
 
+@pytest.mark.slow
 def test_of_two_that_report_one_place_the_one_that_is_not_late_can_be_named():
     identifier, fleet, rng = Identifier(IDS), Fleet(seed=1, spacing_m=12.0), np.random.default_rng(1)
     named = []

@@ -73,6 +73,7 @@ def test_names_go_when_the_film_becomes_another_and_come_back_with_the_right_one
     assert fits[-1] > 0.99 and answers[-1].system_id.tolist() == list(IDS)
 
 
+@pytest.mark.slow
 def test_without_reports_nothing_speaks_against_the_film():
     fleet, identifier = Fleet(seed=2), Identifier(IDS)
     films(identifier, fleet, fleet, 0.0, 6.0)
@@ -179,6 +180,7 @@ def test_what_was_paid_for_strangers_is_not_asked_for_again(monkeypatch):
     assert not fits(2.0, 30.0, -40.0), "nothing is lent"
 
 
+@pytest.mark.slow
 def test_video_that_is_dated_late_by_seconds_fits_once_the_vehicles_have_moved():
     fleet, identifier, rng = Fleet(seed=3), Identifier(IDS), np.random.default_rng(2)
     for k in range(20, 220):

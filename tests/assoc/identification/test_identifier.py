@@ -76,6 +76,7 @@ def test_without_headings():
     assert np.all(said(answers, 1.5) == IDS)
 
 
+@pytest.mark.slow
 def test_swapped_tracks_are_found_out():
     def ids(t):
         return [1, 2, 3, 4] if t < 6.0 else [2, 1, 3, 4]
@@ -100,6 +101,7 @@ def test_tracks_that_come_out_of_the_dark_exchanged_are_not_trusted(seed):
     assert answer.system_id.tolist() == list(IDS)
 
 
+@pytest.mark.slow
 def test_where_looks_are_rare_and_reports_poor_a_name_is_kept_across_holes():
     identifier, fleet = Identifier(IDS), Fleet(spacing_m=6.0, white_m=3.0, bias_m=0.1)
     play(identifier, fleet, 8.0)

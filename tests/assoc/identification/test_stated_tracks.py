@@ -72,6 +72,7 @@ def test_a_wrong_statement_costs_others_their_names_for_a_few_seconds_at_most(se
     assert filmed.names[-1] == {1: 11, 2: 12, 3: 13, 4: 14}
 
 
+@pytest.mark.slow
 def test_a_wrong_statement_of_a_vehicle_out_of_sight_yields_to_its_reports():
     filmed = Filmed(Fleet(n=4, spacing_m=14.0), hidden=(4,))
     filmed.run(10)
@@ -100,6 +101,7 @@ def test_a_stranger_that_was_named_stays_none_of_ours():
     assert all(names[4] == 0 for names in filmed.run(10))
 
 
+@pytest.mark.slow
 def test_without_statements_nothing_changes():
     stated, plain = Filmed(Fleet(n=3)), Filmed(Fleet(n=3))
     stated.identifier.state(99, 12)
@@ -109,6 +111,7 @@ def test_without_statements_nothing_changes():
     np.testing.assert_array_equal(stated.last.confidence, plain.last.confidence)
 
 
+@pytest.mark.slow
 def test_a_statement_holds_over_another_video():
     filmed = Filmed(Fleet(n=3), silent=(1,))
     filmed.run(5)

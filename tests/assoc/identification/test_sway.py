@@ -45,6 +45,7 @@ def test_vehicles_below_a_swaying_camera_are_named(told, size_deg):
     assert np.isin(names, (0, *IDS)).all()
 
 
+@pytest.mark.slow
 def test_a_sway_does_not_make_another_fleet_fit():
     seen, reporting = Fleet(n=5, spacing_m=7.0), Fleet(n=5, spacing_m=11.0, seed=5)
     names = play(Identifier(IDS), LEVEL, (3.0, 2.5, 0.0), seen, reporting, 4.0)

@@ -62,6 +62,7 @@ def test_a_name_under_that_alarm_is_never_confirmed():
     assert scene.row(OTHER).standing == "confirmed"
 
 
+@pytest.mark.slow
 def test_one_that_leaves_the_picture_with_its_position_is_not_accused():
     scene = filmed(10)
     scene.hidden = {UGV}

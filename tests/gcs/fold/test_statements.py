@@ -200,6 +200,7 @@ def test_no_name_is_stated_while_several_senders_use_its_id(sure):
     assert not any("contradicted" in text for text in texts(sure))
 
 
+@pytest.mark.slow
 def test_a_statement_outlives_evidence_that_begins_anew(silent):
     stated(silent, unnamed(silent).track_id, OTHER).run(1, filmed=True)
     silent.pipeline._begin_anew()

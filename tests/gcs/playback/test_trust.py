@@ -25,7 +25,7 @@ def identify(session, out):
 
 
 @pytest.mark.slow_but_first
-@pytest.mark.parametrize("frames", [150, 300])
+@pytest.mark.parametrize("frames", [80, 300])
 def test_deranged_ids_take_the_names_with_them(frames, tmp_path):
     """Each of our vehicles speaks under the id of the next."""
     session = shortened(SWARM, tmp_path / "session", frames)
@@ -39,7 +39,7 @@ def test_deranged_ids_take_the_names_with_them(frames, tmp_path):
 
     deranged = with_packets(session, tmp_path / "deranged", derange)
     before, after = identify(session, tmp_path / "before"), identify(deranged, tmp_path / "after")
-    assert score_files(truth, before).right > 0.99
+    assert score_files(truth, before).right > 0.97
     assert score_files(truth, after).right <= 0.01
     rows = [np.genfromtxt(path, delimiter=",", skip_header=1, usecols=3, filling_values=0) for path in (before, after)]
     moved = np.array([other.get(int(i), 0) for i in rows[0]])
