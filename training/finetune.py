@@ -3,8 +3,6 @@
 The folder holds ``run.json`` (what was asked for, with versions and hashes, and what came of it), ``rendered/`` (images
 that keep fronts and boxes learnt while labels without them are learnt from), ``checkpoint.pt`` (all that is needed to
 continue), ``best.pt``, ``loss.csv``, ``quality.csv`` (figures on the watched images), ``curves.png``, ``model.onnx``.
-
-The record of a training run: what was asked for, with versions and hashes, and what came of it.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """A batch: flights in, each worked on once, one table over all of them out. Prints nothing.
 
-Flights worked on by the workers of a Dask cluster, each in a process of its own beside the Dask worker.
-
-Workers may come and go: Dask gives what a worker had to another one. distributed is an extra (``cluster``), and
-imported when a cluster is asked for.
+Workers of a Dask cluster have a process of their own for each flight, beside the Dask worker. They may come and go:
+Dask gives what a worker had to another one. distributed is an extra (``cluster``), and imported when a cluster is asked
+for.
 """
 
 from __future__ import annotations

@@ -3,9 +3,8 @@
 Names are relative, with ``/`` between folders. What has a name already is replaced at once or not at all: the results
 of one flight from the same input are the same bytes, whoever was quicker.
 
-One batch at a time for a store: an object that tells who writes, written anew every few seconds while it does.
-
-Whose object stands still was killed: another batch takes over after having watched it for a while. No clock is
+One batch at a time has a store: an object tells who writes, and is written anew every few seconds while it does. Whose
+object stands still was killed: another batch takes over after having watched it for a while. No clock is
 compared, as those of two machines differ. Where two take over at the same moment nothing is lost but work: results of
 the same input are the same bytes.
 """

@@ -3,8 +3,6 @@
 A result is of the same input, program and options as what is asked for, or is made anew: first its record goes, then
 its table is replaced at once, then the new record comes. So whatever is killed when, a record stands beside the table
 that it is about.
-
-One attempt at a flight: a job in, its result or what was wrong with it out, and a log of it beside.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""``gcs fly``: the live screen, or the same flight without one.
-
-Command line of this program as other users see it.
-"""
+"""``gcs fly``: the live screen, or the same flight without one."""
 
 from __future__ import annotations
 

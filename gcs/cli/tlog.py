@@ -1,8 +1,6 @@
 """``gcs tlog``: look into telemetry logs, check, repair and cut them.
 
 ``check`` ends with 0 when a log is whole and with 5 when anything in it is damaged.
-
-Words of ``gcs tlog check`` and ``gcs tlog repair``.
 """
 
 from __future__ import annotations

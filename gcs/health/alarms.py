@@ -5,10 +5,9 @@ another alarm, which says how often and is held the longer the more often it cam
 where it stays. So a vehicle at the edge of a radio's range gives six lines in the event log, not two hundred, and
 nothing is said to be wrong that is well. Time is the snapshots', so that a replay raises what the flight raised.
 
-Serious texts of vehicles as alarms: each stays until the operator has acknowledged it.
-
-They are words from the air, so they are of a kind of their own, begin with who says them, and are few of each vehicle
-however many it sends: the event log and the telemetry log have them all.
+A serious text of a vehicle is an alarm that stays until the operator has acknowledged it. Such texts are words from the
+air, so they are of a kind of their own, begin with who says them, and are few of each vehicle however many it sends:
+the event log and the telemetry log have them all.
 """
 
 from __future__ import annotations

@@ -1,7 +1,5 @@
 """When a film was taken on the fleet's clock, where the user does not tell: searched in the film itself.
 
-By how much the fleet's clock is ahead of the film's: found by how the fleet fits the picture, or refused.
-
 In: boxes of some minutes of the film, the UAV's records, the fleet's positions, each on the clock of its own files. The
 search itself is :mod:`assoc.clock_search`; here its inputs are made with the tracker, the fleet and the camera that
 identification uses, and its verdict is put into words.

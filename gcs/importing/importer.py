@@ -1,7 +1,4 @@
-"""A flight's files as a session: read, put on one time line, written, with what was found, assumed and left out.
-
-Account of what an import found, assumed and left out: in all, and of each of the flight's files.
-"""
+"""A flight's files as a session: read, put on one time line, written, with what was found, assumed and left out."""
 
 from __future__ import annotations
 

@@ -1,6 +1,5 @@
 """The telemetry of a session as one log: its segments joined, on one time line, with what was rejected marked.
-
-Who sent each record of a session, as far as it is noted in ``senders.csv``.
+``senders.csv`` has who sent a record, as far as it is noted.
 """
 
 from __future__ import annotations

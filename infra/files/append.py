@@ -10,8 +10,6 @@ waits for the disk:
   written again into a new segment (``name.1.ext``, ``name.2.ext``, …) next to the old one, which is left as it is;
 - a file or folder that was deleted, moved, or unmounted: it is made anew and filled from the file that is still open;
 - a file that another program cut short: it is reported, and a new segment is begun.
-
-The thread that has recordings put on the disk and repairs them.
 """
 
 from __future__ import annotations

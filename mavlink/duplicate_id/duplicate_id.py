@@ -1,12 +1,10 @@
 """Conflicts of two senders over one system id.
 
 A vehicle has one kind, one mode, one clock, one place, one attitude and one hardware id at a time. Places are compared
-by :mod:`mavlink.duplicate_id.claimed_places`, attitudes by :mod:`mavlink.duplicate_id.duplicate_id`. In all else
+by :mod:`mavlink.duplicate_id.claimed_places`, attitudes by :class:`AttitudeComparison`. In all else
 a second sender alternates with the vehicle, and that is what is looked for: contradictions whose sender changes again
 and again. A reboot, a new address or a late copy changes once or for an instant, and is no conflict; a receiver that
 jumps has one sender.
-
-Attitudes that several senders of one system id report at the same time: can they be of one vehicle?
 """
 
 from __future__ import annotations

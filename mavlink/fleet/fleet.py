@@ -3,12 +3,8 @@
 Samples are kept by each vehicle's own boot time, so that a clock learnt better later also dates earlier reports better.
 A report that cannot be right is counted and reported, never used and never fatal.
 
-Whose radio link a modem's report is about.
-
 RADIO_STATUS and RADIO come under the id of the vehicle behind the modem, or, from SiK radios, under the modem's own
 (51): then they are about the link that they came over, and about each vehicle whose packets come that way.
-
-The UAV at a time, and whether it is known yet as well as it will be.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
 """One vehicle: its clock, positions, attitudes, receivers, mode and texts, from its packets.
 
 A packet is counted first (:meth:`Vehicle.count_packet`); how it came is passed along with the decoded sample.
-
-One vehicle's status texts: pieces put together, repetitions left out.
 """
 
 from __future__ import annotations

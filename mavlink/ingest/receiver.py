@@ -1,9 +1,8 @@
 """Work of the ingest process on a batch: record, verify, hand on, forward. Nothing is decoded.
 
-Limits how many packets with refused signatures are recorded of each sender; all of them are counted.
-
-Keys keep forged packets from being accepted, not from arriving, even from the address of the vehicle that is imitated.
-Packets with a valid signature are always recorded.
+Of packets with refused signatures only so many are recorded of each sender; all of them are counted. Keys keep forged
+packets from being accepted, not from arriving, even from the address of the vehicle that is imitated. Packets with a
+valid signature are always recorded.
 """
 
 from __future__ import annotations

@@ -1,8 +1,5 @@
-"""A link that is one byte stream to one other end, opened again soon after it was lost.
-
-Serial links, for telemetry radios. A port that is unplugged is opened again when it comes back.
-
-A TCP link that connects, and connects again.
+"""A link that is one byte stream to one other end, opened again soon after it was lost. A serial port that is
+unplugged is opened again when it comes back, as is a TCP connection.
 
 Nothing here waits: a peer that does not answer, or does not take what is sent, never holds up another link.
 """

@@ -1,14 +1,11 @@
 """A world whose vehicles and camera move as in an annotated film.
 
-Ground tracks of labelled vehicles: boxes through the camera onto the ground, and a smooth path through those.
-
-The camera's path over level ground, from how the images of a film map onto each other.
-
-Each image's pose is the one under which ground points, placed by the pose before it, appear where the homography
-between the two images sends them. In a narrow view a tilt looks like a shift; what the pixels leave open is decided
-for a camera that is held level, so that errors add up to a slow drift over the ground and not to a fall. Ground
-positions are placed by these same poses: a drift moves vehicles and camera alike and leaves where they appear as it
-was.
+Vehicles follow smooth paths through their boxes' places on the ground; the camera's path over level ground comes from
+how the images of the film map onto each other. Each image's pose is the one under which ground points, placed by the
+pose before it, appear where the homography between the two images sends them. In a narrow view a tilt looks like a
+shift; what the pixels leave open is decided for a camera that is held level, so that errors add up to a slow drift over
+the ground and not to a fall. Ground positions are placed by these same poses: a drift moves vehicles and camera alike
+and leaves where they appear as it was.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Writes an annotated film's world as a session folder, without the film itself.
-
-UAVDT's notes about a film: weather, height and view, one file a film beside the labels.
-"""
+"""Writes an annotated film's world as a session folder, without the film itself."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """Rendered video of a world: H.264 files whose frames carry their true capture times.
 
-Scenery of a flight: light, camera, appearance and objects beside the road, drawn from the scenario's seed.
-
-Nothing of it moves, hides a vehicle or is one, so that truth and telemetry are those of the bare scenario.
+Its scenery (light, camera, appearance and objects beside the road) is drawn from the scenario's seed. Nothing of it
+moves, hides a vehicle or is one, so that truth and telemetry are those of the bare scenario.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Objects beside roads that are no vehicles: buildings with roof fittings, containers, street furniture, who walks.
 
-Houses beside roads: rows of windows on their walls, and roofs with dormers, skylights, chimneys and plant.
-
-Much of it has the size of a vehicle, stands in rows like parked ones, and must not be detected.
+Houses have rows of windows on their walls, and roofs with dormers, skylights, chimneys and plant. Much of it has the
+size of a vehicle, stands in rows like parked ones, and must not be detected.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Sensors of the vehicles: GNSS, compass, attitude, with errors that last and errors that don't.
-
-Random errors of positions: noise from report to report, and errors that last.
-"""
+"""Sensors of the vehicles: GNSS, compass, attitude, with errors that last and errors that don't."""
 
 from __future__ import annotations
 

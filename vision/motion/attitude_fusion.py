@@ -18,8 +18,6 @@ misses, and the noise of its samples, which is scaled until innovations are as l
 Mehra, "On the identification of variances and adaptive Kalman filtering", IEEE Trans. Automatic Control 15(2), 1970,
 doi:10.1109/TAC.1970.1099422).
 
-How what a camera sees depends on its rotation.
-
 Camera frame: OpenCV, x right, y down, z forward; a camera's rotation R maps its vectors into the world, and its error
 is ξ with R_true = R Exp ξ.
 """

@@ -1,7 +1,4 @@
-"""Boxes that a detector draws around several vehicles at once.
-
-Boxes that may be of one track, of another or of both, since only one box is there for the two.
-"""
+"""Boxes that a detector draws around several vehicles at once, and those of which only one is there for two tracks."""
 
 from __future__ import annotations
 

@@ -10,10 +10,9 @@
 Schemas: https://docs.foxglove.dev/docs/visualization/message-schemas. Strangers are drawn without a name. Topics have
 the vehicles' ids and not their names, which may hold anything.
 
-A film as H.264 that can be shown frame by frame as it comes, for files in which each message is one picture.
-
-Such players decode a message and show it: no frame may wait for a later one (no B-frames), pictures are in Annex B with
-start codes, and every key frame has the parameter sets with it. A film that is so is copied; others are coded again.
+Players of files in which each message is one picture decode a message and show it: no frame may wait for a later one
+(no B-frames), pictures are in Annex B with start codes, and every key frame has the parameter sets with it. A film that
+is so is copied; others are coded again.
 """
 
 from __future__ import annotations

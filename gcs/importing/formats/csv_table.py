@@ -8,8 +8,6 @@ Columns, of which only a time and the two coordinates are needed; other columns 
     attitude  roll_deg, pitch_deg, yaw_deg of the UAV's body
     camera    gimbal_roll_deg, gimbal_pitch_deg from the horizon, gimbal_yaw_deg from north; hfov_deg
     who       system_id
-
-Columns of anybody's tables: what they are called, and in which unit their numbers can only be.
 """
 
 from __future__ import annotations
