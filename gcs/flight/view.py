@@ -16,6 +16,7 @@ from gcs.session.recorder import ViewRecorder
 from gcs.snapshot import Alarm, Event, Snapshot
 from mavlink.ingest.ingest import Ingest
 from vision.detect.detector import Detector
+from vision.video.video import Frame
 
 OF_A_CAMERA: Final = frozenset({"camera", "identity", "video"})
 """Kinds of alarms and events that are about one camera, and not about the fleet that all of them see."""
@@ -50,6 +51,7 @@ class FlightView:
         self.loop = FrameLoop(self.pipeline, detector, recorder, faults, lambda snapshot: on_snapshot(self, snapshot))
         self.turned_s = -math.inf
         """When it had its last turn of the fold, by the monotonic clock."""
+        self._taken = 0
 
     @property
     def uav_id(self) -> int:
@@ -65,6 +67,13 @@ class FlightView:
     def frames(self) -> int:
         """Frames received and recorded, whether they were looked at or not."""
         return self.video.stream.received if self.video.stream else 0
+
+    def newest(self) -> Frame | None:
+        """The newest frame, None where none came since the last; its process is not asked for nothing."""
+        received = self.frames
+        frame = self.video.latest(0.0) if received != self._taken else None
+        self._taken = received if frame else self._taken
+        return frame
 
     def tells(self, event: Event) -> bool:
         """Tell whether an event is about this camera or its aircraft, and not about the fleet that all of them see."""

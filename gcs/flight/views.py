@@ -126,7 +126,7 @@ class FlightViews:
         """The place of a camera and its newest frame; the one on show and None, or -1 of several, without any."""
         focus = self.place
         for place in self.order(focus, time.monotonic()) if self.several else ():
-            if frame := self._views[place].video.latest(0.0):
+            if frame := self._views[place].newest():
                 return self._looked(place), frame
         wait_s = WAITING_S if self.several or self.shown.loop.frames_wait else IDLE_S
         if self._views[focus].video.stream is None:
