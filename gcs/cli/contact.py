@@ -41,7 +41,7 @@ class Wanted:
     links: tuple[str, ...]
     """Empty: the usual ports."""
     videos: tuple[str, ...]
-    """Of each camera, as the mission has them; empty: what the mission says, or else what is offered or heard."""
+    """Videos of the cameras, in the mission's order; empty: what the mission says, else what is offered or heard."""
     uav: int | None
     """System id of the aircraft that films; None: as heard."""
     ugv: tuple[int, ...]

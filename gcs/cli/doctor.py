@@ -129,7 +129,7 @@ def _listen(mission: Mission, listen_s: float, *, command: bool) -> tuple[Check,
 
 
 def _of_all_cameras(station: Station, cameras: int) -> tuple[Check, ...]:
-    """What a flight needs, by what each of its cameras shows; nothing before all have shown anything."""
+    """Checks of a flight, by what each of its cameras shows; nothing before all have shown anything."""
     found = list[Sequence[Check]]()
     for place in range(cameras):
         if (now := station.latest()) is not None:

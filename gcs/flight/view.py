@@ -60,7 +60,7 @@ class FlightView:
 
     @property
     def name(self) -> str:
-        """What operators call that aircraft."""
+        """Name of that aircraft."""
         return self.pipeline.mission.name_of(self.uav_id)
 
     @property

@@ -217,7 +217,7 @@ class ImportOptions:
     clock_within_s: float = math.inf
     """Largest offset that is searched, either way."""
     camera: CameraOptions = field(default_factory=CameraOptions)
-    """Of all films."""
+    """Options of all films."""
     views: tuple[FurtherFilm, ...] = ()
 
 
@@ -227,7 +227,7 @@ class FurtherFilm:
 
     video: Path
     uav: Path | None = None
-    """As of the first one."""
+    """Its log, None where the film or the fleet's log has it."""
 
     def of(self, options: ImportOptions) -> ImportOptions:
         """The options of an import of this film; its clock is searched for."""

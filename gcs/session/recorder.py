@@ -97,7 +97,7 @@ class RecordingEvents:
 
 
 class ViewRecorder:
-    """What one camera of a flight leaves behind; its methods may be called from any thread.
+    """Everything that one camera of a flight leaves behind; its methods may be called from any thread.
 
     Args:
         folder: where.

@@ -1,4 +1,4 @@
-"""What an operator is to do about a vehicle."""
+"""Advice to an operator about a vehicle."""
 
 from __future__ import annotations
 
