@@ -10,9 +10,10 @@ doi:10.2514/3.3166, for discrete states):
 A name that was given early and taken back was never sure, one that came late was there from the first, a doubt that
 passes is none, and where a track changed its vehicle, its name changes. 0.3 of what counts is the plain mean over
 those 15 s, and "none of ours" has the lesser share of the two: a box that is cut, merged or late is no stranger's, and
-a doubt at a track's end is not all there is to know. Frames in which film and telemetry did not fit, though they did
-later, tell nothing; where they do not fit at the end, the mean alone counts. A track that was out of sight for long may
-have gone on with another vehicle: it counts as another one from there on, as for the identifier (``assoc.history``).
+a doubt at a track's end is not all there is to know. No name is surer than 0.89 where its mean is not. Frames in which
+film and telemetry did not fit, though they did later, tell nothing; where they do not fit at the end, the mean alone
+counts. A track that was out of sight for long may have gone on with another vehicle: it counts as another one from
+there on, as for the identifier (``assoc.history``).
 """
 
 from __future__ import annotations
@@ -51,6 +52,8 @@ _FITS = 0.5
 _LEAST_SHOWN = 0.005
 """A candidate that is less probable is not told."""
 _MOST_CANDIDATES = 3
+_UNSURE = 0.89
+"""A name is surer only where the mean is, too: what was told of a track in turn speaks against both."""
 _UNTOLD = 0.002
 """Probability of all candidates that were not told, each below 0.005."""
 _MOST_PASSED = 1000
@@ -120,7 +123,8 @@ def _smoothed(times_us: Sequence[int], p: FloatArray, fits: Sequence[bool]) -> F
     known = (1.0 - share) * s + share * mean
     none = np.minimum(mean[:, -1:], known[:, -1:])
     vehicles = known[:, :-1] * (1.0 - none) / np.maximum(1.0 - known[:, -1:], _UNTOLD)
-    return np.concatenate([vehicles, none], axis=1)
+    vehicles = np.minimum(vehicles, np.maximum(mean[:, :-1], _UNSURE))
+    return np.concatenate([vehicles, 1.0 - np.sum(vehicles, axis=1, keepdims=True)], axis=1)
 
 
 class _Courses:
