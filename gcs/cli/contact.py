@@ -24,6 +24,7 @@ from infra.processes.end_signals import AskedBySignals
 from infra.secrets import concealed
 from mavlink.errors import LinkError
 from mavlink.forwarding.outputs import parse_output
+from vision.stream.source import parse_source
 
 STOPPED = 130
 """Exit code of who was interrupted before anything flew, as shells have it."""
@@ -164,15 +165,18 @@ def _with_videos(mission: Mission, videos: Sequence[str], path: Path) -> Mission
 
     Raises:
         GcsError: there are more than cameras, or two cameras have one.
+        VideoError: one is none.
     """
     if len(videos) > len(mission.view) + 1:
         raise GcsError(f"{len(videos)} times --video; {path} has {len(mission.view)} [[view]] beside the first camera")
     further = dict(enumerate(videos[1:]))
     views = tuple(replace(view, video=further.get(k, view.video)) for k, view in enumerate(mission.view))
     every = [next(iter(videos), mission.links.video), *(view.video for view in views)]
-    twice = [video for video in every if video not in ("", AUTO) and every.count(video) > 1]
-    if twice:
-        raise GcsError(f"{concealed(twice[0])} is the video of two cameras; give each its own")
+    sources = [parse_source(video) for video in every if video not in ("", AUTO)]
+    places = [(source.address, source.host, source.port) for source in sources]
+    for source, place in zip(sources, places, strict=True):
+        if places.count(place) > 1:
+            raise GcsError(f"{source.text} is the video of two cameras; give each its own")
     return replace(mission, view=views)
 
 

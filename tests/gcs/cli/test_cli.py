@@ -127,7 +127,7 @@ BAD = {
     "several cameras": (
         lambda t: (
             *("fly", swarm_session(t, toml=lambda s: s + "\n[[view]]\nsystem_id = 99\n") / "session.toml"),
-            *("--video", "udp://:5600", "--video", "udp://:5600"),
+            *("--video", "udp://:5600", "--video", "rtp://@:5600"),
         ),
         2,
         "is the video of two cameras",
