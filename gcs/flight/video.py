@@ -82,7 +82,7 @@ class FlightVideo:
         if (state := self.state) != self._state:
             self._state = state
             if state != "stalled":  # of that there is an alarm
-                yield _event("info", "video", f"video {state}")
+                yield _event("info", f"video {state}")
         if self.stream is not None:
             yield from self._changes(self.stream)
 
@@ -106,12 +106,11 @@ class FlightVideo:
         self._offered = offer.uri
         url = offered(offer.type, offer.uri, offer.encoding)
         if not url:
-            return _event("warning", "video", f"the UAV offers a video that cannot be opened: {concealed(offer.uri)}")
+            return _event("warning", f"the UAV offers a video that cannot be opened: {concealed(offer.uri)}")
         if self._wanted == AUTO:
             self._open(url)
         return _event(
             "info",
-            "video",
             f"the UAV offers video at {concealed(url)}{'' if self._wanted else ', --video auto shows it'}",
         )
 
@@ -121,30 +120,28 @@ class FlightVideo:
         how = stream.exposure
         if how and (kind := how.partition(",")[0].partition(":")[0]) != self._dated_by:
             self._dated_by = kind
-            yield _event("warning" if "not used" in how else "info", "video", f"frames are dated {how}")
+            yield _event("warning" if "not used" in how else "info", f"frames are dated {how}")
         yield from self._senders(stream)
         before, self._reported = self._reported, now
         if now[0] and now[0] != before[0]:
-            yield _event("warning", "video", f"video: {now[0]}")
+            yield _event("warning", f"video: {now[0]}")
         if now[1] and now[1] != before[1]:
-            yield _event("alarm", "recording", f"video is not recorded: {now[1]}")
+            yield _event("alarm", f"video is not recorded: {now[1]}")
         if before[1] and not now[1]:
-            yield _event("info", "recording", "video is recorded again")
+            yield _event("info", "video is recorded again")
         if now[2] > before[2]:
-            yield _event("warning", "video", "the video's process was started again")
+            yield _event("warning", "the video's process was started again")
 
     def _senders(self, stream: VideoStream) -> Iterator[Event]:
         """Events for who sends datagrams: another one, and once that others send what is not used."""
         if stream.sender is not None and stream.sender != self._sender:
             before, self._sender = self._sender, stream.sender
             came = f", and no longer from {before}" if before else ""
-            yield _event("warning" if before else "info", "video", f"video comes from {stream.sender}{came}")
+            yield _event("warning" if before else "info", f"video comes from {stream.sender}{came}")
         if stream.strangers > MANY_REFUSED and not self._told_refused:
             self._told_refused = True
-            yield _event(
-                "warning", "video", f"others send to the video's port too; {stream.strangers} datagrams dropped"
-            )
+            yield _event("warning", f"others send to the video's port too; {stream.strangers} datagrams dropped")
 
 
-def _event(level: Level, kind: str, text: str) -> Event:
-    return Event(t_us=now_us(), level=level, kind=kind, text=text)
+def _event(level: Level, text: str) -> Event:
+    return Event(t_us=now_us(), level=level, kind="video", text=text)

@@ -77,11 +77,16 @@ class FlightView:
 
     def tells(self, event: Event) -> bool:
         """Tell whether an event is about this camera or its aircraft, and not about the fleet that all of them see."""
-        return event.kind in OF_A_CAMERA or event.system_id == self.uav_id
+        return event.kind in OF_A_CAMERA or event.system_id == self.uav_id or _is_about_a_box(event)
 
-    def told(self, event: Event) -> Event:
-        """An event of this camera as it is told among those of others."""
-        return replace(event, text=f"{self.name}: {event.text}") if event.kind in OF_A_CAMERA else event
+    def told(self, event: Event, *, further: bool) -> Event:
+        """An event of this camera as it is told among those of others.
+
+        Args:
+            further: it is not the first camera, whose fold has what the operator did to the fleet, too.
+        """
+        named = event.kind in OF_A_CAMERA or (further and _is_about_a_box(event))
+        return replace(event, text=f"{self.name}: {event.text}") if named else event
 
     def told_alarm(self, alarm: Alarm) -> Alarm:
         """An alarm of this camera as it is told among those of others; by the aircraft's id it is told from theirs."""
@@ -96,3 +101,11 @@ class FlightView:
         if alarm.system_id != self.uav_id:
             return None
         return replace(alarm, text=alarm.text.removeprefix(f"{self.name}: "), system_id=0)
+
+
+def _is_about_a_box(event: Event) -> bool:
+    """Tell whether a further camera's event is what the operator stated there, or what became of that.
+
+    Alarms that were seen, and changes of the fleet, are events of every camera.
+    """
+    return event.kind == "operator" and not event.alarm and event.change is None

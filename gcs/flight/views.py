@@ -6,6 +6,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 
 import numpy as np
@@ -73,7 +74,7 @@ class FlightViews:
     @property
     def place(self) -> int:
         """Place in the mission of the camera on show."""
-        return next(place for place, view in self._views.items() if view is self.shown)
+        return self._place_of(self.shown)
 
     def show_next(self) -> None:
         """Show the next camera."""
@@ -95,19 +96,21 @@ class FlightViews:
         """
         place, frame = self._next_frame(stopped_within)
         now_s, pause_s = time.monotonic(), IDLE_OF_MANY_S if self.several else 0.0
-        for each, view in self._views.items():
-            if each == place or view.loop.frames_wait or now_s - view.turned_s >= pause_s:
-                view.loop.run_once(frame if each == place else None)
-                view.turned_s = now_s
+        with ExitStack() as turns:  # all are taken, whichever fails
+            for each, view in self._views.items():
+                if each == place or view.loop.frames_wait or now_s - view.turned_s >= pause_s:
+                    turns.callback(view.loop.run_once, frame if each == place else None)
+                    view.turned_s = now_s
 
     def latest(self) -> Snapshot | None:
         """The newest snapshot of the camera on show, with what the others tell."""
-        snapshot = self.shown.loop.latest
+        shown = self.shown  # another thread may show the next one meanwhile
+        snapshot = shown.loop.latest
         if snapshot is None or not self.several:
             return snapshot
         of, made = self._beside
         if of is not snapshot:
-            made = beside(snapshot, self.shown, [view for view in self._views.values() if view is not self.shown])
+            made = beside(snapshot, shown, [view for view in self._views.values() if view is not shown])
             self._beside = snapshot, made
         return made
 
@@ -117,10 +120,14 @@ class FlightViews:
 
     def take(self, view: FlightView, snapshot: Snapshot) -> None:
         """Keep what is new for the screen: the fleet's events once, by the first camera's fold."""
+        first = view is self.first
         for event in snapshot.events:
-            if view is self.first or view.tells(event):
-                self._told.append(view.told(event) if self.several else event)
-        self._on_snapshot(next(place for place, each in self._views.items() if each is view), snapshot)
+            if first or view.tells(event):
+                self._told.append(view.told(event, further=not first) if self.several else event)
+        self._on_snapshot(self._place_of(view), snapshot)
+
+    def _place_of(self, view: FlightView) -> int:
+        return next(place for place, each in self._views.items() if each is view)
 
     def _next_frame(self, stopped_within: Callable[[float], bool]) -> tuple[int, Frame | None]:
         """The place of a camera and its newest frame; the one on show and None, or -1 of several, without any."""

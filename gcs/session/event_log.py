@@ -28,10 +28,15 @@ _log = logging.getLogger(__name__)
 
 
 class EventLog:
-    """Writes ``events.jsonl``: links, alarms, operator actions, identity changes; the program's log has them too."""
+    """Writes ``events.jsonl``: links, alarms, operator actions, identity changes; the program's log has them too.
 
-    def __init__(self, path: Path, open_file: Callable[[Path, str], Lines] = open_new) -> None:
+    Args:
+        whose: what stands before each in the program's log, where several write into it.
+    """
+
+    def __init__(self, path: Path, open_file: Callable[[Path, str], Lines] = open_new, *, whose: str = "") -> None:
         self._file = open_file(path, "")
+        self._whose = whose
 
     def write(self, events: Sequence[Event]) -> None:
         """Append events, one JSON object a line."""
@@ -41,7 +46,7 @@ class EventLog:
         self._file.flush()
         for event in events:
             key = f" [{event.alarm_level} {event.alarm}]" if event.alarm_level else ""
-            _log.log(_LEVELS[event.level], "%s: %s%s", event.kind, event.text, key)
+            _log.log(_LEVELS[event.level], "%s%s: %s%s", self._whose, event.kind, event.text, key)
 
     def close(self) -> None:
         """Close the file."""

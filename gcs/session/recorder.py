@@ -28,7 +28,7 @@ from gcs.session.frame_tables import detection_rows, frame_row, motion_row
 from gcs.session.identity_log import IdentityLog
 from gcs.session.line_file import LineFile
 from gcs.session.metadata import SessionFile
-from gcs.session.session import create_folder
+from gcs.session.session import VIEW, create_folder
 from gcs.snapshot import Event, Snapshot
 from infra.files.append import Flusher
 from infra.files.disk import OS_DISK, Disk
@@ -116,7 +116,8 @@ class ViewRecorder:
             return make(folder / form.name, form.header, lazy=lazy) if video else None
 
         self._identity = IdentityLog(folder, make)
-        self._events = EventLog(folder / EVENTS, make)
+        whose = f"{folder.name}: " if VIEW.fullmatch(folder.name) else ""
+        self._events = EventLog(folder / EVENTS, make, whose=whose)
         self._frames, self._detections, self._motion = table(FRAMES), table(DETECTIONS), table(MOTION)
         self._folds, self._unfolded = table(FOLDS), table(UNFOLDED, lazy=True)
 

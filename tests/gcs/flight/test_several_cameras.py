@@ -3,6 +3,7 @@
 import json
 import threading
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,6 +13,7 @@ from gcs.cli.identify import identify_into
 from gcs.errors import SessionError
 from gcs.flight.flight import Flight
 from gcs.flight.plan import FlightPlan
+from gcs.flight.video import FlightVideo
 from gcs.flight.view import FlightView
 from gcs.flight.views import OVERDUE_S, FlightViews, beside
 from gcs.mission.mission import View, parse_mission
@@ -96,22 +98,66 @@ def test_another_camera_s_aircraft_and_what_it_sees_are_in_the_place_of_this_one
     assert np.isnan(beside(base, a_view(1, "UAV", base), [nowhere]).vehicles[1].p_enu).all()
 
 
-def test_events_of_a_camera_say_which_one_and_those_of_the_fleet_come_once():
+def two_views():
     views = FlightViews(lambda place, snapshot: None)
     for place, view in enumerate((a_view(1, "UAV"), a_view(2, "Mast"))):
         views.add(place, view)
+    return views
+
+
+def test_events_of_a_camera_say_which_one_and_those_of_the_fleet_come_once():
+    views = two_views()
     events = [
-        Event(t_us=1, level="info", kind=kind, text=kind, system_id=who)
-        for kind, who in (("video", 0), ("vehicle", 11), ("vehicle", 2))
+        Event(t_us=1, level="info", kind=kind, text=kind, system_id=who, alarm=key)
+        for kind, who, key in (("video", 0, ""), ("vehicle", 11, ""), ("vehicle", 2, ""), ("operator", 11, "silent"))
     ]
     for view in views.all.values():
         views.take(view, replace(make_snapshot(live=True), events=tuple(events)))
-    assert [each.text for each in views.events()] == ["UAV: video", "vehicle", "vehicle", "Mast: video", "vehicle"]
+    first = ["UAV: video", "vehicle", "vehicle", "operator"]
+    assert [each.text for each in views.events()] == [*first, "Mast: video", "vehicle"]
 
 
-def test_a_further_camera_has_a_folder_of_its_own(tmp_path):
+def test_what_became_of_a_name_stated_in_another_camera_is_told():
+    views = two_views()
+    stated = Event(t_us=1, level="warning", kind="operator", text="stated: track 3 is Bus", system_id=11)
+    for view in views.all.values():
+        views.take(view, replace(make_snapshot(live=True), events=(stated,)))
+    assert [each.text for each in views.events()] == [stated.text, f"Mast: {stated.text}"]
+
+
+def test_a_camera_whose_turn_fails_costs_no_other_one_its_turn():
+    views, turned = two_views(), []
+    for place, view in views.all.items():
+        view.video, view.turned_s = SimpleNamespace(stream=None, latest=lambda _: None), 0.0
+        view.newest = lambda: None
+        view.loop = SimpleNamespace(frames_wait=False, run_once=partial(fail_or_note, turned, place))
+    with pytest.raises(ZeroDivisionError):
+        views.turn(lambda _: False)
+    assert sorted(turned) == [0, 1]
+
+
+def fail_or_note(turned, place, frame):
+    turned.append(place)
+    if place == 0:
+        raise ZeroDivisionError
+
+
+@pytest.mark.parametrize("trouble", ["", "no space left on device"])
+def test_whether_another_camera_s_video_is_recorded_is_told(trouble):
+    video = FlightVideo("", None)
+    video._reported = ("", "" if trouble else "gone", 0)
+    stream = SimpleNamespace(error="", recording_error=trouble, restarts=0, exposure="", sender=None, strangers=0)
+    (event,) = video._changes(stream)
+    assert "recorded" in event.text and a_view(2, "Mast").tells(event)
+
+
+def test_a_further_camera_has_a_folder_of_its_own(tmp_path, caplog):
+    caplog.set_level("INFO")
     recorder = Recorder(tmp_path, MISSION, video=True, views=[2])
     (further,) = recorder.further
+    for each in (recorder, further):
+        each.events((Event(t_us=1, level="info", kind="video", text="video ok"),))
+    assert [record.message for record in caplog.records] == ["video: video ok", "view-2: video: video ok"]
     further.frame_time(0, 5)
     assert "view-2/frames.csv" in recorder.states() and recorder.bytes > 0
     (recorder.folder / "view-3").write_text("")
