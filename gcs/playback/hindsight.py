@@ -143,7 +143,7 @@ class _Courses:
             if not box.track_id or box.coasting or not box.none_of_ours >= 0.0:
                 continue
             course = self._open.get(box.track_id)
-            if course is None or abs(snapshot.t_us - course.times_us[-1]) > longest_us:
+            if course is None or not 0 <= snapshot.t_us - course.times_us[-1] <= longest_us:
                 course = self._open[box.track_id] = _Course()
             course.add(snapshot.t_us, self._probabilities(box), fits=not snapshot.health.fit <= _FITS)
         return {box.track_id: self._open[box.track_id] for box in snapshot.boxes if box.track_id in self._open}
