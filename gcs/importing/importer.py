@@ -300,7 +300,12 @@ def _import_film(options: ImportOptions, fleet: GroundVehicles, taken: Collectio
     )
     if options.clock_s is None:
         seen = _uav_records(uav, uav_id, fleet, timeline)
-        timeline = searched_times(film, uav, fleet, mission, seen, timeline, options.clock_within_s)
+        try:
+            timeline = searched_times(film, uav, fleet, mission, seen, timeline, options.clock_within_s)
+        except ImportFileError as error:
+            if not taken:
+                raise
+            raise ImportFileError(f"{error}, which is for the first film: import this one by itself") from error
     uav_span = _uav_span(uav, uav_id, fleet, timeline)
     partly = check_overlap(film, timeline, uav_span, fleet.span_us, dict.fromkeys(fleet.assumed))
     report = _report(film, fleet, uav, chosen, timeline, uav_id)

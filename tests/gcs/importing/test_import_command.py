@@ -3,10 +3,12 @@ import json
 import os
 import tomllib
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
+from gcs.errors import ImportFileError
 from gcs.mission.mission import load_mission
 from gcs.report.score import score_files
 from mavlink.protocol.encoder import MavlinkEncoder
@@ -78,6 +80,15 @@ def test_two_drones_above_rovers(flown, tmp_path):
     assert [view.system_id for view in mission.view] == [2] and mission.view[0].camera == mission.camera
     assert right_of(session, flown, tmp_path).right >= RIGHT
     assert score_files(flown.session / "truth.csv", tmp_path / "names" / "view-2" / "identity.csv").right >= RIGHT
+
+
+def test_a_further_film_whose_clock_is_not_found_is_to_be_imported_by_itself(flown, tmp_path, monkeypatch):
+    monkeypatch.setattr("gcs.importing.importer.searched_times", Mock(side_effect=ImportFileError("give --clock=+1")))
+    subtitles = tmp_path / "DJI_0001.SRT"
+    subtitles.write_text(srt("keyed", flown.spots()))
+    words = import_words(flown, tmp_path / "s", "--uav", subtitles, "--clock=+0")
+    code, _, stderr = run_gcs(*words, "--view", f"{flown.video}={subtitles}")
+    assert code == 2 and "give --clock=+1, which is for the first film: import this one by itself" in stderr
 
 
 @pytest.mark.slow
