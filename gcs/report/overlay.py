@@ -62,10 +62,20 @@ def standing_of(snapshot: Snapshot, box: Box) -> Standing:
     return "tentative"
 
 
+def rgb_of(snapshot: Snapshot, box: Box) -> Rgb:
+    """Colour of a box: that of its standing, or of a misplaced vehicle's where nobody is to act on its name."""
+    return STANDING_RGB["misplaced" if is_doubted(snapshot, box) else standing_of(snapshot, box)]
+
+
+def is_doubted(snapshot: Snapshot, box: Box) -> bool:
+    """Tell whether an alarm says that nobody is to act on a box's name."""
+    return bool(box.system_id) and box.system_id in snapshot.doubted
+
+
 def label_of(snapshot: Snapshot, box: Box) -> str:
     """``UGV-3 97%`` confirmed, ``UGV-3? 61%`` tentative, ``~UGV-3 88%`` coasting, ``?`` unidentified, ``~?`` both,
-    ``UGV-3 stated`` by the operator (``? stated``: none of ours); ``UGV-3 97% (0.8s)`` is held, for want of a
-    newer frame."""
+    ``UGV-3 stated`` by the operator (``? stated``: none of ours), ``UGV-3 97% (0.8s)`` held, for want of a newer frame;
+    ``!UGV-3 97%`` is a name on which nobody is to act, so marked without colours too."""
     return _label(snapshot, box, snapshot.name_of(box.system_id) if box.system_id else "?")
 
 
@@ -74,7 +84,7 @@ def _label(snapshot: Snapshot, box: Box, name: str, *, certain: bool = True) -> 
     stated = box.stated and not box.coasting
     word = "stated" if stated else certainty(box.confidence) if box.system_id else ""
     sure = f" {word}" if word and certain else ""
-    before = "~" if standing == "coasting" else ""
+    before = ("!" if is_doubted(snapshot, box) else "") + ("~" if standing == "coasting" else "")
     after = "?" if standing == "tentative" and not box.stated else ""
     held = f" ({snapshot.held_s:.1f}s)" if snapshot.held_s else ""
     return f"{before}{name}{after}{sure}{held}"
@@ -237,9 +247,9 @@ def draw(
     boxes = boxes_in_order(snapshot, selected, track)
     labelling = labelling or image_labels(snapshot, scale=scale, selected=selected, track=track, inset=inset)
     for box in boxes:
-        _draw_box(canvas, box, STANDING_RGB[standing_of(snapshot, box)], scale, unit)
+        _draw_box(canvas, box, rgb_of(snapshot, box), scale, unit)
     owners = dict(zip(box_keys(boxes), boxes, strict=True))
-    inks = {key: STANDING_RGB[standing_of(snapshot, box)] for key, box in owners.items()}
+    inks = {key: rgb_of(snapshot, box) for key, box in owners.items()}
     for place in (*labelling.places, *labelling.counts):
         if place.leader:
             x, y, end_x, end_y = (round(value * square) for value in leader_of(place))
@@ -273,7 +283,7 @@ def _draw_inset(
         window[:] = cv2.resize(part, (width, height), interpolation=cv2.INTER_CUBIC)
     larger = width / inset.part[2]
     for box in moved_boxes(boxes, inset):
-        _draw_box(window, box, STANDING_RGB[standing_of(snapshot, box)], larger, unit)
+        _draw_box(window, box, rgb_of(snapshot, box), larger, unit)
     title = title_of(
         inset_label(snapshot, boxes, inset, selected),
         larger / scale,

@@ -34,7 +34,7 @@ from foxglove.messages import (
 )
 
 from gcs.report.box_shapes import box_bounds, box_corners, drawable
-from gcs.report.overlay import DARK, STANDING_RGB, label_of, standing_of
+from gcs.report.overlay import DARK, STANDING_RGB, label_of, rgb_of
 from gcs.snapshot import Box, Snapshot, VehicleRow
 from infra.plain_text import plain
 
@@ -48,7 +48,7 @@ def annotations_of(snapshot: Snapshot, boxes: Sequence[Box]) -> ImageAnnotations
     stamp = stamp_of(snapshot.t_us)
     outlines, names = [], []
     for box in filter(drawable, boxes):
-        colour = _colour(STANDING_RGB[standing_of(snapshot, box)])
+        colour = _colour(rgb_of(snapshot, box))
         corners = [Point2(x=x, y=y) for x, y in box_corners(box).tolist()]
         outlines.append(
             PointsAnnotation(
@@ -127,7 +127,7 @@ def _entity(snapshot: Snapshot, box: Box, stamp: Timestamp) -> SceneEntity:
     # ENU yaw counts from east, anticlockwise
     yaw = math.pi / 2 - row.heading if row is not None and math.isfinite(row.heading) else 0.0
     turned = Quaternion(x=0.0, y=0.0, z=math.sin(yaw / 2), w=math.cos(yaw / 2))
-    rgb = STANDING_RGB[standing_of(snapshot, box)]
+    rgb = rgb_of(snapshot, box)
     metadata = [KeyValuePair(key="track_id", value=str(box.track_id))]
     if box.system_id:
         metadata += [

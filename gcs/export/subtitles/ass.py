@@ -19,7 +19,7 @@ from gcs.export.unfinished import Unfinished
 from gcs.report.box_shapes import box_bounds
 from gcs.report.label_grid import Cells, Grid
 from gcs.report.labels import Labelling, leader_of, place_labels
-from gcs.report.overlay import DARK, STANDING_RGB, box_keys, box_labels, boxes_in_order, standing_of
+from gcs.report.overlay import DARK, box_keys, box_labels, boxes_in_order, rgb_of
 from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
 from infra.plain_text import plain
@@ -85,7 +85,7 @@ class AssNames:
         anchors = [_squares(box_bounds(box)) for box in boxes]
         labels = box_labels(snapshot, boxes, anchors, str.isprintable)
         self._labelling = placed = place_labels(labels, self._grid(), self._labelling)
-        inks = {key: STANDING_RGB[standing_of(snapshot, box)] for key, box in zip(box_keys(boxes), boxes, strict=True)}
+        inks = {key: rgb_of(snapshot, box) for key, box in zip(box_keys(boxes), boxes, strict=True)}
         for place in (*placed.places, *placed.counts):
             if place.leader:
                 yield 0, "Line", _line(leader_of(place), inks.get(place.key, INK))

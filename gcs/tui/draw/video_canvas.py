@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from gcs.report.box_shapes import box_bounds, box_corners, drawable, front_mark
 from gcs.report.inset import Inset, crop, inset_for, moved_boxes, title_of
 from gcs.report.label_grid import Cells, Grid
-from gcs.report.labels import Label, Labelling, Place, place_labels
+from gcs.report.labels import Labelling, Place, place_labels
 from gcs.report.overlay import (
     box_keys,
     box_labels,
     boxes_in_order,
     inset_label,
+    is_doubted,
     is_picked,
     standing_of,
 )
@@ -120,14 +121,7 @@ def video_labels(
     grid = Grid(columns=columns, rows=rows, measure=measure_cells, blocked=blocked, covered=True)
     anchors = _anchors(snapshot, boxes, columns, rows)
     labels = box_labels(snapshot, boxes, anchors, shows_in_cells, (selected, track))
-    doubted = [bool(box.system_id) and box.system_id in snapshot.doubted for box in boxes]
-    marked = [_doubted(label) if doubt else label for label, doubt in zip(labels, doubted, strict=True)]
-    return place_labels(marked, grid, former)
-
-
-def _doubted(label: Label) -> Label:
-    """A name on which nobody is to act, so marked without colours too."""
-    return replace(label, texts=tuple(f"!{text}" for text in label.texts))
+    return place_labels(labels, grid, former)
 
 
 def _anchors(snapshot: Snapshot, boxes: Sequence[Box], columns: int, rows: int) -> list[Cells]:
@@ -221,7 +215,7 @@ def _enlarge(
 
 def colour_of(snapshot: Snapshot, box: Box) -> Colour:
     """The colour of a box's standing, as in the exported film; of a name on which nobody is to act an alarm's."""
-    if box.system_id and box.system_id in snapshot.doubted:
+    if is_doubted(snapshot, box):
         return ALARM
     return standing_colour(standing_of(snapshot, box))
 

@@ -18,8 +18,10 @@ from gcs.report.overlay import (
     image_labels,
     label_of,
     named_count,
+    rgb_of,
     standing_of,
 )
+from gcs.snapshot import Alarm
 from tests.support.fake_station import HOSTILE, make_snapshot
 
 SNAPSHOT = make_snapshot()
@@ -61,6 +63,20 @@ def test_every_standing_has_its_colour_on_the_image():
     drawn = draw(replace(SNAPSHOT, image=None))
     for standing in ("confirmed", "tentative", "coasting", "unidentified"):
         assert (drawn == np.array(STANDING_RGB[standing][::-1])).all(axis=2).sum() > 10, standing
+
+
+def test_a_name_on_which_nobody_is_to_act_has_a_mark_and_an_alarms_colour():
+    doubt = Alarm(
+        key="d", level="alarm", kind="identity", text="x", advice="x", since_us=0, system_id=11, doubts_name=True
+    )
+    doubted = replace(SNAPSHOT, alarms=(doubt,))
+    assert label_of(doubted, BOX) == "!UGV-11 97%"
+    assert label_of(doubted, replace(BOX, coasting=True)).startswith("!~UGV-11")
+    assert not label_of(doubted, SNAPSHOT.boxes[1]).startswith("!")
+    assert rgb_of(doubted, BOX) == STANDING_RGB["misplaced"] != rgb_of(SNAPSHOT, BOX)
+    red = np.array(STANDING_RGB["misplaced"][::-1])
+    assert (draw(replace(doubted, image=None)) == red).all(axis=2).sum() > 10
+    assert not (draw(replace(SNAPSHOT, image=None)) == red).all(axis=2).any()
 
 
 def test_selected_label_is_filled_with_its_colour():
