@@ -1,5 +1,6 @@
-"""Which flights a batch is about: words of a command line in, names and addresses out. A result
-depends on the files of its recording; a hash tells whether they are the same.
+"""Which flights a batch is about: words of a command line in, names and addresses out.
+
+A result depends on the files of its recording; a hash tells whether they are the same.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
 """The telemetry of a session as one log: its segments joined, on one time line, with what was rejected marked.
+
 ``senders.csv`` has who sent a record, as far as it is noted.
 """
 

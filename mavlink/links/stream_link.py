@@ -1,5 +1,4 @@
-"""A link that is one byte stream to one other end, opened again soon after it was lost. A serial port that is
-unplugged is opened again when it comes back, as is a TCP connection.
+"""A link that is one byte stream to one other end, a serial port or a TCP connection: opened again after it was lost.
 
 Nothing here waits: a peer that does not answer, or does not take what is sent, never holds up another link.
 """

@@ -1,5 +1,6 @@
-"""The identity pane: who the picked vehicle or box is, how sure and since when, what speaks against that, where
-it should be, what to do, and who else it may be."""
+"""The identity pane: who the picked vehicle or box is, how sure, and what to do.
+
+It has since when, what speaks against that, where it should be, and who else it may be, too."""
 
 from __future__ import annotations
 
