@@ -188,6 +188,9 @@ def _network(text: str, scheme: str) -> Source:
     user, at, rest = text.partition("://")[2].rpartition("@")
     # FFmpeg ends the address at the first of them, also in a password
     address = f"{scheme}://{user.replace('#', '%23')}{at}{rest}"
+    # a password may look like a port, and a path like a password
+    if not any(map(_has_a_port, (f"//{rest}", text))):
+        raise VideoError(f"video {concealed(text)}: not an address; write for example rtsp://10.0.0.2:8554/main")
     options = {"protocol_whitelist": "tcp,udp,rtp,tls,http,https,httpproxy,crypto", "fpsprobesize": "0"}
     if scheme.startswith("http"):
         options |= {"max_redirects": "0"}  # which host is asked is looked at in vision.stream.connection
@@ -198,6 +201,14 @@ def _network(text: str, scheme: str) -> Source:
         if _host(rest) in ANY_HOST:
             options |= {"listen": "1"}
     return Source(text=concealed(text), kind="network", address=address, options=options)
+
+
+def _has_a_port(address: str) -> bool:
+    """Tell whether an address has a port that can be, or the usual one."""
+    try:
+        return urlsplit(address).port != 0
+    except ValueError:
+        return False
 
 
 def _host(rest: str) -> str:

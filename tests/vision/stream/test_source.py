@@ -54,6 +54,8 @@ def test_rtmp_to_any_address_of_ours_is_waited_for(text, waits):
 
 
 def test_a_password_may_hold_what_ends_an_address():
+    assert parse_source("rtsp://eve:p/w:[x@10.0.0.2/main").kind == "network"
+    assert parse_source("rtsp://10.0.0.2/main@1:x").kind == "network"
     source = parse_source("rtsp://eve:pa#ss#1@10.0.0.2:8554/main?x=1#2")
     assert source.address == "rtsp://eve:pa%23ss%231@10.0.0.2:8554/main?x=1#2"
     assert "ss" not in source.text
@@ -66,6 +68,8 @@ def test_a_password_may_hold_what_ends_an_address():
         ("gopher://10.0.0.2", "no source begins with gopher"),
         ("udp://:99999", "not an address"),
         ("udp://:port", "not an address"),
+        ("rtsp://10.0.0.2:99999/main", "not an address"),
+        ("http://[10.0.0.2/main", "not an address"),
         ("rtp://:5600?codec=vp9", "codec 'vp9' is not known"),
         ("/dev/video0?zoom=3", "a camera has no 'zoom'"),
     ],
