@@ -96,7 +96,7 @@ class FlightView:
 
     def own(self, alarm: Alarm) -> Alarm | None:
         """The alarm that :meth:`told_alarm` was given; None of one that is of another camera."""
-        if alarm.kind not in OF_A_CAMERA or not alarm.system_id:
+        if alarm.kind not in OF_A_CAMERA or alarm.system_id in (0, *self.pipeline.mission.ugv_ids):
             return alarm
         if alarm.system_id != self.uav_id:
             return None

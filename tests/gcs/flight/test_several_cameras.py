@@ -37,7 +37,7 @@ SMALL = ScenarioCamera(width=640, height=360, fx=400.0, fy=400.0, cx=320.0, cy=1
 
 def a_view(system_id, name, snapshot=None):
     view = FlightView.__new__(FlightView)
-    mission = SimpleNamespace(uav=SimpleNamespace(system_id=system_id), name_of=lambda _: name)
+    mission = SimpleNamespace(uav=SimpleNamespace(system_id=system_id), name_of=lambda _: name, ugv_ids=MISSION.ugv_ids)
     view.pipeline = SimpleNamespace(mission=mission)
     view.loop = SimpleNamespace(latest=snapshot)
     return view
@@ -69,13 +69,14 @@ def alarm(key, kind, system_id=0):
 def test_what_another_camera_tells_stands_beside_what_this_one_does():
     base = make_snapshot(live=True)
     stopped, silent = alarm("video", "video"), alarm("silent 11", "vehicle", 11)
-    lone = alarm("silent 2", "vehicle", 2)
-    here = a_view(1, "UAV", replace(base, alarms=(stopped, silent)))
+    lone, doubted = alarm("silent 2", "vehicle", 2), alarm("contradicted 12", "identity", 12)
+    here = a_view(1, "UAV", replace(base, alarms=(stopped, silent, doubted)))
     there = a_view(2, "Mast", replace(base, alarms=(stopped, silent, lone)))
     shown = beside(here.loop.latest, here, [there])
     told = {(each.text, each.system_id) for each in shown.alarms}
-    assert told == {("UAV: video", 1), ("Mast: video", 2), ("silent 11", 11), ("silent 2", 2)}
-    assert {here.own(each) for each in shown.alarms} == {None, stopped, silent, lone}
+    of_vehicles = {(each.text, each.system_id) for each in (silent, lone, doubted)}
+    assert told == {("UAV: video", 1), ("Mast: video", 2)} | of_vehicles
+    assert {here.own(each) for each in shown.alarms} == {None, stopped, silent, lone, doubted}
     named = {row.system_id for row in base.vehicles if row.standing == "confirmed" and row.role == "ugv"}
     assert named <= {row.system_id for row in shown.vehicles if row.elsewhere == ("Mast",)}
     lapsed = replace(base, vehicles=tuple(replace(row, standing="no new frame") for row in base.vehicles))
