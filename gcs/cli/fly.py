@@ -340,7 +340,7 @@ def _check_vehicles(system_ids: Sequence[int], mission: Mission) -> tuple[int, .
     Raises:
         GcsError: one of these is none.
     """
-    known = (mission.uav.system_id, *mission.ugv_ids)
+    known = mission.system_ids
     for system_id in system_ids:
         if system_id not in known:
             raise GcsError(f"--accept-late {system_id}: no vehicle of the mission; it has {', '.join(map(str, known))}")

@@ -254,8 +254,8 @@ def test_a_uav_that_is_held_is_asked_where_this_station_may_speak(place):
 
 
 def test_only_vehicles_of_the_mission_can_be_accepted(tmp_path):
-    (tmp_path / "mission.toml").write_text(MISSION)
+    (tmp_path / "mission.toml").write_text(f"{MISSION}\n[[view]]\nsystem_id = 2\n")
     (tmp_path / "keys").mkdir()
-    with pytest.raises(GcsError, match="--accept-late 13: no vehicle of the mission; it has 1, 11, 12"):
+    with pytest.raises(GcsError, match="--accept-late 13: no vehicle of the mission; it has 1, 2, 11, 12"):
         fly(tmp_path / "mission.toml", link=["udpin:127.0.0.1:1"], accept_late=[13], headless=True)
     assert not (tmp_path / "sessions").exists()
