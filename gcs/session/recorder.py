@@ -260,9 +260,9 @@ class Recorder(ViewRecorder):
     def bytes(self) -> int:
         """Size of the session so far."""
         size = 0
-        with contextlib.suppress(OSError):
-            folders = (self.folder, *(view.folder for view in self.further))
-            size = sum(path.stat().st_size for folder in folders for path in folder.iterdir())
+        for folder in (self.folder, *(view.folder for view in self.further)):
+            with contextlib.suppress(OSError):  # one may be deleted meanwhile
+                size += sum(path.stat().st_size for path in folder.iterdir())
         return size
 
     def close(self, telemetry: RecordState | None = None, **notes: int) -> tuple[str, ...]:

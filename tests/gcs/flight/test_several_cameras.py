@@ -166,6 +166,8 @@ def test_a_further_camera_has_a_folder_of_its_own(tmp_path, caplog):
         recorder._view_folder(3)
     recorder.close()
     assert (recorder.folder / "view-2" / "frames.csv").read_text().endswith("\n0,5\n")
+    further.folder.rename(tmp_path / "moved")
+    assert recorder.bytes > 0
 
 
 @pytest.mark.slow
