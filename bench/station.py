@@ -43,12 +43,12 @@ def family(pid: int) -> list[int]:
 
 
 def cost_of(pid: int) -> Cost:
-    """What a process and all below it hold now; zeros when it is gone."""
+    """Cost of a process and all below it, now; zeros when it is gone."""
     return sum(map(_cost, family(pid)), Cost())
 
 
 def _cost(pid: int) -> Cost:
-    """Of one process; zeros when it is gone."""
+    """Cost of one process; zeros when it is gone."""
     with contextlib.suppress(psutil.Error):
         process = psutil.Process(pid)
         with process.oneshot():

@@ -48,7 +48,7 @@ from vision.detect.detections import Detections
 from vision.video.video import Frame
 
 FIRST_BOOT_MS = 1500
-"""Of a vehicle that was just switched on, at its first message."""
+"""Time since boot of a vehicle at its first message, ms: it was just switched on."""
 SECRET = bytes(range(32))
 
 

@@ -32,7 +32,7 @@ class Goal:
 
     @property
     def at_most(self) -> bool:
-        """Whether less is better."""
+        """True if less is better."""
         return self.measure in _AT_MOST
 
 

@@ -215,7 +215,7 @@ def read_with_pymavlink(stream: bytes) -> list[bytes]:
 
 
 def lost(parts: Sequence[Part], read: Callable[[bytes], list[bytes]]) -> tuple[int, int]:
-    """How many undamaged frames a parser loses, and how many it finds that were never sent."""
+    """Numbers of undamaged frames that a parser loses, and of frames it finds that were never sent."""
     sent = Counter(data for data, whole in parts if whole)
     got = Counter(read(b"".join(data for data, _ in parts)))
     return (sent - got).total(), (got - sent).total()

@@ -75,7 +75,7 @@ def joined(parts: Sequence[Marked]) -> Marked:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MarkedTruth:
-    """What was written: stamps (count,) of eight bytes or none, and frames."""
+    """Content of a log as it was written: stamps (count,) of eight bytes or none, and frames."""
 
     frames: tuple[bytes, ...]
     t_us: NDArray[np.int64]
@@ -135,7 +135,7 @@ Damager = Callable[[Marked, random.Random], Marked]
 
 
 def _starts(log: Marked) -> list[int]:
-    """Where records begin."""
+    """Offsets at which records begin, bytes."""
     return np.flatnonzero((log.place == 0) & (log.record >= 0)).tolist()
 
 

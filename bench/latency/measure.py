@@ -74,7 +74,7 @@ FRAMES, HEIGHT_M, FOCAL_PX = 12, 40.0, 1200.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Snap:
-    """What the single-frame and the window methods are given."""
+    """Input of the single-frame and the window methods."""
 
     x: FloatArray
     """(T, n, 3) vehicles minus UAV, metres."""

@@ -221,7 +221,7 @@ SIGMA_M, SIGMA_DEG = 0.5, 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Walk:
-    """What trackers are given: frames of detections, the truth, the vehicles' and the UAV's telemetry."""
+    """Input of trackers: frames of detections, the truth, the vehicles' and the UAV's telemetry."""
 
     seed: int
     detections: tuple[Detections, ...]
@@ -286,7 +286,7 @@ class Plain:
         self._walk = walk
 
     def stitch(self, frame: int) -> Stitch | None:
-        """What the tracker may ask in a frame."""
+        """Answers to what the tracker may ask in a frame."""
         return None
 
     def known(self) -> Collection[int]:

@@ -27,7 +27,7 @@ from infra.markdown import markdown_table
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionScore:
-    """What the product made of one session; shares in percent, NaN where there is nothing to take a share of."""
+    """Score of the product on one session; shares in percent, NaN where there is nothing to take a share of."""
 
     session: str
     frames: int

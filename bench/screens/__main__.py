@@ -28,7 +28,7 @@ SIZES = ((60, 20), (80, 24), (100, 30), (120, 40), (160, 48))
 NAMES = MappingProxyType({11: "Hauler North 7", 12: "UGV-1", 13: "UGV-16", 14: "Bravo", 15: "漢字-15", 16: "Bravo-2"})
 """Names with spaces, wide letters, and names with which others begin."""
 WHILE_S = (5.0, 11.0)
-"""When most troubles are."""
+"""Part of a flight in which most troubles are, from and to, s."""
 
 SCRIPTS: tuple[Script, ...] = (
     *(Script(name=f"{fps:g} frames/s", fps=fps, latency_s=0.3 if fps < 10 else 0.06) for fps in (1, 2, 5, 15, 30)),

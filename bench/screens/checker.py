@@ -17,7 +17,7 @@ from bench.screens.station import shots
 from gcs.snapshot import Snapshot
 
 Clocks = dict[str, float]
-"""What each clock of a screen shows, by name."""
+"""Text of each clock of a screen, by name."""
 CLOCKS = {
     "clock": re.compile(r"\b(\d\d):(\d\d):(\d\d)(?:\.\d)?Z"),
     "elapsed": re.compile(r"\bREC(?:ORDING)? (?:(\d+):)?(\d\d):(\d\d)\b"),
@@ -26,11 +26,11 @@ CLOCKS = {
 AGE = re.compile(r"(\d+(?:\.\d)?)(s|m|h)$")
 UNITS_S = {"s": 1.0, "m": 60.0, "h": 3600.0}
 VALUE_SLACK_S = 0.7
-"""Between a packet and the screen: the radio, a turn of the fold, a poll, tenths that are not shown."""
+"""Time from a packet to the screen, s: the radio, a turn of the fold, a poll, tenths that are not shown."""
 FADED_AFTER_S = 10.0
 """A state reported so long ago looks other than a fresh one."""
 ALARM_LETTERS = 10
-"""So much of an alarm's text is in its row at least."""
+"""Least number of letters of an alarm's text in its row."""
 GREEN_AHEAD = 1.15
 """A colour is green where its green is so much stronger than red and blue."""
 
@@ -90,7 +90,7 @@ def _age_in(heading: str, row: str, title: str) -> float | None:
 
 
 def _rounding_s(shown_s: float) -> float:
-    """By how much an age may be rounded."""
+    """Rounding of an age that is shown, s."""
     return 0.5 if shown_s < 60.0 else 30.0 if shown_s < 3600.0 else 1800.0
 
 
@@ -157,7 +157,7 @@ def check_status(screen: Screen, moment: Moment) -> Iterator[tuple[str, str]]:
 
 
 def _severities(snapshot: Snapshot) -> dict[str, tuple[int, str]]:
-    """What the status bar may have to show: how bad it is, 2 the worst, and the words it is known by.
+    """Troubles that the status bar may have to show: how bad it is, 2 the worst, and the words it is known by.
 
     That nothing is authenticated is so from the start on, and one of the warnings that are counted.
     """
@@ -179,7 +179,7 @@ def _severities(snapshot: Snapshot) -> dict[str, tuple[int, str]]:
 HELD_S = 2.0
 """Names may be held for so long without a new frame."""
 SLACK_S = 0.5
-"""Between a frame and the screen that shows it: its way to the station, a turn of the fold, a poll."""
+"""Time from a frame to the screen that shows it, s: its way to the station, a turn of the fold, a poll."""
 LEAST_PREFIX = 2
 """Letters by which a cut name is known."""
 LABEL_LETTER = re.compile(r"[\w\-?~%+.,:=±… \0]")
@@ -218,12 +218,12 @@ class _LabelText:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Read:
-    """What the labels of a pane say."""
+    """Content of a pane's labels."""
 
     shown: Counter[int]
-    """How often each vehicle has a label."""
+    """Number of labels of each vehicle."""
     marks: tuple[tuple[int, str], ...]
-    """Of each label, the vehicle and the signs of its standing."""
+    """Vehicle of each label, and the signs of its standing."""
     counted: int
     """Labels that found no room."""
     legend: frozenset[int]

@@ -146,7 +146,7 @@ class TerminalSession:
     def __init__(self, command: Sequence[str], size: tuple[int, int], environment: Mapping[str, str] = {}) -> None:
         self.terminal = TerminalScreen(*size)
         self.written: list[tuple[float, bytes]] = []
-        """What came, with the monotonic time."""
+        """Bytes that came, each with the monotonic time, s."""
         self._fed = 0
         self._main, inner = pty.openpty()
         fcntl.ioctl(inner, termios.TIOCSWINSZ, struct.pack("HHHH", size[1], size[0], 0, 0))
@@ -185,7 +185,7 @@ class TerminalSession:
         return now
 
     def wait_for(self, seen: Callable[[str], bool], limit_s: float = LONGEST_S) -> float:
-        """When the screen first was as wanted, monotonic seconds; inf if it was not in time."""
+        """Wait until the screen is as wanted; returns the monotonic time, s, inf if it was not in time."""
         stop_s = time.monotonic() + limit_s
         while True:
             while self._fed < len(self.written):

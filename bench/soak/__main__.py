@@ -166,7 +166,7 @@ class Run:
 
     samples: Sequence[Mapping[str, float]]
     sent: Mapping[str, Any]
-    """What ``sim.fleet_process`` printed."""
+    """Account that ``sim.fleet_process`` printed."""
     recorded: Mapping[int, int]
     """Records by system id."""
     stalls: int

@@ -57,7 +57,7 @@ def check_rows(flown: TrueFlight, moment: Moment) -> Iterator[tuple[Said, str]]:
 
 
 def check_row(flown: TrueFlight, moment: Moment, row: VehicleRow) -> Iterator[tuple[str, str]]:
-    """What is false of one vehicle; ages that are not told are NaN."""
+    """Check one vehicle's row; yields what is false. Ages that are not told are NaN."""
     snapshot, i = moment.snapshot, row.system_id
     for what, told_s in (("heartbeat", row.heartbeat_age_s), ("position", row.position_age_s)):
         # what has come since the frame was taken may be in it
@@ -91,7 +91,7 @@ def check_row(flown: TrueFlight, moment: Moment, row: VehicleRow) -> Iterator[tu
 
 
 def _without_place(flown: TrueFlight, t_us: int, row: VehicleRow) -> Iterator[tuple[str, str]]:
-    """Of vehicles of which it is said that nobody knows where they are."""
+    """Check a vehicle of which it is said that nobody knows where it is."""
     i = row.system_id
     if row.standing == "misplaced" and not flown.fault_of(i, t_us, within_s=HOLD_S + ADRIFT_S):
         yield "misplaced", "its positions are right"
@@ -111,7 +111,7 @@ def check_alarms(flown: TrueFlight, moment: Moment) -> Iterator[tuple[Said, str]
 
 
 def check_missing_alarms(flown: TrueFlight, moment: Moment) -> Iterator[tuple[Said, str]]:
-    """What is wrong for long is told: a vehicle is silent, or the video has stopped."""
+    """Check that what is wrong for long is told: a vehicle is silent, or the video has stopped."""
     t_us = moment.snapshot.t_us
     texts = {alarm.text for alarm in moment.snapshot.alarms}
     for i in flown.scenario.ugv_ids:

@@ -42,12 +42,12 @@ _log = logging.getLogger(__name__)
 
 
 class LockHolder(msgspec.Struct, frozen=True, kw_only=True):
-    """Who writes."""
+    """Batch that writes into a store."""
 
     host: str
     pid: int
     began_s: float
-    """When the process began, by its own clock: another process may have its number later."""
+    """Start of the process by its own clock, Unix s: another process may have its number later."""
     key: str
     """Key of this one batch."""
     renewed: int = 0
@@ -127,7 +127,7 @@ def _write(files: Any, path: str, holder: LockHolder) -> None:  # noqa: ANN401
 
 
 def _read(files: Any, path: str) -> LockHolder | None:  # noqa: ANN401
-    """Who holds it; None for nobody, or what is no such object."""
+    """Holder of the store; None for nobody, or what is no such object."""
     with store_errors(path), contextlib.suppress(FileNotFoundError, *UNREADABLE):
         files.invalidate_cache()
         return msgspec.json.decode(files.cat_file(path), type=LockHolder)

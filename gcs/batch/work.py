@@ -65,6 +65,9 @@ if TYPE_CHECKING:
 
 _PACKAGES = ("numpy", "scipy", "onnxruntime", "opencv-python-headless", "av", "pyarrow")
 """Whose versions a result may depend on."""
+REPORT_S = 0.5
+"""Interval of reports of how far a flight is, s."""
+_INPUT_ERRORS = (GcsError, MavlinkError, VisionError, AssocError, SimError)
 _log = logging.getLogger(__name__)
 
 
@@ -257,10 +260,6 @@ def write_identity_table(evidence: Path, path: Path, about: Mapping[str, str]) -
                 table.add(line)
             except msgspec.DecodeError as error:
                 raise BatchError(f"{evidence}: {error}") from error
-
-
-REPORT_S = 0.5
-_INPUT_ERRORS = (GcsError, MavlinkError, VisionError, AssocError, SimError)
 
 
 def work_on(job: FlightJob, channel: MessageChannel[FlightJob] | None = None) -> FlightDone | FlightFailed:

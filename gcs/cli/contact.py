@@ -55,7 +55,7 @@ class Wanted:
 
     @property
     def video(self) -> str | None:
-        """That of the first camera, None: not told."""
+        """Video of the first camera, None: not told."""
         return next(iter(self.videos), None)
 
     @property

@@ -58,39 +58,11 @@ from infra.wall_clock import now_us
 from mavlink.forwarding.outputs import parse_output
 from mavlink.state import Level
 
+_log = logging.getLogger(__name__)
+
 _STAT = Path("/proc/self/stat")
 _ARG_START, _ARG_END = 47, 48
 """Fields of proc_pid_stat(5), from 0: where the arguments lie in memory, which is what ps shows."""
-
-
-def hide_in_process_list(argument: str, secrets: Iterable[str]) -> None:
-    """Overwrite parts of an argument where the system keeps it, for ps and the like; Python's copies stay as they are.
-
-    On systems without /proc nothing is done.
-
-    Args:
-        argument: as it was given, or the value in ``--option=value``.
-    """
-    try:
-        # the second field is a name in brackets and may hold spaces
-        fields = ["", "", *_STAT.read_text().rpartition(")")[2].split()]
-        start, end = int(fields[_ARG_START]), int(fields[_ARG_END])
-    except (OSError, ValueError, IndexError):
-        return
-    if not 0 < start < end:
-        return
-    line, wanted = ctypes.string_at(start, end - start), os.fsencode(argument)
-    place = line.find(wanted)
-    while place >= 0:
-        for secret in map(os.fsencode, secrets):
-            at = wanted.find(secret)
-            while at >= 0:
-                ctypes.memset(start + place + at, ord("*"), len(secret))
-                at = wanted.find(secret, at + 1)
-        place = line.find(wanted, place + 1)
-
-
-_log = logging.getLogger(__name__)
 
 LOOK_S = 0.2
 """A flight without a screen looks this often whether it is to end or to be shown."""
@@ -292,6 +264,33 @@ def _hide_passwords(videos: Sequence[str]) -> None:
     for video in filter(secrets_of, videos):
         hide_in_process_list(video, secrets_of(video))
         print_note("other users could see the password in --video for a moment; [links] video in a mission is safer")
+
+
+def hide_in_process_list(argument: str, secrets: Iterable[str]) -> None:
+    """Overwrite parts of an argument where the system keeps it, for ps and the like; Python's copies stay as they are.
+
+    On systems without /proc nothing is done.
+
+    Args:
+        argument: as it was given, or the value in ``--option=value``.
+    """
+    try:
+        # the second field is a name in brackets and may hold spaces
+        fields = ["", "", *_STAT.read_text().rpartition(")")[2].split()]
+        start, end = int(fields[_ARG_START]), int(fields[_ARG_END])
+    except (OSError, ValueError, IndexError):
+        return
+    if not 0 < start < end:
+        return
+    line, wanted = ctypes.string_at(start, end - start), os.fsencode(argument)
+    place = line.find(wanted)
+    while place >= 0:
+        for secret in map(os.fsencode, secrets):
+            at = wanted.find(secret)
+            while at >= 0:
+                ctypes.memset(start + place + at, ord("*"), len(secret))
+                at = wanted.find(secret, at + 1)
+        place = line.find(wanted, place + 1)
 
 
 def _tell_start(flight: Flight, plan: FlightPlan, mission: Path | None, *, screen: bool) -> Sealing:

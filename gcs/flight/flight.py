@@ -155,7 +155,7 @@ class Flight:
 
     @property
     def title(self) -> str:
-        """Where it is recorded, and of several cameras the one on show."""
+        """Name of the session's folder, and of several cameras of the one on show."""
         return self.folder.name + (f" from {self._views.shown.name}" if self._views.several else "")
 
     @property

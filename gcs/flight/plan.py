@@ -29,7 +29,7 @@ class FlightPlan:
     mission that name one."""
     sessions: Path
     forward: tuple[str, ...] = ()
-    """Where packets go on to, as they came."""
+    """Outputs to which packets go on as they came."""
     command: bool = False
     """True if this station may send: beat, ask for rates, and command the UAV."""
     accept_late: tuple[int, ...] = ()
@@ -37,9 +37,9 @@ class FlightPlan:
     spare: tuple[str, ...] = ()
     """Links that nobody asked for: they count once something came over them."""
     origins: Mapping[str, str] = field(default_factory=dict)
-    """Where the parts of the mission come from, for the file that it may be saved in."""
+    """Origin of each part of the mission in words, for the file that it may be saved in."""
     practise_port: int = 0
-    """At which a simulated fleet of this computer takes troubles, 0 none."""
+    """UDP port at which a simulated fleet of this computer takes troubles, 0 none."""
 
     @property
     def videos(self) -> dict[int, str]:
@@ -48,7 +48,7 @@ class FlightPlan:
 
 
 def open_detector(plan: FlightPlan) -> Detector | None:
-    """The one that looks at the frames of all cameras, None without any.
+    """Detector that looks at the frames of all cameras, None without any.
 
     Raises:
         VideoError: a video could never be opened.
@@ -67,7 +67,6 @@ def open_links(plan: FlightPlan, log: Path) -> Ingest:
         LinkError: one cannot be opened.
     """
     mission = plan.mission
-    uav = mission.uav.system_id
     return open_ingest(
         plan.links,
         log,
@@ -75,6 +74,6 @@ def open_links(plan: FlightPlan, log: Path) -> Ingest:
         forward=plan.forward,
         command=plan.command,
         accept_late=plan.accept_late,
-        uav=uav,
+        uav=mission.uav.system_id,
         system_ids=mission.system_ids,
     )

@@ -50,7 +50,7 @@ class FlightView:
         self.pipeline = Pipeline(mission, links=ingest.names, address=ingest.address)
         self.loop = FrameLoop(self.pipeline, detector, recorder, faults, lambda snapshot: on_snapshot(self, snapshot))
         self.turned_s = -math.inf
-        """When it had its last turn of the fold, by the monotonic clock."""
+        """Time of its last turn of the fold, s of the monotonic clock."""
         self._taken = 0
 
     @property

@@ -55,7 +55,7 @@ LATE_US = 400_000
 ABOUT_US = 30_000_000
 """The UAV's records are followed from so long before a film whose place in them is known."""
 HEIGHTS_DIFFER_M = 6.0
-"""Where the take-off and the fleet's altitudes differ by more about the ground, both are tried."""
+"""Difference of the ground by take-off and by the fleet's altitudes from which on both are tried, m."""
 HEIGHT_STD_M = 2.0
 LEAST_HEIGHT_M = 3.0
 """A UAV lower than this does not film."""
@@ -94,7 +94,7 @@ class FleetClock:
     """The offset of the fleet's clock."""
 
     ahead_s: float
-    """By how much it is ahead of the film's."""
+    """Lead of this clock over the film's, s."""
     std_s: float
     """1σ."""
     evidence: float

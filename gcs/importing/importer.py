@@ -51,19 +51,19 @@ class SourceAccount:
     """Account of a file."""
 
     role: str
-    """Such as ``uav`` or ``ugv 11``."""
+    """Role of the file, such as ``uav`` or ``ugv 11``."""
     name: str
     clock: str
-    """In words: which clock its times are of, and what shows it."""
+    """Clock that its times are of, and what shows it, in words."""
     read: tuple[str, ...]
     assumed: tuple[str, ...] = ()
     left_out: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
-    """How many records, by reason."""
+    """Number of records, by reason."""
     spans: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=lambda: MappingProxyType({}))
     """From and to which second of the film it tells of whom, without gaps."""
 
     def table(self) -> dict[str, Any]:
-        """For session.toml and for programs."""
+        """Table of the account, for session.toml and for programs."""
         told = {"clock": self.clock, "read": list(self.read), "assumed": list(self.assumed)}
         spans = {whose: [list(span) for span in parts] for whose, parts in self.spans.items()}
         return {"role": self.role, "name": self.name, **told, "left_out": dict(self.left_out), "spans": spans}
@@ -93,11 +93,11 @@ class ImportReport:
 
     @property
     def left_out(self) -> dict[str, int]:
-        """How many records, by file and reason."""
+        """Number of records that were left out, by file and reason."""
         return {f"{each.name}: {reason}": n for each in self.sources for reason, n in each.left_out.items()}
 
     def table(self) -> dict[str, Any]:
-        """For session.toml and for programs."""
+        """Table of the account, for session.toml and for programs."""
         return {
             "found": {subject: text for subject, text in self.found},
             "assumed": list(self.assumed),
@@ -227,7 +227,7 @@ class FurtherFilm:
 
     video: Path
     uav: Path | None = None
-    """Its log, None where the film or the fleet's log has it."""
+    """Log of its aircraft, None where the film or the fleet's log has it."""
 
     def of(self, options: ImportOptions) -> ImportOptions:
         """The options of an import of this film; its clock is searched for."""

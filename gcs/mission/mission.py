@@ -200,7 +200,7 @@ class View:
     """Its camera; None: as the aircraft reports it."""
     clock: Clock = field(default_factory=Clock)
     video: str = ""
-    """Where its video comes from in flight, as ``[links] video``; the command line overrides it."""
+    """Source of its video in flight, as ``[links] video``; the command line overrides it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -39,7 +39,7 @@ FloatArray = NDArray[np.float64]
 AHEAD_S = 15.0
 """A box is named by what is known of its track so long after it, s."""
 _CHANGES_HZ = 0.01
-"""How often a tracker goes over from one vehicle to another unnoticed, 1/s."""
+"""Rate at which a tracker goes over from one vehicle to another unnoticed, 1/s."""
 _MEAN_SHARE = 0.3
 """Weight of the mean against the smoothed probabilities: for these a doubt that comes late is all there is to know."""
 _AT_ONCE_S = 3.0

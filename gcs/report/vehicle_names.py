@@ -23,7 +23,7 @@ class ShownName:
     """Names that may be written for a vehicle."""
 
     short: str
-    """Its system id, ``UAV`` for the only aircraft: never the same for two."""
+    """Short name: the system id, ``UAV`` for the only aircraft; never the same for two."""
     name: str
     """Its name, else the same as ``short``."""
     legend: str

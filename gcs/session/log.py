@@ -33,7 +33,7 @@ _BOUND = 1 << 62
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordSenders:
-    """How n records came."""
+    """Links and senders of n records."""
 
     link: Ints
     """(n,) index of the link, 0 where it is not known."""

@@ -247,7 +247,7 @@ class Recorder(ViewRecorder):
         return events
 
     def states(self, telemetry: RecordState | None = None) -> dict[str, RecordState]:
-        """How each file is doing, by its name; ``view-2/frames.csv`` is a further camera's."""
+        """State of each file, by its name; ``view-2/frames.csv`` is a further camera's."""
         found = {str(file.file.path.relative_to(self.folder)): file.state for file in self._files}
         return found if telemetry is None else {self.tlog_path.name: telemetry} | found
 

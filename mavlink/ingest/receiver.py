@@ -44,7 +44,7 @@ class _RefusedSender:
     shed: int = 0
     """Packets of this flood that were not recorded."""
     shed_s: float = 0.0
-    """When the last of them came, monotonic."""
+    """Time of the last of them, s of the monotonic clock."""
     reported: tuple[int, float] = (0, 0.0)
     """Packets seen at the last report, and when that was, monotonic."""
 

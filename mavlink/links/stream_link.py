@@ -157,7 +157,7 @@ def _receive(port: serial.Serial) -> bytes | None:
 
 
 DEFAULT_PORT = 5760
-"""Where ArduPilot's simulator and most bridges listen."""
+"""TCP port at which ArduPilot's simulator and most bridges listen."""
 _TCP_CHUNK = 65536
 _CONNECT_S = 5.0
 """An answer that takes longer is not waited for."""

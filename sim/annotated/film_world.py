@@ -33,9 +33,9 @@ from sim.world.world import LEAD_S, TAIL_S, World, random_stream
 GRID = 5
 """Points across and down the image at which two poses are compared."""
 PIXEL_STD = 1.0
-"""How well a homography holds, px."""
+"""1σ of a place by a homography, px."""
 LEVEL_STD = np.radians(2.0)
-"""How far a camera that is held level strays from its tilt."""
+"""1σ by which a camera that is held level strays from its tilt, rad."""
 FARTHEST = 8.0
 """Ground that is so many heights away is too near the horizon to compare poses by."""
 LEAST_POINTS = 6
@@ -121,13 +121,13 @@ def _motion(t: FloatArray, poses: FloatArray) -> UavMotion:
 IntArray = NDArray[np.int64]
 
 LABEL_STD_PX = 1.5
-"""How far a label's centre is off, as those drawn by hand and interpolated are."""
+"""1σ of a label's centre, px, as of those drawn by hand and interpolated."""
 UNSTEADINESS = 1.0
 """Spectral density of the acceleration of a car in traffic, m²/s³: it changes its speed by 1 m/s within a second."""
 LEAST_FOR_SPLINE = 5
 """Labels that a smoothing spline needs; fewer get a straight line."""
 LEAST_SPEED_MPS = 1.0
-"""Below this the path does not tell where a vehicle points: its heading is held."""
+"""Speed below which the path does not tell where a vehicle points, so its heading is held, m/s."""
 MOVED_LENGTHS = 2.0
 """A vehicle that came so many car lengths away from where it began has moved."""
 CAR_LENGTH_M = 4.5

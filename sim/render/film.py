@@ -26,7 +26,7 @@ from sim.world.world import World, random_stream
 THINGS, TREES = 260, 160
 """Objects and trees beside the road of one scene; a choice, so that views are neither empty nor full."""
 REACH_M = 45.0
-"""How far from where vehicles drive things are put."""
+"""Largest distance of things from where vehicles drive, m."""
 CLEAR_M = 1.5
 """Room between a thing and a lane or a vehicle's way."""
 
@@ -110,17 +110,7 @@ def _beside(world: World, catalogue: tuple[ObjectKind, ...], rng: np.random.Gene
         kept = np.concatenate([kept, [[x, y, reach]]])
         rows.append((kind, x, y, heading, *size))
         colors.append(color)
-    table = np.array(rows).reshape(-1, 7).T
-    return Bodies(
-        kind=table[0].astype(np.int8),
-        x=table[1],
-        y=table[2],
-        heading=table[3],
-        length=table[4],
-        width=table[5],
-        height=table[6],
-        color=np.array(colors, np.uint8).reshape(-1, 3),
-    )
+    return Bodies.from_rows(rows, colors)
 
 
 def _gap(at: FloatArray, scene: Scene, ways: FloatArray) -> float:

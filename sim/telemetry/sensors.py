@@ -14,7 +14,7 @@ from sim.world.world import LEAD_S, TAIL_S, World, random_stream
 FILTER_S = 0.6
 """Time constant with which an autopilot's filter follows its receiver."""
 OUTLIER_SHARE, OUTLIER_FACTOR = 1.0 / 25.0, 5.0
-"""How many reports are outliers, and how much wider they scatter; a choice after urban GNSS."""
+"""Share of reports that are outliers, and how much wider they scatter; a choice after urban GNSS."""
 
 
 def lasting_error(gnss: Gnss, steps: int, shape: tuple[int, ...], dt_s: float, rng: np.random.Generator) -> FloatArray:

@@ -41,7 +41,7 @@ class TelemetryPacket:
 
     @property
     def system_id(self) -> int:
-        """Who sends it."""
+        """System id of the sender."""
         return self.raw[5]  # magic, length, two flags and the sequence number are before it
 
 

@@ -6,6 +6,7 @@ y down, z forward); ``R_enu_cam`` maps camera vectors into ENU. Distortion is Br
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,6 +60,26 @@ class Bodies:
     """(n, 3) BGR."""
     z: FloatArray | float = 0.0
     """(n,) or one for all: metres from the world's z = 0 up to the ground below it."""
+
+    @classmethod
+    def from_rows(cls, rows: Sequence[Sequence[float]], colors: Sequence[ArrayLike]) -> Bodies:
+        """Bodies from one row each.
+
+        Args:
+            rows: n of kind, x, y, heading, length, width and height.
+            colors: n of BGR.
+        """
+        kind, x, y, heading, length, width, height = np.array(rows, np.float64).reshape(-1, 7).T
+        return cls(
+            kind=kind.astype(np.int8),
+            x=x,
+            y=y,
+            heading=heading,
+            length=length,
+            width=width,
+            height=height,
+            color=np.array(colors, np.uint8).reshape(-1, 3),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

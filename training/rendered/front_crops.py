@@ -119,17 +119,7 @@ def _random_bodies(view: CameraView, kind: int, length_m: float, rng: np.random.
         if np.hypot(body[1] - at[0], body[2] - at[1]) > gap * rng.uniform(0.8, 1.0):
             rows.append(body)
             colors.append(fleet if other == kind and rng.random() < 0.7 else _random_color(rng))
-    table = np.array(rows).T
-    return Bodies(
-        kind=table[0].astype(np.int8),
-        x=table[1],
-        y=table[2],
-        heading=table[3],
-        length=table[4],
-        width=table[5],
-        height=table[6],
-        color=np.array(colors, np.uint8),
-    )
+    return Bodies.from_rows(rows, colors)
 
 
 def _ground(view: CameraView, share: FloatArray) -> FloatArray:

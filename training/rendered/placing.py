@@ -61,17 +61,7 @@ class _Placed:
 
     def bodies(self) -> Bodies:
         """All of them."""
-        table = np.array(self.rows).reshape(-1, 7).T
-        return Bodies(
-            kind=table[0].astype(np.int8),
-            x=table[1],
-            y=table[2],
-            heading=table[3],
-            length=table[4],
-            width=table[5],
-            height=table[6],
-            color=np.array(self.colors, np.uint8).reshape(-1, 3),
-        )
+        return Bodies.from_rows(self.rows, self.colors)
 
 
 def random_bodies(

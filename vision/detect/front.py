@@ -53,7 +53,7 @@ _RANGES = {"margin": (0.0, 4.0), "mean": (-1e3, 1e3), "std": (1e-6, 1e3), "size"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Contract:
-    """How a classifier's crops are made and what its classes mean."""
+    """Contract of a classifier: how its crops are made and what its classes mean."""
 
     name: str
     """Name of the input."""

@@ -34,7 +34,7 @@ Floats = NDArray[np.float64]
 
 
 def image_jacobians(d: Floats, R: Floats) -> tuple[Floats, Floats, Floats]:
-    """Where places are in the image, and how that depends on the camera's rotation and on the places.
+    """Pixels of places, over the focal length, and how they depend on the camera's rotation and on the places.
 
     Args:
         d: (k, 3) from the camera to the places, in its frame.
@@ -52,7 +52,7 @@ def image_jacobians(d: Floats, R: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def ground_jacobians(ray: Floats, R: Floats, height: float) -> tuple[Floats, Floats, Floats]:
-    """Where rays meet level ground, and how that depends on the camera's rotation and on the rays.
+    """Places where rays meet level ground, and how they depend on the camera's rotation and on the rays.
 
     Args:
         ray: (k, 3) in the camera's frame, all falling.

@@ -125,7 +125,7 @@ def find_shared(
 
 
 def _shares(tracks: TrackState, noise: Floats, boxes: Detections, j: int) -> tuple[float, float]:
-    """How likely box j is of the likeliest of the tracks (h,) alone, and of two at once."""
+    """Likelihood that box j is of the likeliest of the tracks (h,) alone, and of two at once."""
     place, P = tracks.x[:, :2], tracks.P
     variance = 0.5 * (P[:, 0, 0] + P[:, 1, 1]) + noise * noise
     # ln of the long and the short side relative to the track's

@@ -40,13 +40,13 @@ class FlightJudgement:
     rank: int
     """The kind of the worst that was found, 0 the worst."""
     amount: float
-    """How much of it."""
+    """Amount by which findings of one kind are compared."""
     reasons: tuple[str, ...]
     """All that was found, the worst first."""
 
     @property
     def level(self) -> str:
-        """How grave the worst is, as a card shows it."""
+        """Level of the worst, as a card shows it."""
         return "bad" if self.rank <= _LOOKS.index(_nobody) else "warn"
 
     @property

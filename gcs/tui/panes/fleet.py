@@ -159,7 +159,7 @@ def _many(count: int) -> str:
 
 
 def _identity(row: VehicleRow) -> Cell:
-    """Its standing as a mark and a word; of one that another camera shows alone, which one does."""
+    """Standing of a vehicle as a mark and a word; of one that another camera shows alone, which one does."""
     if row.elsewhere and row.standing not in NAMED:
         return f"{STANDING_MARKS[row.standing]} in {plain(row.elsewhere[0])}", INK
     words = named(standing_word(row.standing), row.confidence, stated=row.stated)
