@@ -6,6 +6,7 @@ Rows are frames (thinned), columns are tracks. Times are float seconds since the
 from __future__ import annotations
 
 from collections.abc import Sequence
+from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +40,7 @@ def longest_gap_s(gap_max_s: float, t: Sequence[float] | FloatArray) -> float:
     """
     if len(t) < 2:
         return np.inf
-    return max(gap_max_s, min(_MISSED_FRAMES * float(np.median(np.diff(t))), _LONGEST_GAP_S))
+    return max(gap_max_s, min(_MISSED_FRAMES * median(np.diff(t).tolist()), _LONGEST_GAP_S))
 
 
 class TrackHistory:

@@ -7,6 +7,8 @@ length tells. Which of the two the box counts for cannot be known, so that no na
 
 from __future__ import annotations
 
+from statistics import median
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -73,8 +75,8 @@ class CommonBoxes:
         """Length of a vehicle of which nothing is learnt: the median of those known, else of the boxes; NaN unknown."""
         known = self._length_m[np.isfinite(self._length_m)]
         if len(known) >= _LEAST_BOXES:
-            return float(np.median(known))
-        return float(np.median(length)) if len(length) >= _LEAST_BOXES else np.nan
+            return median(known.tolist())
+        return median(length.tolist()) if len(length) >= _LEAST_BOXES else np.nan
 
     def _learn(self, t: float, vehicle: NDArray[np.int64], seen: FloatArray, own: FloatArray, sure: BoolArray) -> None:
         """Move the vehicles' lengths (k,) from what they were, ``own``, towards those seen, where names are sure."""

@@ -7,6 +7,8 @@ reports are wrong, or that is hidden, says nothing of the detector.
 
 from __future__ import annotations
 
+from statistics import median
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -44,7 +46,7 @@ class FoundShare:
         """q."""
         each = (self._found_s + _USUAL * _USUAL_S) / (self._expected_s + _USUAL_S)
         known = each[self._expected_s > 0.0]
-        return max(float(np.median(known)), _LEAST) if len(known) else _USUAL
+        return max(median(known.tolist()), _LEAST) if len(known) else _USUAL
 
     @property
     def log_odds_lost(self) -> float:

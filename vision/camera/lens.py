@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +21,10 @@ STEPS = 30
 """Most Newton steps that undo a distortion."""
 CLOSE = 1e-10
 """Residual, in focal lengths, at which a point counts as found: far below 1e-6 px for any real camera."""
+_PLAIN = np.eye(3)
+"""Camera matrix of the normalised image."""
+_FIXED_POINT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 1e-12)
+"""Most fixed-point steps of a start, and the residual in focal lengths at which they end."""
 
 
 def distort(xy: Floats, lens: Floats) -> Floats:
@@ -42,7 +47,7 @@ def undistort(xy: Floats, lens: Floats) -> Floats:
     Newton's method from a starting point that fixed-point steps have brought near; a step may not leave the disc in
     which the model is one-to-one, so the answer is the true branch.
     """
-    if not lens.any():
+    if not (lens.any() and xy.size):
         return xy
     limit = fold_radius(lens)
     ideal = _start(xy, lens, limit)
@@ -58,12 +63,14 @@ def undistort(xy: Floats, lens: Floats) -> Floats:
 
 def fold_radius(lens: Floats) -> float:
     """Radius, in focal lengths, up to which the radial model grows; points beyond it fold back. inf: it always does."""
-    # coefficients too small to bend anything would only upset the root finding
-    return _fold_radius(*(0.0 if abs(k) < 1e-12 else k for k in lens[[0, 1, 4]].tolist()))
+    k1, k2, _, _, k3 = lens.tolist()
+    return _fold_radius(k1, k2, k3)
 
 
 @lru_cache(maxsize=64)
 def _fold_radius(k1: float, k2: float, k3: float) -> float:
+    # coefficients too small to bend anything would only upset the root finding
+    k1, k2, k3 = (0.0 if abs(k) < 1e-12 else k for k in (k1, k2, k3))
     if min(k1, k2, k3) >= 0:
         return float(np.inf)
     # d(r·radial)/dr = 1 + 3 k1 q + 5 k2 q² + 7 k3 q³ = 0 with q = r²
@@ -73,14 +80,9 @@ def _fold_radius(k1: float, k2: float, k3: float) -> float:
 
 
 def _start(xy: Floats, lens: Floats, limit: float) -> Floats:
-    """Three fixed-point steps x ← x' / radial, from the seen point."""
-    k1, k2, _, _, k3 = lens.tolist()
-    ideal = _clamp(xy, limit)
-    for _ in range(3):
-        r2 = (ideal**2).sum(axis=-1, keepdims=True)
-        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        ideal = _clamp(xy / np.maximum(radial, 0.2), limit)
-    return ideal
+    """Fixed-point steps from the seen point: x ← (x' − tangential) / radial, which is enough for most lenses."""
+    found = cv2.undistortImagePoints(xy.reshape(-1, 1, 2), _PLAIN, lens, None, _FIXED_POINT)
+    return _clamp(np.where(np.isfinite(found), found, xy.reshape(-1, 1, 2)).reshape(xy.shape), limit)
 
 
 def _clamp(xy: Floats, limit: float) -> Floats:

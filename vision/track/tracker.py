@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Collection
 from dataclasses import replace
+from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
@@ -149,7 +150,7 @@ class Tracker:
         """Take a box that is missed in one frame for no reason to give a track up, however far apart frames are."""
         params, missed_s = self.params, 0.0
         if len(self._intervals_s) > INTERVALS // 2:
-            missed_s = min(MISSED_FRAMES * float(np.median(self._intervals_s)), params.coast_s)
+            missed_s = min(MISSED_FRAMES * median(self._intervals_s), params.coast_s)
         if dt > 0.0:
             self._intervals_s.append(dt)
         # nor is a track out of sight while no frame comes

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import replace
+from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,6 +69,8 @@ class SilentZoom:
         """Time, track ids and places of the looks of the last second."""
         self._last: tuple[FloatArray, FloatArray] | None = None
         """Places and ln sizes of the boxes of the last look."""
+        self._last_px = 0.0
+        """Median √(w h) of these boxes in the picture, px."""
         self._scatter = 0.0
         """Variance of the ln of boxes' sizes about the usual one of their track, beyond what they change together."""
 
@@ -89,10 +92,10 @@ class SilentZoom:
         if self._last is None or min(len(boxes), len(self._last[0])) < LEAST_TRACKS:
             return 1.0
         boxes = boxes.select(_whole(view, boxes))
-        now, before = _measured(view, boxes), self._last
-        if len(now[1]) < LEAST_TRACKS:
+        if len(boxes) < LEAST_TRACKS or abs(math.log(_median_px(boxes) / self._last_px)) < 0.5 * LEAST_JUMP:
             return 1.0
-        change = float(np.median(now[1]) - np.median(before[1]))
+        now, before = _measured(view, boxes), self._last
+        change = median(now[1].tolist()) - median(before[1].tolist())
         if abs(change) < LEAST_JUMP:
             return 1.0
         factor = float(np.exp(change))
@@ -130,7 +133,7 @@ class SilentZoom:
         off = (sizes - usual)[old]
         change = 0.0
         if len(off) >= LEAST_TRACKS:
-            scatter = float(np.sum((off - np.median(off)) ** 2)) / (len(off) - 1)
+            scatter = float(np.sum((off - median(off.tolist())) ** 2)) / (len(off) - 1)
             self._scatter = keep * self._scatter + (1.0 - keep) * scatter if self._scatter else scatter
             least, stds = (LEAST_MORE, LEAST_MORE_STDS) if goes_on else (LEAST_CHANGE, LEAST_STDS)
             # a median of k has σ √(π/2k)
@@ -140,7 +143,7 @@ class SilentZoom:
             self._changed_us = t_us
             # by the new focal length
             places, sizes = _measured(magnified(view, float(np.exp(change))), boxes)
-        self._last = places, sizes
+        self._last, self._last_px = (places, sizes), _median_px(boxes)
         self._looks.append((t_us, ids, places))
         self._usual = dict(zip(names, (usual + (1.0 - keep) * (sizes - usual)).tolist(), strict=True))
         return float(np.exp(change))
@@ -175,6 +178,11 @@ def _measured(view: FrameCamera, boxes: Detections) -> tuple[FloatArray, FloatAr
     return ground_places(view.intrinsics.rays(boxes.centre), np.sqrt(boxes.w * boxes.h), view)
 
 
+def _median_px(boxes: Detections) -> float:
+    """Median √(w h), px; 1 of no box."""
+    return math.sqrt(max(median((boxes.w * boxes.h).tolist()), 1.0)) if len(boxes) else 1.0
+
+
 def _common(off: FloatArray, spread: float, least: float) -> float:
     """ln of the factor by which boxes have grown; 0: they have not, or not together.
 
@@ -183,7 +191,7 @@ def _common(off: FloatArray, spread: float, least: float) -> float:
         spread: ln of how much further apart they are.
         least: ln of the least factor.
     """
-    change = float(np.median(off))
+    change = median(off.tolist())
     alike = np.mean(np.abs(off - change) < MOST_UNLIKE * abs(change) + ALIKE)
     together = alike >= LIKE_MOST and spread * np.sign(change) > LEAST_SPREAD * abs(change)
     return change if abs(change) > least and together else 0.0
