@@ -40,7 +40,7 @@ def longest_gap_s(gap_max_s: float, t: Sequence[float] | FloatArray) -> float:
     """
     if len(t) < 2:
         return np.inf
-    return max(gap_max_s, min(_MISSED_FRAMES * median(np.diff(t).tolist()), _LONGEST_GAP_S))
+    return max(gap_max_s, min(_MISSED_FRAMES * float(median(np.diff(t).tolist())), _LONGEST_GAP_S))
 
 
 class TrackHistory:

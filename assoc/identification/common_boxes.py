@@ -75,8 +75,8 @@ class CommonBoxes:
         """Length of a vehicle of which nothing is learnt: the median of those known, else of the boxes; NaN unknown."""
         known = self._length_m[np.isfinite(self._length_m)]
         if len(known) >= _LEAST_BOXES:
-            return median(known.tolist())
-        return median(length.tolist()) if len(length) >= _LEAST_BOXES else np.nan
+            return float(median(known.tolist()))
+        return float(median(length.tolist())) if len(length) >= _LEAST_BOXES else np.nan
 
     def _learn(self, t: float, vehicle: NDArray[np.int64], seen: FloatArray, own: FloatArray, sure: BoolArray) -> None:
         """Move the vehicles' lengths (k,) from what they were, ``own``, towards those seen, where names are sure."""

@@ -68,17 +68,19 @@ class Parts:
         self._weight *= np.exp(-dt / REMEMBERED_S)
         length, width = np.maximum(boxes.w, boxes.h), np.minimum(boxes.w, boxes.h)
         strong = np.flatnonzero((boxes.score >= least_score) & np.isfinite(pixel_m) & (length > 0.0))
-        now = self._weight + self._counted((length * pixel_m)[strong], dt)
+        touching = _touching(boxes, length, width, strong)
+        now = self._weight + self._counted((length * pixel_m)[strong], dt) if touching else self._weight
         pairs = [
             (i, j, whole)
-            for i, j, whole in _touching(boxes, length, width, strong)
+            for i, j, whole in touching
             if self._makes_one(now, np.array([whole, length[i], length[j]]) * pixel_m[i])
         ]
         second = np.full(len(boxes), -1)
         for i, j, whole in pairs:
             second[i], length[i] = j, whole
-        first = np.setdiff1d(np.arange(len(boxes)), second)
-        counted = np.intersect1d(first, strong)
+        begins = np.ones(len(boxes), np.bool_)
+        begins[second[second >= 0]] = False
+        first, counted = np.flatnonzero(begins), strong[begins[strong]]
         self._weight += self._counted((length * pixel_m)[counted], dt)
         whole_boxes = _replaced(boxes, width, pairs) if pairs else boxes
         return Wholes(whole_boxes.select(first) if pairs else boxes, first, second[first])
@@ -114,11 +116,15 @@ def _touching(
     offset = boxes.centre[None] - boxes.centre[:, None]
     away = np.hypot(offset[..., 0], offset[..., 1])
     mean = 0.5 * (length[:, None] + length[None])
-    line, near = np.arctan2(offset[..., 1], offset[..., 0]), np.abs(away - mean) < GAP * mean
-    near &= np.abs(np.log(np.maximum(width, 1.0)[:, None] / np.maximum(width, 1.0)[None])) < WIDTHS
-    i, j = np.nonzero(np.triu(near, 1))
+    i, j = np.nonzero(np.triu(np.abs(away - mean) < GAP * mean, 1))
+    width = np.maximum(width, 1.0)
+    alike = np.abs(np.log(width[i] / width[j])) < WIDTHS
+    i, j = i[alike], j[alike]
+    if not len(i):
+        return []
+    line = np.arctan2(offset[i, j, 1], offset[i, j, 0])
     # a half may be wider than long: its box's axis is either side
-    turned = np.maximum(*(_between(line[i, j], _axis(boxes)[k], length[k] / np.maximum(width[k], 1.0)) for k in (i, j)))
+    turned = np.maximum(*(_between(line, _axis(boxes)[k], length[k] / width[k]) for k in (i, j)))
     aside = away[i, j] * np.sin(turned)
     good = (turned < TURNED) & (aside < ASIDE * length[i])
     found, taken = [], set[int]()

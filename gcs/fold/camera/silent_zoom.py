@@ -125,6 +125,8 @@ class SilentZoom:
         places, sizes = _measured(view, boxes)
         keep = float(np.exp(-max(t_us - self._t_us, 0) / 1e6 / USUAL_S)) if self._t_us else 0.0
         self._t_us = t_us
+        while self._looks and t_us - self._looks[0][0] > BEFORE_S * 1e6:
+            self._looks.popleft()
         names = ids.tolist()
         usual = np.array([self._usual.get(i, s) for i, s in zip(names, sizes.tolist(), strict=True)])
         self._since_us = {i: self._since_us.get(i, t_us) for i in names}
@@ -138,7 +140,10 @@ class SilentZoom:
             least, stds = (LEAST_MORE, LEAST_MORE_STDS) if goes_on else (LEAST_CHANGE, LEAST_STDS)
             # a median of k has σ √(π/2k)
             least = max(least, stds * math.sqrt(0.5 * math.pi * self._scatter / len(off)))
-            change = _common(off, self._spread(ids, places), least)
+            change = _common(off, least)
+            # those that have grown are further apart, too
+            if change and self._spread(ids, places) * np.sign(change) <= LEAST_SPREAD * abs(change):
+                change = 0.0
         if change:
             self._changed_us = t_us
             # by the new focal length
@@ -150,8 +155,6 @@ class SilentZoom:
 
     def _spread(self, ids: IntArray, places: FloatArray) -> float:
         """ln of how much further apart the tracks are than a second ago; 0 unknown."""
-        while self._looks and self._t_us - self._looks[0][0] > BEFORE_S * 1e6:
-            self._looks.popleft()
         if not self._looks:
             return 0.0
         _, before_ids, before = self._looks[0]
@@ -183,18 +186,18 @@ def _median_px(boxes: Detections) -> float:
     return math.sqrt(max(median((boxes.w * boxes.h).tolist()), 1.0)) if len(boxes) else 1.0
 
 
-def _common(off: FloatArray, spread: float, least: float) -> float:
-    """ln of the factor by which boxes have grown; 0: they have not, or not together.
+def _common(off: FloatArray, least: float) -> float:
+    """ln of the factor by which boxes have grown; 0: they have not, or not alike.
 
     Args:
         off: (k,) ln of the size of each over its usual one.
-        spread: ln of how much further apart they are.
         least: ln of the least factor.
     """
-    change = median(off.tolist())
+    change = float(median(off.tolist()))
+    if abs(change) <= least:
+        return 0.0
     alike = np.mean(np.abs(off - change) < MOST_UNLIKE * abs(change) + ALIKE)
-    together = alike >= LIKE_MOST and spread * np.sign(change) > LEAST_SPREAD * abs(change)
-    return change if abs(change) > least and together else 0.0
+    return change if alike >= LIKE_MOST else 0.0
 
 
 def _log_spread(places: FloatArray) -> float:
