@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bench.field.scene import SessionFrames
 from bench.field.windows import UNANSWERED
-from gcs.report.score import Matched, score
+from gcs.report.score import Matched, right_answers, score
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -52,6 +52,8 @@ class BoxCounts:
     track_idf1: float
     bins: FloatArray = field(default_factory=lambda: np.zeros((len(EDGES), 3)))
     """(bins, 3) named boxes, sum of their confidence, how many are right."""
+    all_bins: FloatArray = field(default_factory=lambda: np.zeros((len(EDGES), 3)))
+    """The same of all boxes with an answer, "none of ours" among them, also of vehicles that nothing can name."""
     first_s: tuple[float, ...] = ()
     """Time to identity of first appearances, inf never."""
     again_s: tuple[float, ...] = ()
@@ -68,6 +70,8 @@ def tally(m: Matched, fps: float, nameless: frozenset[int] = frozenset()) -> Box
     """
     strangers = (m.named == 0) & (m.track > 0) & (m.confidence >= SURE)
     false_strangers = int((strangers & (m.truth > 0)).sum())
+    answered = (m.named >= 0) & (m.track > 0)
+    all_bins = _bins(m.confidence[answered], right_answers(m)[answered])
     m = _without_nameless(m, nameless)
     whole = score(m)
     ours, false, named = m.truth > 0, (m.truth <= 0) & (m.named > UNANSWERED), m.named > 0
@@ -89,6 +93,7 @@ def tally(m: Matched, fps: float, nameless: frozenset[int] = frozenset()) -> Box
         wrong_sure_s=float((named & ~right & (m.confidence >= SURE)).sum()) / fps,
         track_idf1=whole.track_idf1,
         bins=_bins(m.confidence[named], right[named]),
+        all_bins=all_bins,
         first_s=first,
         again_s=again,
     )

@@ -67,6 +67,8 @@ class Summary:
     track_idf1: float
     """Mean over sessions."""
     ece: float
+    ece_all: float
+    """Of all answers, "none of ours" among them."""
     wrong_sure_s: float
     """In all sessions."""
     wrong_sure_worst_s: float
@@ -104,6 +106,7 @@ def summarise(tallies: Sequence[BoxCounts]) -> Summary:
         idf1=_percent(2 * total["right"], total["ours"] + total["named"]),
         track_idf1=100.0 * float(np.mean(tracked)) if tracked else NAN,
         ece=ece_of(np.sum([t.bins for t in tallies], axis=0)) if tallies else NAN,
+        ece_all=ece_of(np.sum([t.all_bins for t in tallies], axis=0)) if tallies else NAN,
         wrong_sure_s=sum(sure),
         wrong_sure_worst_s=max(sure, default=0.0),
         first_median_s=percentile(first, 50.0),

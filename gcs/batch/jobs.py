@@ -101,6 +101,7 @@ class ScoreRecord(msgspec.Struct, frozen=True, kw_only=True):
     ece: float | None
     wrong_sure_s: float
     false_strangers: float | None = None
+    ece_all: float | None = None
 
 
 class FlightRecord(msgspec.Struct, frozen=True, kw_only=True):

@@ -11,6 +11,7 @@ Boxes of the log are matched to true boxes frame by frame (nearest centres, one 
                 with the vehicle it followed longest, where a vehicle that left and came back counts against the track
     false strangers = boxes of ours / boxes said to be none of ours at confidence ≥ 0.9
     ECE       = Σ_bins share · |mean confidence - share right|      over named boxes, 10 bins (Guo et al. 2017)
+    ECE of all: the same over all boxes with an answer; "none of ours" is right of what is not ours
 """
 
 from __future__ import annotations
@@ -69,6 +70,9 @@ class Score:
     track_idf1: float
     """IDF1 of the tracks."""
     ece: float
+    """Expected calibration error of the names."""
+    ece_all: float
+    """The same of all answers: of a box without a name that it is none of ours."""
     wrong_sure_s: float
     """Vehicle-seconds with a wrong name at confidence ≥ 0.9."""
     false_strangers: float
@@ -174,10 +178,16 @@ def score(m: Matched) -> Score:
         idf1=float(2 * right.sum() / max(ours.sum() + named.sum(), 1)),
         track_idf1=_track_idf1(m),
         ece=_ece(m.confidence[named], right[named]),
+        ece_all=_ece(m.confidence, right_answers(m)),
         wrong_sure_s=float(sure.sum()) * _frame_period_s(m),
         false_strangers=_share(ours & stranger, stranger),
         frames_unlogged=len(np.setdiff1d(m.frame, m.frame[m.named >= 0])),
     )
+
+
+def right_answers(m: Matched) -> NDArray[np.bool_]:
+    """(k,) whether each box has its own name, or none where it is not ours."""
+    return np.asarray(m.named == np.maximum(m.truth, 0), bool)
 
 
 def _share(part: NDArray[np.bool_], whole: NDArray[np.bool_]) -> float:

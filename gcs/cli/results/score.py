@@ -40,6 +40,7 @@ def print_score(result: Score) -> None:
         ("switches", str(result.switches), "changes of a vehicle's name"),
         ("IDF1", f"{result.idf1:.2%}", f"of the names; {result.track_idf1:.2%} of the bare tracks"),
         ("ECE", f"{result.ece:.4f}", "expected calibration error of the confidence"),
+        ("ECE of all", f"{result.ece_all:.4f}", "the same of all answers, none of ours among them"),
         ("wrong, sure", f"{result.wrong_sure_s:.1f} s", "vehicle-seconds wrong at confidence ≥ 0.9"),
         ("strangers", f"{result.false_strangers:.2%}", "of boxes called none of ours at confidence ≥ 0.9, ours"),
     )

@@ -27,6 +27,7 @@ def score_parts(matched: Matched) -> str:
         ("names that changed", str(s.switches)),
         ("frames with true boxes in which none was seen", f"{s.frames_unlogged} of {s.frames}"),
         ("expected calibration error", fixed(s.ece, 4)),
+        ("of all answers, none of ours among them", fixed(s.ece_all, 4)),
     ]
     return table(("what", "figure"), rows, right=("figure",), caption="Score against the truth") + _reliability(matched)
 

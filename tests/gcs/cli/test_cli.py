@@ -64,6 +64,7 @@ def test_score_prints_every_figure(named):
         "switches #  changes of a vehicle's name",
         "IDF # #%  of the names; #% of the bare tracks",
         "ECE #  expected calibration error of the confidence",
+        "ECE of all #  the same of all answers, none of ours among them",
         "wrong, sure # s  vehicle-seconds wrong at confidence ≥ #",
         "strangers #%  of boxes called none of ours at confidence ≥ #, ours",
     ]

@@ -47,6 +47,8 @@ def test_every_share_by_hand():
     assert result.wrong_sure_s == pytest.approx(0.1)
     # Confidences .9 .9 .95 hold two right of three, .8 none of one: |2.75 - 2| + |0.8 - 0| over 4.
     assert result.ece == pytest.approx((0.75 + 0.8) / 4)
+    # with what has no name: .9 and more four right of five, .8 none of one, .5 (ours) none of one
+    assert result.ece_all == pytest.approx((4.55 - 4 + 0.8 + 0.5) / 7)
 
 
 def test_boxes_of_ours_that_were_surely_called_strangers():
