@@ -7,7 +7,7 @@ from collections.abc import Collection
 
 from assoc.records import Identities
 from gcs.certainty import CONFIRMED
-from gcs.health.vehicle_alarms import APART_M, APART_S, APART_STDS, FITS_S, LEFT_S
+from gcs.health.vehicle_alarms import APART_M, APART_S, APART_STDS, FITS_S, FOLLOWED_S, LEFT_S
 from mavlink.state import FleetState
 
 FITS = 0.75
@@ -36,6 +36,7 @@ class Contradictions:
         self.standing: frozenset[int] = frozenset()
         self.suspected: frozenset[int] = frozenset()
         self.withheld: frozenset[int] = frozenset()
+        self._frame_us = 0
         self._proved: frozenset[int] = frozenset()
         self._lost: frozenset[int] = frozenset()
         """Those who stand until they fit, and those of them who lost their names."""
@@ -62,12 +63,13 @@ class Contradictions:
 
         Args:
             t_us: its time.
-            identities: as found, None without a camera pose, which ends nothing.
+            identities: as found, None without a camera pose, which begins and ends nothing, as a frame behind a gap.
             state: the fleet then.
             seen: tracks that were detected in it.
             stated: vehicles that the operator has named a box: their names are not withheld.
         """
-        if identities is None:
+        gap_us, self._frame_us = t_us - self._frame_us, t_us
+        if identities is None or gap_us > FOLLOWED_S * 1e6:
             self._apart_us, self._left_us, self._fits_us, self._conflict_us = {}, {}, {}, {}
             return
         std_m = dict(zip(state.system_id.tolist(), state.std_m.tolist(), strict=True))

@@ -40,6 +40,8 @@ by some metres, and boxes are next to each other."""
 LEFT_S, FITS_S = 2.0, 2.0
 """For so long a vehicle without a name must report to be far from the box that it was; and for so long one that was
 contradicted must be at its box again: a tracker may exchange two boxes, and a wrong position passes others."""
+FOLLOWED_S = 1.0
+"""Frames that are farther apart follow nobody: what was which box before the gap proves nothing behind it."""
 
 
 def _ever_received(row: VehicleRow) -> bool:
@@ -212,7 +214,8 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         meaning=f"the position or the name is wrong: for {APART_S:g} s its box, or for {LEFT_S:g} s the one that "
         f"surely was it, is more than {APART_M:g} m and {APART_STDS:g} times its receiver's 1σ away from where it "
         f"reports to be. Over when it has been at its box again for {FITS_S:g} s; a name that it loses before is not "
-        "given again until then. Other names are not touched by it",
+        f"given again until then. Other names are not touched by it; not told while frames are more than "
+        f"{FOLLOWED_S:g} s apart, which follow nobody",
         advice="do not act on its name; compare its position with what you see",
         condition=_contradicted,
         kept_while=lambda row, now: row.system_id in now.conflicts,

@@ -1,7 +1,11 @@
 """A vehicle that lies about its place is told as one until its reports fit the picture again, seen or not."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
+from gcs.fold.contradictions import Contradictions
 from tests.support.alarm_scenes import OTHER, UGV, copied, filmed
 
 KEY = f"conflict {UGV}"
@@ -81,3 +85,14 @@ def test_of_two_that_report_one_place_the_one_that_was_there_before_is_not_accus
     assert on(scene.last)
     assert not any(OTHER in snapshot.conflicts for snapshot in scene.kept)
     assert scene.row(OTHER).standing == "confirmed"
+
+
+@pytest.mark.parametrize(("apart_s", "accused"), [(0.5, {UGV}), (4.0, set())])
+def test_frames_that_follow_no_track_accuse_nobody(apart_s, accused):
+    columns = ("track_id", "system_id", "confidence", "residual_m", "position_age_s")
+    watch, none = Contradictions(), dict.fromkeys(columns, np.empty(0))
+    found = SimpleNamespace(**none, candidates=SimpleNamespace(), conflict=(UGV,))
+    state = SimpleNamespace(system_id=np.array([UGV]), std_m=np.ones(1), p_enu=np.zeros((1, 3)))
+    for k in range(4):
+        watch.update(round((9 + k * apart_s) * 1e6), found, state, seen=(), stated=())
+    assert watch.standing == watch.suspected == accused
