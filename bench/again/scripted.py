@@ -182,17 +182,23 @@ class ScriptedFlight:
     """The flight's own objects, run on simulated time."""
 
     def __init__(
-        self, folder: Path, scenario: Scenario, faults: InjectedFaults, on_snapshot: Callable[[Snapshot], None]
+        self,
+        folder: Path,
+        scenario: Scenario,
+        faults: InjectedFaults,
+        on_snapshot: Callable[[Snapshot], None],
+        view: int = 0,
     ) -> None:
         self.scenario, self.faults, self.start_us = scenario, faults, scenario.start_us
         self.packets = 0
         self.t_us = self.start_us + round(TELEMETRY_FROM_S * S)
         """True time."""
-        self.mission = _mission(scenario)
+        self.view = view
+        self.mission = _mission(scenario).views[view]
         keys = folder / "keys"
         if faults.signed:
             keys.mkdir(mode=0o700, parents=True)
-            for system_id in (UAV_ID, *scenario.ugv_ids):
+            for system_id in (*_aircraft(scenario), *scenario.ugv_ids):
                 write_key(keys, system_id, SECRET)
         self.signing = Signing(keys=str(keys) if faults.signed else "")
         notes = {"keys": key_notes(read_ring(keys))} if faults.signed else {}
@@ -254,6 +260,8 @@ def fly(
     faults: InjectedFaults,
     on_snapshot: Callable[[Snapshot], None] = lambda snapshot: None,
     before_turn: Callable[[ScriptedFlight, Frame | None], None] = lambda flight, frame: None,
+    *,
+    view: int = 0,
 ) -> Path:
     """Fly a scenario with injected faults; returns the session folder.
 
@@ -264,9 +272,10 @@ def fly(
         on_snapshot: called with what a screen shows after each turn of the fold.
         before_turn: called with the flight, and the frame that came, before each turn: what its monitor finds and its
             operator does.
+        view: which of the scenario's cameras films, 0 the first.
     """
     scenario = replace(scenario, camera=replace(CAMERA, mount=scenario.camera.mount))
-    flight = ScriptedFlight(folder, scenario, faults, on_snapshot)
+    flight = ScriptedFlight(folder, scenario, faults, on_snapshot, view)
     rng = np.random.default_rng(scenario.seed)
     worlds = _worlds(scenario, faults)
     datagrams = heapq.merge(*(_fleet_datagrams(world, start_s, stop_s, flight) for world, start_s, stop_s in worlds))
@@ -313,7 +322,13 @@ def _mission(scenario: Scenario) -> Mission:
     }
     table = {"uav": {"system_id": UAV_ID}, "ugv": [{"system_id": i} for i in scenario.ugv_ids]}
     table["camera"] = camera | {"mount": scenario.camera.mount}
+    table["view"] = [{"system_id": i, "camera": table["camera"]} for i in _aircraft(scenario)[1:]]
     return parse_mission(table, "mission")
+
+
+def _aircraft(scenario: Scenario) -> list[int]:
+    """System ids of those that film."""
+    return [UAV_ID + k for k in range(len(scenario.views) + 1)]
 
 
 def within(span: tuple[float, float] | None, since_us: float) -> bool:
@@ -352,9 +367,9 @@ def _link_datagrams(
     keyed = {
         i: ScriptedSigner(SECRET[::-1] if i in flight.faults.wrong_keys else SECRET) for i in world.scenario.ugv_ids
     }
-    keyed[UAV_ID] = ScriptedSigner()
+    keyed |= {i: ScriptedSigner() for i in _aircraft(world.scenario)}
     rebooted = RebootedEncoder() if start_s > 0 else None
-    for number, packet in enumerate(fleet_telemetry(world)):
+    for number, packet in enumerate(fleet_telemetry(world, views=world.views)):
         if start_s * S <= packet.t_us - flight.start_us < stop_s * S:
             raw = rebooted.with_boot_time_reset(packet.raw) if rebooted else packet.raw
             if flight.faults.signed:
@@ -395,8 +410,9 @@ def _frames(
     faults, index, last_us = flight.faults, 0, 0
     images = [np.zeros((CAMERA.height // k, CAMERA.width // k, 3), dtype=np.uint8) for k in (1, 2)]
     for world, start_s, stop_s in worlds:
-        model, scenario = DetectorModel(world), world.scenario
-        film = Film(world) if faults.rendered else None
+        seen, scenario = world.seen_from(flight.view + 1) if flight.view else world, world.scenario
+        model = DetectorModel(seen)
+        film = Film(seen) if faults.rendered else None
         for k in range(round(scenario.duration_s * scenario.fps)):
             t = k / scenario.fps
             exposed_us = scenario.start_us + round(t * S)

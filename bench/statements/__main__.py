@@ -6,8 +6,8 @@
     python -m bench.statements --out bench/results/statements.md
 
 Scripted flights whose truth is known: members that are silent, late, stand still, lie, are refused or never heard and
-that come back, a video that stops and one that comes and goes, an operator who states and marks. Drawn flights have
-several troubles at once. A sentence that no template knows counts as false.
+that come back, a video that stops and one that comes and goes, two cameras, an operator who states and marks. Drawn
+flights have several troubles at once. A sentence that no template knows counts as false.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ import numpy as np
 
 from bench.again.scripted import InjectedFaults
 from bench.command_line import RESULTS
-from bench.statements.checker import PLACES, check_flight
+from bench.statements.checker import PLACES, check_cameras
 from bench.statements.flights import FlightScript, OperatorAct, fly_script
 from infra.markdown import markdown_table
-from sim.world.scenario import Occlusion, ScenarioFault
+from sim.world.scenario import Occlusion, ScenarioFault, ScenarioFlight, ScenarioView
 
 LIES, LEAST_PER_LIE = ("jump", "drift", "spoof", "frozen"), 4
 """Faults by which a vehicle reports to be elsewhere, and vehicles for each that has one: where many do nobody can know
@@ -85,6 +85,15 @@ SCRIPTS: tuple[FlightScript, ...] = (
         outside=1,
         faults=(_fault(12, "silent", 6.0, 15.0), _fault(13, "jump", 8.0, size=25.0)),
         acts=(OperatorAct(at_s=10.0, kind="state", of=12, says=12),),
+    ),
+    FlightScript(
+        name="two cameras, one silent, and each video stops once",
+        seconds=40.0,
+        outside=1,
+        faults=(_fault(12, "silent", 8.0, 25.0),),
+        injected=InjectedFaults(no_video=((12.0, 20.0),)),
+        no_video_beside=((24.0, 32.0),),
+        views=(ScenarioView(aside_m=(14.0, 0.0), flight=ScenarioFlight(yaw_deg=60.0)),),
     ),
     FlightScript(
         name="a silent, a lying and a refused one",
@@ -165,7 +174,7 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             flown = fly_script(script, Path(folder))
             for place in options.places:
-                count, found = check_flight(flown, Path(folder) / "out", place)
+                count, found = check_cameras(flown, Path(folder) / "out", place)
                 sums.update({place: len(found), "": count})
                 cells.append(str(len(found)))
                 told = {f"- {script.name}, {each.where}: {each.said}: {each.true}": each for each in reversed(found)}

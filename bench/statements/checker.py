@@ -7,10 +7,11 @@ import json
 import math
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
+from types import MappingProxyType, SimpleNamespace
 
 from bench.screens.flights import Moment
 from bench.statements.boxes import (
@@ -33,13 +34,17 @@ from gcs.cli.rollcall import print_rollcall, rollcall_json
 from gcs.export.cot import cot_boxes, cot_event
 from gcs.export.job import ExportJob
 from gcs.export.maps.geojson import GeoJsonExport
+from gcs.flight.view import OF_A_CAMERA, FlightView
+from gcs.flight.views import beside
 from gcs.report.rollcall import RollCall
 from gcs.session.session import open_session
-from gcs.snapshot import VehicleRow
+from gcs.snapshot import Snapshot, VehicleRow
 
 S = 1_000_000
 EDGE_PX = 60.0
 """Three metres of a position's error, near the border of the frame."""
+MOMENTS_APART = 5
+"""Turns from one comparison of several cameras to the next."""
 FOUND_OUT_S = 3.0
 TURN_S = 0.3
 CONTRADICTIONS = ("conflict", "doubted", "refused")
@@ -146,6 +151,59 @@ class Falsehood:
     true: str
 
 
+def check_beside(flown: TrueFlight, folder: Path) -> Found:
+    """What the screens of each of several cameras tell of the others: who is named there, and their alarms."""
+    flights = (flown, *flown.beside)
+    views = [_view(each) for each in flights]
+    for k, here in enumerate(flights if flown.beside else ()):
+        for moment in here.moments[::MOMENTS_APART]:
+            for each, view in zip(flights, views, strict=True):
+                at = bisect_right(each.moments, moment.now_us, key=lambda other: other.now_us)
+                view.loop.latest = each.moments[max(at - 1, 0)].snapshot
+            shown = beside(moment.snapshot, views[k], [view for view in views if view is not views[k]])
+            told = [*_elsewhere(shown, flights, views), *_alarms_beside(shown, here, flights, views)]
+            yield len(shown.vehicles) + len(shown.alarms), told
+
+
+def _view(flown: TrueFlight) -> FlightView:
+    view = FlightView.__new__(FlightView)
+    mission = open_session(flown.folder).mission
+    view.pipeline, view.loop = SimpleNamespace(mission=mission), SimpleNamespace()  # type: ignore[assignment]
+    return view
+
+
+def _elsewhere(
+    shown: Snapshot, flights: Sequence[TrueFlight], views: Sequence[FlightView]
+) -> Iterator[tuple[Said, str]]:
+    """Who is said to be in another camera's picture is there."""
+    for row in shown.vehicles:
+        for flown, view in zip(flights, views, strict=True):
+            frame = flown.frames.get(view.loop.latest.seen_us) if view.loop.latest else None
+            if view.name in row.elsewhere and frame and frame.outside_px(row.system_id) > EDGE_PX:
+                said = Said(where="beside", t_us=shown.t_us, text=f"{row.name}: seen by {view.name}")
+                yield said, f"it is {frame.outside_px(row.system_id):.0f} px outside of that picture"
+
+
+def _alarms_beside(
+    shown: Snapshot, here: TrueFlight, flights: Sequence[TrueFlight], views: Sequence[FlightView]
+) -> Iterator[tuple[Said, str]]:
+    """Alarms are of the camera that they name, and what is wrong with each camera is told."""
+    texts = {alarm.text for alarm in shown.alarms}
+    for flown, view in zip(flights, views, strict=True):
+        own, t_us = f"{view.name}: ", view.loop.latest.t_us if view.loop.latest else 0
+        missing = replace(flown.moments[0], snapshot=replace(shown, t_us=t_us, alarms=shown.alarms))
+        yield from check_missing_alarms(flown, missing)
+        for alarm in shown.alarms:
+            named = alarm.kind in OF_A_CAMERA and alarm.system_id == flown.uav_id and alarm.text.startswith(own)
+            if named or (flown is here and alarm.system_id not in [each.uav_id for each in flights]):
+                text = alarm.text.removeprefix(own) if named else alarm.text
+                said = Said(
+                    where="beside", t_us=t_us, text=text, system_id=0 if named else alarm.system_id, standing=True
+                )
+                yield from ((said, why) for why in check_sentence(flown, said))
+    yield from ((_nothing(shown.t_us, 0), "two say the same") for _ in range(len(shown.alarms) - len(texts)))
+
+
 def check_flight(flown: TrueFlight, folder: Path, place: str) -> tuple[int, list[Falsehood]]:
     """How many statements were checked, and which are false.
 
@@ -162,6 +220,12 @@ def check_flight(flown: TrueFlight, folder: Path, place: str) -> tuple[int, list
             text = said.text if isinstance(said, Said) else str(said)
             found.append(Falsehood(where=said.where, at_s=flown.at_s(said.t_us), said=text, true=why))
     return count, found
+
+
+def check_cameras(flown: TrueFlight, folder: Path, place: str) -> tuple[int, list[Falsehood]]:
+    """The same of a flight with all its cameras."""
+    checked = [check_flight(each, folder / str(each.uav_id), place) for each in (flown, *flown.beside)]
+    return sum(count for count, _ in checked), [false for _, found in checked for false in found]
 
 
 def _sentences(flown: TrueFlight, sentences: Iterable[Said]) -> Found:
@@ -253,6 +317,7 @@ PLACES: MappingProxyType[str, Callable[[TrueFlight, Path], Found]] = MappingProx
     {
         "events": _events,
         "turns": _turns,
+        "beside": check_beside,
         "identity": _identity,
         "exports": _exports,
         "screens": _screens,
@@ -261,4 +326,5 @@ PLACES: MappingProxyType[str, Callable[[TrueFlight, Path], Found]] = MappingProx
         "batch page": _batch,
     }
 )
-"""Where something is said; ``turns``: the rows and alarms that screens are drawn from, at every turn of the fold."""
+"""Where something is said; ``turns``: the rows and alarms that screens are drawn from, at every turn of the fold;
+``beside``: what several cameras tell of one another."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from mavlink.protocol.packet import Packet
 from sim.telemetry.detections import DetectorModel
 from sim.telemetry.vehicle_telemetry import fleet_telemetry
 from sim.world.boxes import true_boxes
-from sim.world.scenario import Gnss, Occlusion, Scenario, ScenarioFault, ScenarioGround, Targets
+from sim.world.scenario import UAV_ID, Gnss, Occlusion, Scenario, ScenarioFault, ScenarioGround, ScenarioView, Targets
 from sim.world.world import World
 from vision.video.video import Frame
 
@@ -63,6 +63,10 @@ class FlightScript:
     occlusions: tuple[Occlusion, ...] = ()
     injected: InjectedFaults = field(default_factory=InjectedFaults)
     acts: tuple[OperatorAct, ...] = ()
+    views: tuple[ScenarioView, ...] = ()
+    """Further cameras, which nobody operates."""
+    no_video_beside: tuple[tuple[float, float], ...] = ()
+    """When no frame of theirs comes, from when to when."""
 
     @property
     def scenario(self) -> Scenario:
@@ -80,6 +84,7 @@ class FlightScript:
             targets=Targets(parked_lookalikes=self.strangers),
             faults=self.faults,
             occlusions=self.occlusions,
+            views=tuple(replace(view, camera=CAMERA) for view in self.views),
         )
 
 
@@ -128,6 +133,10 @@ class TrueFlight:
     """Packets that must not be believed, by system id."""
     frames: Mapping[int, TrueFrame]
     """Every frame that was looked at, by the time it was taken."""
+    uav_id: int = UAV_ID
+    """System id of the aircraft that films."""
+    beside: tuple[TrueFlight, ...] = ()
+    """The same flight as each further camera has it."""
 
     @cached_property
     def scenario(self) -> Scenario:
@@ -279,7 +288,14 @@ def _last(times_us: Sequence[int], now_us: int) -> int:
 
 
 def fly_script(script: FlightScript, folder: Path) -> TrueFlight:
-    """Fly, record into a folder, and keep the truth."""
+    """Fly, record into a folder, and keep the truth; what further cameras record goes into folders beside it."""
+    others = replace(script, acts=(), injected=replace(script.injected, no_video=script.no_video_beside))
+    beside = tuple(_fly(others, folder / f"view-{k}", k) for k, _ in enumerate(script.views, 1))
+    return replace(_fly(script, folder), beside=beside)
+
+
+def _fly(script: FlightScript, folder: Path, view: int = 0) -> TrueFlight:
+    """As one camera has it, 0 the first."""
     scenario, injected = script.scenario, script.injected
     world = World(scenario)
     heartbeats, positions, refused = (
@@ -287,7 +303,7 @@ def fly_script(script: FlightScript, folder: Path) -> TrueFlight:
         defaultdict[int, list[int]](list),
         Counter[int](),
     )
-    for sent in fleet_telemetry(world):
+    for sent in fleet_telemetry(world, views=world.views):
         packet = Packet(sent.t_us, sent.raw)
         if within(injected.no_telemetry, sent.t_us - scenario.start_us):
             continue
@@ -296,9 +312,9 @@ def fly_script(script: FlightScript, folder: Path) -> TrueFlight:
         elif packet.message_id in (HEARTBEAT, GLOBAL_POSITION_INT):
             (positions if packet.message_id else heartbeats)[packet.system_id].append(sent.t_us)
     acts = sorted(script.acts, key=lambda act: act.at_s)
-    frames = {frame.t_us: frame for frame in _true_frames(world)}
+    frames = {frame.t_us: frame for frame in _true_frames(world.seen_from(view + 1) if view else world)}
     station = _Surroundings(script=script, acts=acts, frames=frames, heard=(heartbeats, positions))
-    recorded = fly(folder, scenario, injected, station.on_snapshot, station.before_turn)
+    recorded = fly(folder, scenario, injected, station.on_snapshot, station.before_turn, view=view)
     came = {frame_us for _, frame_us in station.turns}
     return TrueFlight(
         script=script,
@@ -310,6 +326,7 @@ def fly_script(script: FlightScript, folder: Path) -> TrueFlight:
         heartbeats=heartbeats,
         positions=positions,
         refused=refused,
+        uav_id=UAV_ID + view,
     )
 
 

@@ -15,7 +15,6 @@ from typing import Any
 from bench.statements.boxes import Claim
 from bench.statements.flights import TrueFlight
 from bench.statements.sentences import Said, check_sentence
-from sim.world.scenario import UAV_ID
 
 Row = Mapping[str, Any]
 Tables = Mapping[str, Sequence[Row]]
@@ -83,7 +82,7 @@ def check_rollcall(
 
 def _blind_frames(flown: TrueFlight, system_id: int) -> int:
     """Frames in which the UAV or the vehicle had not reported for long."""
-    silences = (max(flown.silent_s(i, t_us, "position") for i in (UAV_ID, system_id)) for t_us in flown.frames)
+    silences = (max(flown.silent_s(i, t_us, "position") for i in (flown.uav_id, system_id)) for t_us in flown.frames)
     return sum(silent_s > POSITION_S / 2 for silent_s in silences)
 
 

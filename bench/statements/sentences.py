@@ -44,7 +44,7 @@ Fields = Mapping[str, str]
 Check = Callable[[TrueFlight, Said, Fields, int], str]
 """What is false, empty where all is so; the last argument: system id of whom a sentence is about."""
 FIELDS = {
-    "name": r"UAV|UGV-\d+|none of ours",
+    "name": r"UAV(?:-\d+)?|UGV-\d+|none of ours",
     "other": r"UAV|UGV-\d+",
     "last": r"UAV|UGV-\d+|another",
     "names": r"(?:UAV|UGV-\d+)(?:, (?:UAV|UGV-\d+))*",
@@ -67,7 +67,7 @@ def _compiled(template: str) -> re.Pattern[str]:
 
 
 def _id(name: str) -> int:
-    return 0 if name == "none of ours" else 1 if name == "UAV" else int(name.removeprefix("UGV-"))
+    return 0 if name == "none of ours" else int(name.partition("-")[2] or UAV_ID)
 
 
 def _so(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
@@ -194,7 +194,7 @@ def _stale_often(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str
 
 def _blind(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     """The UAV's position is lost."""
-    return _without_position(flown, said, {}, UAV_ID)
+    return _without_position(flown, said, {}, flown.uav_id)
 
 
 def _lossy(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
