@@ -273,6 +273,7 @@ SENTENCES: Mapping[str, Check] = {
     "not as sure for two seconds yet": _so,
     "its box is probably round two vehicles": _so,
     "its box is predicted, and one that is seen has the name": _so,
+    "{name}: never heard": _never_heard,
     "{name}: no heartbeat": _silent,
     "{name}: position stale": _without_position,
     "{name}: position lost": _without_position,

@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from gcs.health.heard import is_heard
 from gcs.snapshot import Snapshot, Standing, VehicleRow
 from gcs.tui.draw.format import metres
 from gcs.tui.panes.alarms import worst_alarm
@@ -27,6 +28,8 @@ ADVICE: Final[Mapping[Standing, str]] = MappingProxyType(
     }
 )
 """While no alarm says more."""
+UNHEARD: Final = "switch it on; check its system id and its key against the mission"
+"""Of a vehicle that was never heard."""
 
 
 def what_to_do(snapshot: Snapshot, row: VehicleRow) -> str:
@@ -34,6 +37,8 @@ def what_to_do(snapshot: Snapshot, row: VehicleRow) -> str:
     worst = worst_alarm(snapshot, row.system_id)
     if worst is not None and worst.advice:
         return plain(worst.advice)
+    if not is_heard(row):
+        return UNHEARD
     if row.standing != "out of view":
         return ADVICE[row.standing]
     if row.elsewhere:

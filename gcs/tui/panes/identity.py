@@ -13,6 +13,7 @@ from textual.reactive import reactive
 from textual.strip import Strip
 
 from gcs.certainty import certainty, named
+from gcs.health.heard import is_heard
 from gcs.health.vehicle_alarms import CONTRADICTED
 from gcs.missing import may_be
 from gcs.report.box_shapes import drawable
@@ -59,6 +60,7 @@ ROOMY_CELLS = 36
 PLACES: Final = (("upper left", "top", "upper right"), ("left", "", "right"), ("lower left", "bottom", "lower right"))
 """Thirds of the picture, from its top left."""
 NONE_OF_OURS: Final = "none of ours"
+NEVER_HEARD: Final = "never heard"
 EVIDENCE: Final = (
     "Masses of the published methods, at most 0.5 s old, for analysts: the name is decided by the confidence alone."
 )
@@ -190,6 +192,8 @@ def _against(snapshot: Snapshot, row: VehicleRow, box: Box | None) -> tuple[str,
     worst = next((each for each in alarms if each.doubts_name), next(iter(alarms), None))
     if worst is not None:
         return plain(trouble_of(worst)), level_colour(worst.level)
+    if box is None and not is_heard(row):
+        return NEVER_HEARD, WARN
     if box is None:
         return ("nothing names it now", FAINT) if row.standing not in NAMED else ("nothing", FAINT)
     if doubt := may_be(snapshot, box) or box.doubt:
@@ -264,7 +268,7 @@ def _likeliest_box(snapshot: Snapshot, system_id: int) -> tuple[Box, Candidate] 
 def expected_place(snapshot: Snapshot, row: VehicleRow) -> str:
     """Where a vehicle without a box should be, by its report, and whether the picture shows that place."""
     if row.position_state not in ("ok", "stale"):
-        return "not known: it has no usable position"
+        return f"not known: {'it has no usable position' if is_heard(row) else NEVER_HEARD}"
     if row.system_id in snapshot.conflicts:
         return f"not known: {CONTRADICTED}"
     if snapshot.pose == "unknown":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -10,9 +11,10 @@ import pytest
 from gcs.snapshot import Candidate
 from gcs.tui.draw.mosaic import fit
 from gcs.tui.framing import frame_for
-from gcs.tui.panes.advice import what_to_do
+from gcs.tui.panes.advice import UNHEARD, what_to_do
 from gcs.tui.panes.identity import IdentityPane, expected_place
 from gcs.tui.panes.video import VideoPane
+from mavlink.state import VehicleCondition
 from tests.support.fake_station import WIDE, FakeStation, make_snapshot, polled, running, text_of
 
 SNAPSHOT = replace(make_snapshot(), pose="known")
@@ -127,6 +129,14 @@ async def test_standings_say_since_when():
 )
 def test_a_vehicle_without_a_box_says_where_it_should_be(px, words):
     assert expected_place(SNAPSHOT, row_of(15, expected_px=px)) == words
+
+
+def test_a_vehicle_that_was_never_heard_says_so_and_not_that_its_receiver_fails():
+    silent = dict.fromkeys(("heartbeat_age_s", "position_age_s"), math.inf) | {"loss": math.nan, "signed": 0}
+    silent |= {"condition": VehicleCondition(), "refusals": {}}
+    row = row_of(15, standing="no position", position_state="never", **silent)
+    assert expected_place(SNAPSHOT, row) == "not known: never heard"
+    assert what_to_do(replace(SNAPSHOT, alarms=()), row) == UNHEARD
 
 
 def test_the_nearest_camera_is_to_turn_to_a_vehicle_that_none_shows():
