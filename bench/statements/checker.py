@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import re
 import subprocess
 import sys
 from bisect import bisect_right
@@ -36,13 +37,16 @@ from gcs.export.job import ExportJob
 from gcs.export.maps.geojson import GeoJsonExport
 from gcs.flight.view import OF_A_CAMERA, FlightView
 from gcs.flight.views import beside
+from gcs.playback.identification import identify_session
 from gcs.report.rollcall import RollCall
+from gcs.session.frame_tables import read_times
 from gcs.session.session import open_session
 from gcs.snapshot import Snapshot, VehicleRow
 
 S = 1_000_000
 EDGE_PX = 60.0
 """Three metres of a position's error, near the border of the frame."""
+AGAIN_S = 0.45
 MOMENTS_APART = 5
 """Turns from one comparison of several cameras to the next."""
 FOUND_OUT_S = 3.0
@@ -276,13 +280,47 @@ def _screens(flown: TrueFlight, folder: Path) -> Found:
     yield from asyncio.run(check_screens(flown, moments))
 
 
-def _rollcall(flown: TrueFlight, folder: Path) -> Found:
-    """As ``gcs fly`` adds it up, as JSON and as it is printed."""
+def _calls(flown: TrueFlight) -> RollCall:
+    """As ``gcs fly`` adds it up."""
     mission = open_session(flown.folder).mission
     assert mission is not None
     calls = RollCall(mission)
     for moment in flown.moments:
         calls.add(moment.snapshot, moment.now_us)
+    calls.end(len(read_times(flown.folder / "frames.csv").times_us))
+    return calls
+
+
+def _again(flown: TrueFlight, folder: Path) -> Found:
+    """The flight's roll call, that of its replay, and what its report quotes: alarms, marks, counts, silences."""
+    calls = _calls(flown)
+    again = identify_session(open_session(flown.folder), folder / "again", hindsight=False)
+    there, here = _counts(again), _counts(calls)
+    yield len(here), [(_over(flown, f"{what}: {there[what]}"), f"in flight {here[what]}") for what in here
+                      if there[what] != here[what] and not _near(there[what], here[what])]  # fmt: skip
+    page = re.sub("</?strong>", "", _page(flown, folder))
+    yield 1, [(_over(flown, "report"), f"in flight {calls.reports}")] * (calls.reports not in page)
+
+
+def _counts(calls: RollCall) -> dict[str, object]:
+    told = rollcall_json(calls)
+    rows = {f"{row['name']}: {key}": value for row in told.pop("vehicles") for key, value in row.items()}
+    return {key: value for key, value in told.items() if key not in ("span_s", "other_views")} | rows
+
+
+def _near(one: object, other: object) -> bool:
+    """Two folds look at a silence at moments a fifth of a second apart; two NaN are the same."""
+    numbers = isinstance(one, float) and isinstance(other, float)
+    return numbers and (abs(float(one) - float(other)) < AGAIN_S or (one != one and other != other))  # type: ignore[arg-type]
+
+
+def _over(flown: TrueFlight, text: str) -> Said:
+    return Said(where="again", t_us=flown.moments[-1].now_us, text=text)
+
+
+def _rollcall(flown: TrueFlight, folder: Path) -> Found:
+    """As ``gcs fly`` adds it up, as JSON and as it is printed."""
+    calls = _calls(flown)
     told = rollcall_json(calls)
     printed = printed_remarks(lambda: print_rollcall(calls))
     rows = [
@@ -299,9 +337,15 @@ def _rollcall(flown: TrueFlight, folder: Path) -> Found:
     yield len(rows) + len(sums), list(check_rollcall(flown, sums, rows, "roll call", _own(flown)))
 
 
+def _page(flown: TrueFlight, folder: Path) -> str:
+    """The report; written once."""
+    if not (path := folder / "report.html").exists():
+        report(flown.folder, path)
+    return path.read_text(encoding="utf-8")
+
+
 def _report(flown: TrueFlight, folder: Path) -> Found:
-    report(flown.folder, folder / "report.html")
-    page = (folder / "report.html").read_text(encoding="utf-8")
+    page = _page(flown, folder)
     yield page.count("<td"), list(check_report(flown, page, _own(flown)))
 
 
@@ -323,8 +367,9 @@ PLACES: MappingProxyType[str, Callable[[TrueFlight, Path], Found]] = MappingProx
         "screens": _screens,
         "roll call": _rollcall,
         "report": _report,
+        "again": _again,
         "batch page": _batch,
     }
 )
 """Where something is said; ``turns``: the rows and alarms that screens are drawn from, at every turn of the fold;
-``beside``: what several cameras tell of one another."""
+``beside``: what several cameras tell of one another; ``again``: what roll call, replay and report tell alike."""
