@@ -30,12 +30,14 @@ class Contradictions:
             since.
         suspected: those, and those whose reports do now, for too short a time yet.
         withheld: those of them that lost their names meanwhile, and do not fit: they get none.
+        left: tracks that surely were those, and are nobody else: no strangers.
     """
 
     def __init__(self) -> None:
         self.standing: frozenset[int] = frozenset()
         self.suspected: frozenset[int] = frozenset()
         self.withheld: frozenset[int] = frozenset()
+        self.left: frozenset[int] = frozenset()
         self._frame_us = 0
         self._proved: frozenset[int] = frozenset()
         self._lost: frozenset[int] = frozenset()
@@ -75,14 +77,16 @@ class Contradictions:
         std_m = dict(zip(state.system_id.tolist(), state.std_m.tolist(), strict=True))
         limit_m = {vehicle: APART_M + APART_STDS * std_m[vehicle] for vehicle in std_m}
         columns = ("track_id", "system_id", "confidence", "residual_m", "position_age_s")
-        fits, apart, sure = set[int](), set[int](), dict[int, int]()
+        fits, apart, moved, sure = set[int](), set[int](), set[int](), dict[int, int]()
         for track, vehicle, confidence, away_m, age_s in zip(
             *(getattr(identities, name).tolist() for name in columns), strict=True
         ):
             # a box that is predicted goes on to fit, and proves nothing else
             if vehicle not in limit_m or not (track in seen or vehicle in self._fits_us):
                 continue
-            if away_m > limit_m[vehicle] and track in seen:
+            if vehicle in self._proved and self._was.get(vehicle, track) != track:
+                moved.add(vehicle)  # it reports to be where another one's box is, which may be silent
+            elif away_m > limit_m[vehicle] and track in seen:
                 apart.add(vehicle)
             elif away_m <= FITS * limit_m[vehicle] and age_s < FRESH_S:
                 fits.add(vehicle)
@@ -109,8 +113,9 @@ class Contradictions:
         self._proved = (self._proved - at_home) | accused
         self.standing = self._proved | _lasting(self._conflict_us, t_us, UNPROVED_S)
         self.suspected = self.standing | conflict | apart | left
-        self._lost = self._proved & (self._lost | nameless)
+        self._lost = self._proved & (self._lost | nameless | moved)
         self.withheld = self._lost - fits - set(stated)
+        self.left = frozenset(self._was[vehicle] for vehicle in self.withheld & self._was.keys())
 
     def _beside_former(
         self, identities: Identities, seen: Collection[int], limit_m: dict[int, float]

@@ -333,7 +333,7 @@ class Pipeline:
         """Names of the last frame that was looked at, without those that the fleet's state forbids now."""
         found = self._look.found if self._look else None
         known = limit_doubted(found, state, self.mission.identity.threshold)
-        return withhold_names(known, state, self._contradictions.withheld)
+        return withhold_names(known, state, self._contradictions.withheld, self._contradictions.left)
 
     def _report_crowd(self, t_us: int, boxes: int) -> None:
         if boxes > MOST_BOXES and not self._crowded:

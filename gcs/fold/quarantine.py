@@ -45,7 +45,7 @@ def limit_doubted(identities: Identities | None, state: FleetState, threshold: f
 
 
 def withhold_names(
-    identities: Identities | None, state: FleetState, contradicted: Collection[int] = ()
+    identities: Identities | None, state: FleetState, contradicted: Collection[int] = (), left: Collection[int] = ()
 ) -> Identities | None:
     """Identities without contested and contradicted names; without any while it is the UAV's own id that is contested.
 
@@ -55,14 +55,17 @@ def withhold_names(
         identities: as found.
         state: who is contested.
         contradicted: vehicles that get no name until their reports fit the video again.
+        left: tracks that surely were these: without a name they are no strangers.
     """
     kept_back = [*state.contested, *contradicted]
     if identities is None or not kept_back:
         return identities
     all_in_doubt = state.vehicles[0].contested
     refused = identities.system_id != 0 if all_in_doubt else np.isin(identities.system_id, kept_back)
+    of_liars = np.isin(identities.track_id, list(left)) & (identities.system_id == 0)
+    lies = np.isin(identities.system_id, list(contradicted)) | of_liars
+    refused |= of_liars
     unknown: dict[str, Any] = {name: np.where(refused, np.nan, getattr(identities, name)) for name in _OF_THE_NAME}
-    lies = np.isin(identities.system_id, list(contradicted))
     rival = all_in_doubt | np.isin(identities.runner_up, kept_back)
     return replace(
         identities,

@@ -96,3 +96,19 @@ def test_frames_that_follow_no_track_accuse_nobody(apart_s, accused):
     for k in range(4):
         watch.update(round((9 + k * apart_s) * 1e6), found, state, seen=(), stated=())
     assert watch.standing == watch.suspected == accused
+
+
+def test_one_that_reports_to_be_where_a_silent_one_is_gets_not_its_name_and_its_own_box_is_no_stranger():
+    scene = filmed(10)
+    other = next(each for each in scene.vehicles if each.system_id == OTHER)
+    own, others = (scene.box(system_id).track_id for system_id in (UGV, OTHER))
+    other.sends = ""
+    scene.run(6, filmed=True)
+    scene.vehicles[1].place = other.place
+    begun = len(scene.kept)
+    scene.run(14, filmed=True)
+    assert all(on(snapshot) for snapshot in scene.kept[begun + 20 :])
+    for box in (box for snapshot in scene.kept[begun:] for box in snapshot.boxes):
+        assert (box.track_id, box.system_id) != (others, UGV)
+        assert box.track_id != own or not box.none_of_ours > 0.5
+    assert scene.row(UGV).standing == "misplaced"
