@@ -124,7 +124,7 @@ def missing_because(status: VehicleRow | VehicleStatus | None, age_s: float, *, 
     if status is None:
         return "never heard"
     refused = refused_because(status)
-    if status.contested:
+    if status.contested or not math.isnan(status.held_s):
         return refused
     if not is_heard(status):
         return "all its packets are refused" if refused else "never heard"

@@ -22,6 +22,8 @@ def refused_because(row: VehicleRow | VehicleStatus) -> str:
     """Why packets or positions of it were not accepted so far, in words; empty where none was refused."""
     if row.contested:
         return "several senders use its system id"
+    if not math.isnan(row.held_s):
+        return "nothing proves that its packets are new"
     if row.position_state == "refused":
         return row.refused_for or "its positions cannot be right"
     if row.replayed:

@@ -93,7 +93,8 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         on_and_off="it is heard on and off",
         meaning=f"nothing received for {SILENT_S:g} s, or no heartbeat for {NO_HEARTBEAT_S:g} s though positions come",
         advice="its radio or power is gone, or it is out of range; its last position stays on the map",
-        condition=lambda row, _: _silent(row),
+        # what is held comes, and is an alarm of its own
+        condition=lambda row, now: _silent(row) and not _is_held(row, now),
     ),
     # that a silent vehicle sends no positions goes without saying; what was wrong before is not over by that
     AlarmRule(

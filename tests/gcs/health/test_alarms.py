@@ -156,8 +156,9 @@ def test_a_counter_that_grew_is_an_alarm_for_a_while(watch, health, rows, key):
     assert len(watch.events) == (0 if key in ("lost", "signature 11", "unsigned 11", "replay 11") else 2)
 
 
-def test_a_vehicle_that_is_held_is_an_alarm_after_three_seconds_and_not_unheard(watch):
-    rows = changed(1, heartbeat_age_s=math.inf, position_state="never", held=30, held_s=1700.0)
+@pytest.mark.parametrize(("heard_s", "state"), [(math.inf, "never"), (200.0, "lost")])
+def test_a_vehicle_that_is_held_is_an_alarm_after_three_seconds_and_not_unheard(watch, heard_s, state):
+    rows = changed(1, heartbeat_age_s=heard_s, position_state=state, held=30, held_s=1700.0)
     assert watch.see(2.5, rows) == {}
     active = watch.see(20, rows)
     assert {key: alarm.level for key, alarm in active.items()} == {"held 11": "alarm"}

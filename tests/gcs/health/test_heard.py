@@ -12,6 +12,7 @@ SEVERAL, JAMMED = "several senders use its system id", "receiver jammed or faili
 
 
 REFUSED, PLAYED = "all its packets are refused", "a recording of its signed packets is replayed"
+HELD = "nothing proves that its packets are new"
 HEARD = {"heartbeat_age_s": 1.0}
 WRONG = {"position_state": "refused"}
 CANNOT = "its positions cannot be right"
@@ -24,8 +25,9 @@ CANNOT = "its positions cannot be right"
         ({"contested": True}, SEVERAL, SEVERAL),
         ({"bad_signature": 3}, "packets with a wrong signature", REFUSED),
         ({"replayed": 3, "bad_signature": 3}, PLAYED, REFUSED),
-        ({"held": 2}, "nothing proves that its packets are new", REFUSED),
+        ({"held": 2}, HELD, REFUSED),
         ({"unsigned": 1}, "unsigned packets", REFUSED),
+        (HEARD | {"held": 2, "held_s": 90.0}, HELD, HELD),
         (HEARD | {"unsigned": 1}, "", "no position yet"),
         (HEARD | WRONG | {"refused_for": JAMMED}, JAMMED, f"its positions are refused: {JAMMED}"),
         (HEARD | WRONG, CANNOT, CANNOT),
