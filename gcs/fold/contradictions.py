@@ -14,6 +14,8 @@ FITS = 0.75
 """Share of the distance from which on a vehicle is contradicted: one that is nearer to its box fits."""
 FRESH_S = 2.0
 """An older report fits nothing."""
+PROVEN_S = 6.0
+"""Time after which a vehicle that surely was one box is none of those beside it: wrong names are shorter."""
 UNPROVED_S = 1.0
 """Time after which a contradiction that the identifier alone sees counts: a box may be missed meanwhile."""
 
@@ -30,7 +32,7 @@ class Contradictions:
             since.
         suspected: those, and those whose reports do now, for too short a time yet.
         withheld: those of them that lost their names meanwhile, and do not fit: they get none.
-        left: tracks that surely were those, and are nobody else: no strangers.
+        left: tracks that may be those, as none was seen beside the box that surely was one: no strangers.
     """
 
     def __init__(self) -> None:
@@ -52,6 +54,11 @@ class Contradictions:
         """Those whom the identifier suspects, and whose boxes surely were them where they report to be."""
         self._was: dict[int, int] = {}
         """The track that surely was a vehicle when it last was at its box."""
+        self._home_us: dict[int, tuple[int, int]] = {}
+        """Since when it surely was that track, and when last."""
+        self._beside: dict[int, dict[int, int]] = {}
+        """Tracks that were seen beside that one since the vehicle was accused, and when last: it is none of them while
+        they are followed."""
 
     def update(
         self,
@@ -84,7 +91,7 @@ class Contradictions:
             # a box that is predicted goes on to fit, and proves nothing else
             if vehicle not in limit_m or not (track in seen or vehicle in self._fits_us):
                 continue
-            if vehicle in self._proved and self._was.get(vehicle, track) != track:
+            if track in self._beside.get(vehicle, ()):
                 moved.add(vehicle)  # it reports to be where another one's box is, which may be silent
             elif away_m > limit_m[vehicle] and track in seen:
                 apart.add(vehicle)
@@ -106,7 +113,9 @@ class Contradictions:
         self._fits_us = _since(self._fits_us, fits, t_us)
         self._conflict_us = _since(self._conflict_us, conflict, t_us)
         at_home = _lasting(self._fits_us, t_us, FITS_S)
-        self._was |= {vehicle: track for vehicle, track in sure.items() if vehicle in at_home}
+        for vehicle in at_home & sure.keys():
+            began_us = self._home_us[vehicle][0] if self._was.get(vehicle) == sure[vehicle] else t_us
+            self._was[vehicle], self._home_us[vehicle] = sure[vehicle], (began_us, t_us)
         accused = _lasting(self._apart_us, t_us, APART_S) | _lasting(self._left_us, t_us, LEFT_S)
         # without a box that surely was it, it may be another that was taken for it
         accused |= _at_one_place(conflict, state) | (conflict & self._was.keys())
@@ -115,7 +124,25 @@ class Contradictions:
         self.suspected = self.standing | conflict | apart | left
         self._lost = self._proved & (self._lost | nameless | moved)
         self.withheld = self._lost - fits - set(stated)
-        self.left = frozenset(self._was[vehicle] for vehicle in self.withheld & self._was.keys())
+        self._note_beside(t_us, set(identities.track_id.tolist()), set(seen))
+
+    def _note_beside(self, t_us: int, tracks: set[int], seen: set[int]) -> None:
+        """Take in which tracks are seen beside those that the accused surely were for long."""
+        for vehicle in self._proved & self._was.keys():
+            began_us, last_us = self._home_us[vehicle]
+            if last_us - began_us >= PROVEN_S * 1e6 and self._was[vehicle] in seen:
+                self._beside.setdefault(vehicle, {}).update(dict.fromkeys(seen - {self._was[vehicle]}, t_us))
+        self._beside = {
+            vehicle: {
+                track: t_us if track in seen else last_us
+                for track, last_us in beside.items()
+                if t_us - last_us < FOLLOWED_S * 1e6
+            }
+            for vehicle, beside in self._beside.items()
+            if vehicle in self._proved
+        }
+        told = self.withheld & self._beside.keys()
+        self.left = frozenset[int]().union(*(tracks - self._beside[vehicle].keys() for vehicle in told))
 
     def _beside_former(
         self, identities: Identities, seen: Collection[int], limit_m: dict[int, float]
@@ -132,8 +159,11 @@ class Contradictions:
         # a track that ended, or surely is another vehicle now, tells nothing of the one that it was
         for vehicle, track in list(self._was.items()):
             row = rows.get(track)
-            if row is None or (named[row] not in (0, vehicle) and identities.confidence[row] >= CONFIRMED):
+            other = row is not None and named[row] not in (0, vehicle) and identities.confidence[row] >= CONFIRMED
+            if row is None or other:
                 del self._was[vehicle]
+            if other:  # the tracker exchanged the two
+                self._beside.pop(vehicle, None)
         away_m: dict[int, dict[int, float]] = {}
         for track, row in rows.items():
             if track not in seen:

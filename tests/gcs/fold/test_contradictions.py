@@ -107,6 +107,11 @@ def test_one_that_reports_to_be_where_a_silent_one_is_gets_not_its_name_and_its_
     scene.vehicles[1].place = other.place
     begun = len(scene.kept)
     scene.run(14, filmed=True)
+    scene.hidden = {UGV}
+    scene.run(6, filmed=True)
+    scene.hidden = set()
+    scene.run(4, filmed=True)
+    assert own not in {box.track_id for box in scene.last.boxes}
     assert all(on(snapshot) for snapshot in scene.kept[begun + 20 :])
     for box in (box for snapshot in scene.kept[begun:] for box in snapshot.boxes):
         assert (box.track_id, box.system_id) != (others, UGV)
