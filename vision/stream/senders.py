@@ -48,7 +48,7 @@ class Senders:
     Attributes:
         present: who is listened to, None for nobody.
         proven: who has shown a picture, the first with the best right.
-        refused: datagrams of others.
+        refused: datagrams that were dropped.
     """
 
     def __init__(
@@ -74,8 +74,8 @@ class Senders:
         if sender == self.present:
             self._heard_s = max(self._heard_s, arrival_s)
             return True
-        self.refused += 1
         if self.present is not None and (kind is None or not self._may_come(sender, arrival_s)):
+            self.refused += 1
             return False
         if self._unknown is None:
             self._unknown = sender, arrival_s
@@ -86,7 +86,14 @@ class Senders:
         )
         if trial is not None:
             trial.add(data, arrival_s)
+        else:
+            self.refused += 1
         return False
+
+    @property
+    def strangers(self) -> int:
+        """Datagrams of others than the camera, which may be who begins to send in its silence."""
+        return self.refused + sum(trial.count for trial in self._trials.values() if self._is_beside(trial))
 
     def shown(self) -> None:
         """The present sender has shown a picture."""
@@ -102,8 +109,9 @@ class Senders:
         if best is None or self.present is None or self._rank(best) < self._rank(self.present) or self._gives_way(best):
             return best
         for sender in ready:
-            if self._heard_s > self._trials[sender].began_s:  # both send
-                self._rivals[sender] = self._trials.pop(sender).heard_s
+            if self._is_beside(self._trials[sender]):
+                self._rivals[sender] = self._trials[sender].heard_s
+                self._drop(sender)
         return None
 
     def begin(self, sender: Sender) -> Trial:
@@ -114,7 +122,6 @@ class Senders:
         trial = self._trials.pop(sender)
         self._rivals.pop(sender, None)
         self._unknown = None
-        self.refused -= len(trial.held)
         self._heard_s = self._shown_s = trial.heard_s
         return trial
 
@@ -182,7 +189,8 @@ class Senders:
     def _admit(self, sender: Sender, trial: Trial) -> Trial | None:
         """Begin a trial if there is room: one host takes no other's, and what shows nothing gives way in time."""
         now_s = trial.began_s
-        self._trials = {s: t for s, t in self._trials.items() if now_s - t.heard_s < RIVAL_S}
+        for silent in [s for s, t in self._trials.items() if now_s - t.heard_s >= RIVAL_S]:
+            self._drop(silent)
         if len(self._trials) >= MOST_TRIALS:
             hosts = Counter(other.host for other in self._trials)
             victims = [s for s, t in self._trials.items() if not t.proven and s not in self.proven]
@@ -191,9 +199,17 @@ class Senders:
                 victims = crowded or [s for s in victims if now_s - self._trials[s].began_s > PATIENCE_S]
             if not victims:
                 return None
-            del self._trials[victims[0]]
+            self._drop(victims[0])
         self._trials[sender] = trial
         return trial
+
+    def _drop(self, sender: Sender) -> None:
+        trial = self._trials.pop(sender)
+        self.refused += trial.count if self._is_beside(trial) else 0
+
+    def _is_beside(self, trial: Trial) -> bool:
+        """Tell whether who is on trial sends while the one sends that is listened to."""
+        return trial.began_s < self._heard_s
 
     def _try(self) -> None:
         """See what decodes, for a part of the time where somebody is listened to."""

@@ -151,7 +151,7 @@ class _StreamWorker:
         """Send progress, with who sends to the port."""
         if self._port is not None:
             senders = self._port.senders
-            progress.strangers, progress.sender, progress.rival = senders.refused, senders.present, senders.rival
+            progress.strangers, progress.sender, progress.rival = senders.strangers, senders.present, senders.rival
             progress.proven = list(senders.proven)
         self._send(progress)
 

@@ -65,6 +65,7 @@ class Trial:
         held: datagrams with their Unix times of arrival, from the last place that decoding could begin at.
         proven: whether a picture came out.
         heard_s: Unix time of the last datagram.
+        count: datagrams so far, held or let go.
         looks: how often it was looked at.
     """
 
@@ -73,7 +74,7 @@ class Trial:
         self.began_s = self.heard_s = began_s
         self.held: deque[tuple[bytes, float]] = deque()
         self.proven = False
-        self.looks = 0
+        self.looks = self.count = 0
         self._named = codec
         self._bytes = 0
         self._depacketizer = Depacketizer(codec)
@@ -92,6 +93,7 @@ class Trial:
         """Hold one more datagram."""
         self.held.append((data, arrival_s))
         self.heard_s = arrival_s
+        self.count += 1
         self._bytes += len(data)
         self._fresh = True
         if self.kind == "rtp" and not self.proven:

@@ -83,7 +83,7 @@ def test_what_never_decodes_takes_nothing_away(frames, kind, first):
     # a port whose reader gives up in the hole begins the same sender anew: here nobody does
     assert [sender.host for _, sender in play.turns] == [CAMERA[0]]
     assert play.frames_of(CAMERA) == len({row[0] for row in film(frames, CAMERA, begin_s=begin_s, hole=(4.0, 7.5))})
-    assert play.frames_of(STRANGER) == 0 and play.senders.refused > 0
+    assert play.frames_of(STRANGER) == 0 and play.senders.strangers > 0
     assert play.rivals == []
 
 
@@ -94,6 +94,18 @@ def test_a_camera_that_moves_is_taken_over_with_every_frame(frames):
     assert [sender.port for _, sender in play.turns] == [CAMERA[1], MOVED[1]]
     assert TAKEOVER_S - 1 / FPS < play.turns[1][0] - 4.0 < 3.0
     assert play.frames_of(MOVED) == CLIP
+
+
+@pytest.mark.parametrize("later", [CAMERA, MOVED])
+def test_a_camera_that_goes_on_after_a_pause_is_no_stranger(later):
+    """Its connection is over; it comes with the rest of a group of frames, and is silent again."""
+    play = Play(film(coded(CLIP), CAMERA, stop_s=4.0))
+    play.senders.end()
+    rest = film(coded(GOP), later, begin_s=6.0, hole=(6.0, 6.0 + 0.5 / FPS))
+    cut = Play(rest, senders=play.senders)
+    assert cut.turns == [] and cut.senders.strangers == 0
+    back = Play(film(coded(CLIP), later, begin_s=12.0), senders=play.senders)
+    assert len(back.turns) == 1 and back.senders.strangers == 0
 
 
 def test_an_encoder_that_begins_anew_at_the_same_address_has_no_pause():
