@@ -2,8 +2,8 @@
 
 User name and password come before an @. Cameras take them as values too, in the query or in the path
 (``/user=admin&password=…``), and stores sign an address in its query, so every value is one, and so is a long word in
-the query or behind a #; but not in the path of a store, where values are names of folders. Addresses of datagrams have
-none.
+the query or behind a #; but not in the path of a store, where values are names of folders. What RTMP has behind the
+application is a stream's key, and a long word at the end of an RTSP path may be one. Addresses of datagrams have none.
 
 What is shown, logged and written goes through ``conceal``, which knows the addresses that were hidden.
 """
@@ -24,6 +24,9 @@ _IN_QUERY = re.compile(r"(?<=[?&#])(?:([^?=&#]*)=)?([^&#]+)")
 _TAIL = re.compile(r"[^&;/?#]*")
 _HARMLESS = ("codec", "pkt_size")
 """Values that describe how datagrams are read."""
+_KEYED = ("rtmp", "rtmps", "rtsp", "rtsps")
+"""Where the path's last part may be a key."""
+_LAST = re.compile(r"(?<=/)[^/=]+(?=/*$)")
 _LONG_ENOUGH, _LONG_VALUE = 4, 8
 """Shorter passwords, values and words occur in any text by chance; a value with its name is found whatever it is."""
 _hidden: list[tuple[int, str, str]] = []
@@ -34,7 +37,9 @@ def concealed(address: str) -> str:
     """An address as it may be shown, logged and recorded."""
     scheme, user, at, path, query = _parts(address)
     shown = _values(_IN_QUERY, query) if scheme else query
+    key = _key(scheme, path)
     in_path = path if not scheme or _is_store(scheme) else _values(_VALUE, path)
+    in_path = _LAST.sub(_MARK, in_path) if key else in_path
     return f"{scheme}{_MARK if user else ''}{at}{in_path}{shown}"
 
 
@@ -75,20 +80,31 @@ def _forms(address: str) -> set[tuple[int, str, str]]:
     forms = {address: concealed(address)}
     passwords = {part for part in (user, user.partition(":")[2]) if len(part) >= _LONG_ENOUGH}
     passwords |= {value for _, value in values if len(value) >= _LONG_VALUE}
-    for name, value in values:
-        forms |= {f"{name}={form}": f"{name}={_MARK}" for form in (value, unquote(value))}
+    for before, value in values:
+        forms |= {f"{before}{form}": f"{before}{_MARK}" for form in (value, unquote(value)) if before}
     for password in passwords:
         forms |= dict.fromkeys((password, unquote(password)), _MARK)
     return {(-len(secret), secret, shown) for secret, shown in forms.items()}
 
 
 def _secrets(address: str) -> tuple[str, list[tuple[str, str]]]:
-    """User and password, and values with their names."""
+    """User and password, and values with what stands before them: ``name=``, the ``/`` of a key, or nothing."""
     scheme, user, _, path, query = _parts(address)
     if not scheme:
         return user, []
     found = [] if _is_store(scheme) else _VALUE.findall(path)
-    return user, [(name, value) for name, value in (*found, *_IN_QUERY.findall(query)) if _is_secret(name, value)]
+    found = [(name, value) for name, value in (*found, *_IN_QUERY.findall(query)) if _is_secret(name, value)]
+    keys = [("/", key) for key in [_key(scheme, path)] if key]
+    return user, [*((f"{name}=" if name else "", value) for name, value in found), *keys]
+
+
+def _key(scheme: str, path: str) -> str:
+    """The key at the end of a stream's path, empty where there is none."""
+    found = _LAST.search(path) if scheme.removesuffix("://").lower() in _KEYED else None
+    if found is None:
+        return ""
+    behind_an_application = scheme.lower().startswith("rtmp") and path.count("/", 0, found.start()) > 1
+    return found[0] if behind_an_application or len(found[0]) >= _LONG_VALUE else ""
 
 
 def _values(pattern: re.Pattern[str], text: str) -> str:

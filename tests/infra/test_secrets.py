@@ -23,6 +23,8 @@ def nothing_hidden(monkeypatch):
         ("https://h/f.tlog?rw&key[a]=s3cretKey1#t=s3cretKey1", "https://h/f.tlog?rw&key[a]=***#t=***"),
         ("s3://KEY:s3cretKey1@bucket/flight#3", "s3://***@bucket/flight#3"),
         ("cot+tls://u:s3cretKey1@h:8089?cert=me.pem", "cot+tls://***@h:8089?cert=***"),
+        ("rtmp://h:1935/live/s3cretKey1", "rtmp://h:1935/live/***"),
+        ("rtsps://h:7441/s3cretKey1?enableSrtp", "rtsps://h:7441/***?***"),
     ],
 )
 def test_what_was_hidden_is_in_no_text(address, shown):
@@ -35,6 +37,11 @@ def test_what_was_hidden_is_in_no_text(address, shown):
 
 def test_folders_of_a_store_are_no_secrets():
     assert concealed("s3://bucket/day=3/flight.tlog") == "s3://bucket/day=3/flight.tlog"
+
+
+def test_a_short_key_of_rtmp_is_found_behind_its_application():
+    hide("rtmp://h/app/k9")
+    assert conceal("rtmp://h/app/k9: no such stream: app/k9") == "rtmp://h/app/***: no such stream: app/***"
 
 
 def test_short_values_leave_other_words_alone():

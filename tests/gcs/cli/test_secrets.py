@@ -26,6 +26,7 @@ OPTIONS = {
     ("fly", "--link"): (*FLY, "-l", "tcp://{user}:1"),
     ("fly", "--forward"): (*FLY, "-l", "udpin:127.0.0.1:{port}", "--forward", "tcp://{user}:1"),
     ("fly", "--video"): (*FLY, "-l", "udpin:127.0.0.1:{port}", "--video=rtsp://{user}:1/x"),
+    ("fly", "key of a stream"): (*FLY, "-l", "udpin:127.0.0.1:{port}", "--video=rtmp://127.0.0.1:1/live/{password}"),
     ("fly", "--publish"): (*FLY, "-l", "udpin:127.0.0.1:{port}", "--publish", "cot+tcp://{user}:1"),
     ("fly", "--stream"): (*FLY, "-l", "udpin:127.0.0.1:{port}", "--stream", "udp://{user}:1?password={password}"),
     ("replay", "--publish"): (*REPLAY, "--publish", "json+udp://{user}:1?token={password}"),
