@@ -71,6 +71,10 @@ class FleetChange:
     """The newest frame then, -1 none."""
 
 
+OF_A_CAMERA: Final = frozenset({"camera", "identity", "video"})
+"""Kinds of alarms and events that are about one camera, and not about the fleet that all of them see."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
     """Something that happened and that an operator or an analyst may want to know."""
@@ -99,6 +103,15 @@ class Event:
     def acknowledges(self) -> str:
         """Key of the alarm that the operator acknowledges with it, empty for none."""
         return "" if self.alarm_level else self.alarm
+
+    @property
+    def is_about_a_box(self) -> bool:
+        """True of what the operator stated of a box, and of what became of that."""
+        return self.kind == "operator" and not self.alarm and self.change is None
+
+    def is_of(self, uav_id: int) -> bool:
+        """Tell whether it is about the camera on an aircraft, or about that aircraft, and not about the whole fleet."""
+        return self.kind in OF_A_CAMERA or self.is_about_a_box or (self.system_id == uav_id and self.change is None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

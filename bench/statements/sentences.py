@@ -287,6 +287,7 @@ SENTENCES: Mapping[str, Check] = {
     "{name}: most of its packets are lost": _lossy,
     "{name}: packets with a wrong signature are rejected": _forged,
     "system {id}: {count} packets refused, bad signature ({text})": _forged,
+    "no video comes": _so,
     "the video has stopped": _stopped,
     "the video comes and goes: {count} times in {within}": _comes_and_goes,
     "{name}: it is heard on and off: {count} times in {within}": _on_and_off,

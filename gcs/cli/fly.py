@@ -261,9 +261,13 @@ def _report(flight: Flight, calls: RollCall, *, as_json: bool) -> None:
 
 def _hide_passwords(videos: Sequence[str]) -> None:
     """Passwords on the command line are taken from the list of processes, where they stood until now."""
-    for video in filter(secrets_of, videos):
+    for video in (secret := [*filter(secrets_of, videos)]):
         hide_in_process_list(video, secrets_of(video))
-        print_note("other users could see the password in --video for a moment; [links] video in a mission is safer")
+    if secret:
+        print_note(
+            "other users could see the password in --video for a moment; [links] video in a mission is safer, and a "
+            "further camera's [[view]] video"
+        )
 
 
 def hide_in_process_list(argument: str, secrets: Iterable[str]) -> None:

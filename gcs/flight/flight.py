@@ -258,11 +258,8 @@ class Flight:
 
     def change_fleet(self, change: FleetChange) -> None:
         """The operator takes a vehicle into the fleet, leaves it out or renames it."""
-        views = self._views.all.values()
-        # an aircraft is known by that name to its own camera's fold alone
-        of_one = [view for view in views if view.uav_id == change.system_id]
-        after = changed((of_one or [self._first])[0].pipeline.mission, change)
-        for view in of_one or views:
+        after = changed(self._first.pipeline.mission, change)
+        for view in self._views.all.values():
             view.pipeline.change_fleet(change)
         if self._commands:
             self._commands.set_ground({i: after.name_of(i) for i in after.ugv_ids})

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Final
 
 from gcs.flight.frame_loop import FrameLoop
 from gcs.flight.video import FlightVideo
@@ -13,13 +12,10 @@ from gcs.fold.pipeline import Pipeline
 from gcs.health.faults import Faults
 from gcs.mission.mission import Mission
 from gcs.session.recorder import ViewRecorder
-from gcs.snapshot import Alarm, Event, Snapshot
+from gcs.snapshot import OF_A_CAMERA, Alarm, Event, Snapshot
 from mavlink.ingest.ingest import Ingest
 from vision.detect.detector import Detector
 from vision.video.video import Frame
-
-OF_A_CAMERA: Final = frozenset({"camera", "identity", "video"})
-"""Kinds of alarms and events that are about one camera, and not about the fleet that all of them see."""
 
 
 class FlightView:
@@ -75,37 +71,26 @@ class FlightView:
         self._taken = received if frame else self._taken
         return frame
 
-    def tells(self, event: Event) -> bool:
-        """Tell whether an event is about this camera or its aircraft, and not about the fleet that all of them see."""
-        return event.kind in OF_A_CAMERA or event.system_id == self.uav_id or _is_about_a_box(event)
-
     def told(self, event: Event, *, further: bool) -> Event:
         """An event of this camera as it is told among those of others.
 
         Args:
             further: it is not the first camera, whose fold has what the operator did to the fleet, too.
         """
-        named = event.kind in OF_A_CAMERA or (further and _is_about_a_box(event))
+        named = event.kind in OF_A_CAMERA or (further and event.is_about_a_box)
         return replace(event, text=f"{self.name}: {event.text}") if named else event
 
     def told_alarm(self, alarm: Alarm) -> Alarm:
         """An alarm of this camera as it is told among those of others; by the aircraft's id it is told from theirs."""
-        if alarm.kind not in OF_A_CAMERA or alarm.system_id:
+        if alarm.kind not in OF_A_CAMERA:
             return alarm
-        return replace(alarm, text=f"{self.name}: {alarm.text}", system_id=self.uav_id)
+        return replace(alarm, text=f"{self.name}: {alarm.text}", system_id=alarm.system_id or self.uav_id)
 
     def own(self, alarm: Alarm) -> Alarm | None:
         """The alarm that :meth:`told_alarm` was given; None of one that is of another camera."""
-        if alarm.kind not in OF_A_CAMERA or alarm.system_id in (0, *self.pipeline.mission.ugv_ids):
+        if alarm.kind not in OF_A_CAMERA:
             return alarm
-        if alarm.system_id != self.uav_id:
-            return None
-        return replace(alarm, text=alarm.text.removeprefix(f"{self.name}: "), system_id=0)
-
-
-def _is_about_a_box(event: Event) -> bool:
-    """Tell whether a further camera's event is what the operator stated there, or what became of that.
-
-    Alarms that were seen, and changes of the fleet, are events of every camera.
-    """
-    return event.kind == "operator" and not event.alarm and event.change is None
+        text = alarm.text.removeprefix(f"{self.name}: ")
+        if alarm.system_id in (0, *self.pipeline.mission.ugv_ids):  # a vehicle's name is of all cameras
+            return replace(alarm, text=text)
+        return replace(alarm, text=text, system_id=0) if alarm.system_id == self.uav_id else None

@@ -122,7 +122,7 @@ class FlightViews:
         """Keep what is new for the screen: the fleet's events once, by the first camera's fold."""
         first = view is self.first
         for event in snapshot.events:
-            if first or view.tells(event):
+            if first or event.is_of(view.uav_id):
                 self._told.append(view.told(event, further=not first) if self.several else event)
         self._on_snapshot(self._place_of(view), snapshot)
 

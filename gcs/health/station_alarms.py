@@ -20,6 +20,8 @@ LATE_S = 1.0
 """A vehicle at 5 m/s is five metres from where an older frame shows it."""
 LATE_FOR_S = 3.0
 """A hold-up of the video that is over by then needs no action."""
+FIRST_FRAME_S = 15.0
+"""A camera that was just switched on shows its first picture in this time."""
 CONTEST_S = 1.0
 """A camera that moves to another port sends from both for a moment."""
 CLOCK_OFFSET_S = 0.1
@@ -179,6 +181,16 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         advice="fly on: names may be missing for that moment, the recording is whole; send in the session's faults.txt",
         counter=lambda health, _: health.faults,
         detail=lambda health, _: health.fault,
+    ),
+    AlarmRule(
+        key="no video",
+        level="alarm",
+        kind="video",
+        text="no video comes",
+        meaning=f"no picture came in the first {FIRST_FRAME_S:g} s: what is wrong an event says where it is known",
+        advice="check the camera, its link and its address; nothing is named before",
+        condition=lambda health, _: health.video == "waiting",
+        lasts_s=FIRST_FRAME_S,
     ),
     AlarmRule(
         key="video",

@@ -15,21 +15,23 @@ def changed(mission: Mission, change: FleetChange) -> Mission:
     Raises:
         ValueError: it cannot be made, and why not.
     """
-    system_id, ids = change.system_id, (mission.uav.system_id, *mission.ugv_ids)
+    system_id, ids = change.system_id, mission.system_ids
     called = mission.name_of(system_id)
     vehicle = MissionVehicle(system_id=system_id, name=change.name)
     if (change.what == "added") == (system_id in ids):
         raise ValueError(f"{called} is {'already' if system_id in ids else 'not'} in the fleet")
     if change.what == "left out":
-        if system_id == mission.uav.system_id or len(mission.ugv) == 1:
-            raise ValueError(f"{called} cannot be left out: a flight needs a UAV and a ground vehicle")
+        if system_id not in mission.ugv_ids or len(mission.ugv) == 1:
+            raise ValueError(f"{called} cannot be left out: a flight needs its aircraft and a ground vehicle")
         return replace(mission, ugv=tuple(v for v in mission.ugv if v.system_id != system_id))
     if change.what == "added":
         after = replace(mission, ugv=(*mission.ugv, vehicle))
     elif system_id == mission.uav.system_id:
         after = replace(mission, uav=vehicle)
     else:
-        after = replace(mission, ugv=tuple(vehicle if v.system_id == system_id else v for v in mission.ugv))
+        views = tuple(replace(v, name=change.name) if v.system_id == system_id else v for v in mission.view)
+        ugv = tuple(vehicle if v.system_id == system_id else v for v in mission.ugv)
+        after = replace(mission, view=views, ugv=ugv)
     name = after.name_of(system_id)
     if name in {mission.name_of(i) for i in ids if i != system_id}:
         raise ValueError(f"another vehicle is called {name}")

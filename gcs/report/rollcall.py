@@ -113,11 +113,13 @@ class RollCall:
         attitude_frames: in which the camera's pose was known.
         marks: that the operator made.
         films: name of the aircraft that filmed.
+        uav_id: its system id.
         other_views: the same of the flight's further cameras.
     """
 
     def __init__(self, mission: Mission) -> None:
-        self.films = mission.name_of(mission.uav.system_id)
+        self.uav_id = mission.uav.system_id
+        self.films = mission.name_of(self.uav_id)
         self.other_views: tuple[RollCall, ...] = ()
         self._names = {i: mission.name_of(i) for i in mission.ugv_ids}
         self._entries = {i: _Entry() for i in mission.ugv_ids}
@@ -180,9 +182,9 @@ class RollCall:
             entry.boxes += 1
             entry.confidence += box.confidence
 
-    def of(self, films: str) -> RollCall:
-        """The roll call of the camera on an aircraft of that name; of the first one, where none is."""
-        return next((calls for calls in (self, *self.other_views) if calls.films == films), self)
+    def of(self, uav_id: int) -> RollCall:
+        """The roll call of the camera on an aircraft; of the first one, where none is."""
+        return next((calls for calls in (self, *self.other_views) if calls.uav_id == uav_id), self)
 
     def end(self, frames: int) -> None:
         """Take in how many frames came, looked at or not."""

@@ -32,11 +32,14 @@ class EventLog:
 
     Args:
         whose: what stands before each in the program's log, where several write into it.
+        uav_id: of whose camera and aircraft alone events go there; 0: all of them.
     """
 
-    def __init__(self, path: Path, open_file: Callable[[Path, str], Lines] = open_new, *, whose: str = "") -> None:
+    def __init__(
+        self, path: Path, open_file: Callable[[Path, str], Lines] = open_new, *, whose: str = "", uav_id: int = 0
+    ) -> None:
         self._file = open_file(path, "")
-        self._whose = whose
+        self._whose, self._uav_id = whose, uav_id
 
     def write(self, events: Sequence[Event]) -> None:
         """Append events, one JSON object a line."""
@@ -44,7 +47,7 @@ class EventLog:
             return
         self._file.write("".join(event_row(event) + "\n" for event in events))
         self._file.flush()
-        for event in events:
+        for event in events if not self._uav_id else [each for each in events if each.is_of(self._uav_id)]:
             key = f" [{event.alarm_level} {event.alarm}]" if event.alarm_level else ""
             _log.log(_LEVELS[event.level], "%s%s: %s%s", self._whose, event.kind, event.text, key)
 

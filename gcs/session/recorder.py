@@ -103,12 +103,13 @@ class ViewRecorder:
         folder: where.
         make: makes a file from its path, its heading and whether it is made with its first row only.
         video: whether there is a camera.
+        uav_id: of a further camera's aircraft; what is told of the fleet the first camera's events have.
 
     Attributes:
         video_path: where the process of the video writes; None without a camera.
     """
 
-    def __init__(self, folder: Path, make: Callable[..., LineFile], *, video: bool) -> None:
+    def __init__(self, folder: Path, make: Callable[..., LineFile], *, video: bool, uav_id: int = 0) -> None:
         self.folder = folder
         self.video_path = folder / "video.mkv" if video else None
 
@@ -117,7 +118,7 @@ class ViewRecorder:
 
         self._identity = IdentityLog(folder, make)
         whose = f"{folder.name}: " if VIEW.fullmatch(folder.name) else ""
-        self._events = EventLog(folder / EVENTS, make, whose=whose)
+        self._events = EventLog(folder / EVENTS, make, whose=whose, uav_id=uav_id)
         self._frames, self._detections, self._motion = table(FRAMES), table(DETECTIONS), table(MOTION)
         self._folds, self._unfolded = table(FOLDS), table(UNFOLDED, lazy=True)
 
@@ -206,7 +207,10 @@ class Recorder(ViewRecorder):
             self._session = SessionFile(self.folder, mission, {"started": started, **notes})
             make = partial(self._make, disk)
             super().__init__(self.folder, make, video=video)
-            self.further = tuple(ViewRecorder(self._view_folder(number), make, video=True) for number in views)
+            self.further = tuple(
+                ViewRecorder(self._view_folder(k), make, video=True, uav_id=mission.view[k - 2].system_id)
+                for k in views
+            )
         except BaseException:
             self._log.close()
             if folder is None:

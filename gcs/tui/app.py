@@ -189,7 +189,7 @@ class RollcallApp(ReplayApp):
             ours = [row.system_id for row in self.snapshot.vehicles if row.role == "ugv"]
             self._identity.named_for = playback.shares_named(self._station.timeline, ours)
         elif self._calls is not None and self.snapshot is not None:
-            rows = self._calls.of(self.snapshot.vehicles[0].name).rows()
+            rows = self._calls.of(self.snapshot.vehicles[0].system_id).rows()
             self._identity.named_for = {row.system_id: row.share for row in rows if math.isfinite(row.share)}
 
     def _show_keys_of(self, focused: Widget | None) -> None:

@@ -74,9 +74,11 @@ def test_what_another_camera_tells_stands_beside_what_this_one_does():
     there = a_view(2, "Mast", replace(base, alarms=(stopped, silent, lone)))
     shown = beside(here.loop.latest, here, [there])
     told = {(each.text, each.system_id) for each in shown.alarms}
-    of_vehicles = {(each.text, each.system_id) for each in (silent, lone, doubted)}
-    assert told == {("UAV: video", 1), ("Mast: video", 2)} | of_vehicles
+    of_cameras = {("UAV: video", 1), ("Mast: video", 2), ("UAV: contradicted 12", 12)}
+    assert told == of_cameras | {(each.text, each.system_id) for each in (silent, lone)}
     assert {here.own(each) for each in shown.alarms} == {None, stopped, silent, lone, doubted}
+    (theirs,) = beside(replace(base, alarms=()), there, [a_view(3, "Pole", replace(base, alarms=(doubted,)))]).alarms
+    assert theirs.text == "Pole: contradicted 12" and there.own(theirs) is not None, "seen once, seen of all"
     named = {row.system_id for row in base.vehicles if row.standing == "confirmed" and row.role == "ugv"}
     assert named <= {row.system_id for row in shown.vehicles if row.elsewhere == ("Mast",)}
     lapsed = replace(base, vehicles=tuple(replace(row, standing="no new frame") for row in base.vehicles))
@@ -149,16 +151,21 @@ def test_whether_another_camera_s_video_is_recorded_is_told(trouble):
     video._reported = ("", "" if trouble else "gone", 0)
     stream = SimpleNamespace(error="", recording_error=trouble, restarts=0, exposure="", sender=None, strangers=0)
     (event,) = video._changes(stream)
-    assert "recorded" in event.text and a_view(2, "Mast").tells(event)
+    assert "recorded" in event.text and event.is_of(2)
 
 
 def test_a_further_camera_has_a_folder_of_its_own(tmp_path, caplog):
     caplog.set_level("INFO")
     recorder = Recorder(tmp_path, MISSION, video=True, views=[2])
     (further,) = recorder.further
+    of_the_fleet = Event(t_us=1, level="warning", kind="vehicle", text="UGV-11 is silent", system_id=11)
     for each in (recorder, further):
-        each.events((Event(t_us=1, level="info", kind="video", text="video ok"),))
-    assert [record.message for record in caplog.records] == ["video: video ok", "view-2: video: video ok"]
+        each.events((Event(t_us=1, level="info", kind="video", text="video ok"), of_the_fleet))
+    assert [record.message for record in caplog.records] == [
+        "video: video ok",
+        "vehicle: UGV-11 is silent",
+        "view-2: video: video ok",
+    ]
     further.frame_time(0, 5)
     assert "view-2/frames.csv" in recorder.states() and recorder.bytes > 0
     (recorder.folder / "view-3").write_text("")

@@ -291,6 +291,12 @@ def folds_too_slowly(tmp_path):
     return folded(tmp_path, Blind(), heard_late_us=2_500_000)
 
 
+@raises("no video")
+def has_a_camera_that_never_sends(tmp_path):
+    with Station(tmp_path, video=f"udp://{HOST}:{free_port()}") as station:
+        return judged_health(station.health())
+
+
 @raises("video")
 def has_a_camera_that_stops(tmp_path):
     port = free_port()

@@ -4,13 +4,14 @@ import pytest
 
 from gcs.mission.fence import Fence
 from gcs.mission.fleet_changes import changed, with_all
-from gcs.mission.mission import Mission, MissionVehicle
+from gcs.mission.mission import Mission, MissionVehicle, View
 from gcs.snapshot import FleetChange
 
 FENCE = Fence(centre=(48.0, 11.0), radius_m=50.0, vehicles=(12,))
 BEGAN = Mission(
     uav=MissionVehicle(system_id=1),
     ugv=(MissionVehicle(system_id=11, name="Alpha"), MissionVehicle(system_id=12)),
+    view=(View(system_id=2, name="Mast"),),
     fence=(FENCE,),
 )
 
@@ -22,15 +23,16 @@ def change(what, system_id, name=""):
 @pytest.mark.parametrize(
     ("what", "fleet"),
     [
-        (("added", 18), {1: "UAV", 11: "Alpha", 12: "UGV-12", 18: "UGV-18"}),
-        (("left out", 11), {1: "UAV", 12: "UGV-12"}),
-        (("renamed", 11), {1: "UAV", 11: "UGV-11", 12: "UGV-12"}),
-        (("renamed", 1, "Eye"), {1: "Eye", 11: "Alpha", 12: "UGV-12"}),
+        (("added", 18), {1: "UAV", 2: "Mast", 11: "Alpha", 12: "UGV-12", 18: "UGV-18"}),
+        (("left out", 11), {1: "UAV", 2: "Mast", 12: "UGV-12"}),
+        (("renamed", 11), {1: "UAV", 2: "Mast", 11: "UGV-11", 12: "UGV-12"}),
+        (("renamed", 1, "Eye"), {1: "Eye", 2: "Mast", 11: "Alpha", 12: "UGV-12"}),
+        (("renamed", 2, "Eye"), {1: "UAV", 2: "Eye", 11: "Alpha", 12: "UGV-12"}),
     ],
 )
 def test_a_change_makes_another_mission(what, fleet):
     after = changed(BEGAN, change(*what))
-    assert {i: after.name_of(i) for i in (after.uav.system_id, *after.ugv_ids)} == fleet
+    assert {i: after.name_of(i) for i in after.system_ids} == fleet
 
 
 @pytest.mark.parametrize(
@@ -38,11 +40,14 @@ def test_a_change_makes_another_mission(what, fleet):
     [
         (("added", 11), "Alpha is already in the fleet"),
         (("added", 1), "UAV is already"),
+        (("added", 2), "Mast is already"),
         (("added", 18, "Alpha"), "another vehicle is called Alpha"),
         (("left out", 18), "UGV-18 is not in the fleet"),
         (("left out", 1), "UAV cannot be left out"),
+        (("left out", 2), "Mast cannot be left out"),
         (("left out", 12), "a fence is for system id 12"),
         (("renamed", 12, "Alpha"), "another vehicle is called Alpha"),
+        (("renamed", 12, "Mast"), "another vehicle is called Mast"),
         (("renamed", 18, "Eve"), "UGV-18 is not in the fleet"),
     ],
 )

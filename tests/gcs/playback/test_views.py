@@ -42,6 +42,8 @@ def test_both_views_are_named(flight, named):
     out, calls = named
     (other,) = calls.other_views
     assert (calls.films, other.films) == ("UAV", "UAV-2")
+    other.films = calls.films
+    assert calls.of(2) is other and calls.of(1) is calls.of(3) is calls
     for folder in ("", "view-2"):
         found = score_files(flight / folder / "truth.csv", out / folder / "identity.csv")
         assert (found.precision, found.wrong_sure_s) == (1.0, 0.0)
