@@ -2,18 +2,35 @@
 
 import doctest
 import importlib
+import re
+import tomllib
 from pathlib import Path
 
 import pytest
 
 from assoc.hypotheses.bias_memory import BIAS_STD_M, BIAS_TAU_S
 from assoc.params import IdentifierParams
+from gcs.mission.mission import parse_mission
 from tests.support.bundled import CURVED_ROAD
 
 PRODUCT = ("gcs", "mavlink", "vision", "assoc", "sim", "infra")
 WITH_EXAMPLES = sorted(
     path for package in PRODUCT for path in Path(package).rglob("*.py") if ">>> " in path.read_text(encoding="utf-8")
 )
+
+
+MISSIONS = [
+    (page, block)
+    for page in ("README.md", "docs/operations.md", "docs/mission.md")
+    for block in re.findall(r"^ *```toml\n(.*?)```", Path(page).read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    if "[uav]" in block
+]
+
+
+@pytest.mark.parametrize(("page", "block"), MISSIONS, ids=[page for page, _ in MISSIONS])
+def test_missions_in_documents_can_be_flown_as_they_stand(page, block):
+    mission = parse_mission(tomllib.loads(block), page)
+    assert mission.links.telemetry and mission.ugv and all(view.video for view in mission.view)
 
 
 def test_worked_example_of_the_identity_document():
