@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -24,6 +25,7 @@ from infra.processes.end_signals import AskedBySignals
 from infra.secrets import concealed
 from mavlink.errors import LinkError
 from mavlink.forwarding.outputs import parse_output
+from vision.stream.port import are_one_place
 from vision.stream.source import parse_source
 
 STOPPED = 130
@@ -173,10 +175,9 @@ def _with_videos(mission: Mission, videos: Sequence[str], path: Path) -> Mission
     views = tuple(replace(view, video=further.get(k, view.video)) for k, view in enumerate(mission.view))
     every = [next(iter(videos), mission.links.video), *(view.video for view in views)]
     sources = [parse_source(video) for video in every if video not in ("", AUTO)]
-    places = [(source.address, source.host, source.port) for source in sources]
-    for source, place in zip(sources, places, strict=True):
-        if places.count(place) > 1:
-            raise GcsError(f"{source.text} is the video of two cameras; give each its own")
+    for one, other in itertools.combinations(sources, 2):
+        if are_one_place(one, other):
+            raise GcsError(f"{one.text} and {other.text} are one place for two cameras' video; give each its own")
     return replace(mission, view=views)
 
 

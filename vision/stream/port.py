@@ -67,6 +67,22 @@ def _bind(bound: socket.socket, host: str, port: int) -> None:
         bound.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
 
 
+def are_one_place(one: Source, other: Source) -> bool:
+    """Tell whether two sources are one address, or one port of this computer: a sender that is named comes to any."""
+    if one.kind != "datagrams" or other.kind != "datagrams":
+        return (one.kind, one.address) == (other.kind, other.address)
+    places = {_bound_to(source.host) for source in (one, other)}
+    return one.port == other.port and (len(places) == 1 or ANY in places)
+
+
+def _bound_to(host: str) -> str:
+    """The address of this computer that a source's host is bound to."""
+    with contextlib.suppress(OSError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as trial:
+        _bind(trial, host, 0)
+        return str(trial.getsockname()[0])
+    return ANY
+
+
 class Port:
     """Datagrams of one sender after the other.
 

@@ -131,7 +131,7 @@ BAD = {
             *("--video", "udp://:5600", "--video", "rtp://@:5600"),
         ),
         2,
-        "is the video of two cameras",
+        "udp://:5600 and rtp://@:5600 are one place",
     ),
     "a bad link": (lambda t: ("fly", SWARM / "session.toml", "-l", "pigeon:1"), 3, "pigeon"),
     "a flight of no time": (

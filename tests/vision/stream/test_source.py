@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from vision.errors import VideoError
+from vision.stream.port import are_one_place
 from vision.stream.source import offered, parse_source
 
 
@@ -22,7 +23,7 @@ from vision.stream.source import offered, parse_source
         ("mpegts://:5600", "datagrams", "", 5600, "mpegts"),
         ("rtsp://10.0.0.2:8554/main", "network", "", 0, ""),
         ("http://10.0.0.2/stream.ts", "network", "", 0, ""),
-        ("rtmp://10.0.0.2/live/main", "network", "", 0, ""),
+        ("rtmp://10.0.0.2/live", "network", "", 0, ""),
         ("/dev/video2?size=1280x720&rate=30", "camera", "", 0, ""),
         ("camera.sdp", "session", "", 0, ""),
         ("flight.mp4", "file", "", 0, ""),
@@ -32,6 +33,23 @@ def test_known_sources(text, kind, host, port, codec):
     source = parse_source(text)
     assert (source.kind, source.host, source.port, source.codec) == (kind, host, port, codec)
     assert source.text == text and source.paced == (kind == "file")
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "same"),
+    [
+        ("udp://:5600", "rtp://@:5600", True),
+        ("udp://192.0.2.1:5600", "udp://192.0.2.2:5600", True),  # told apart by sender, and bound to one port
+        ("udp://:5600", "udp://127.0.0.1:5600", True),
+        ("udp://127.0.0.1:5600", "udp://127.0.0.2:5600", False),
+        ("udp://:5600", "udp://:5601", False),
+        ("rtsp://192.0.2.1/main", "rtsp://192.0.2.1/main", True),
+        ("rtsp://192.0.2.1/main", "rtsp://192.0.2.1/sub", False),
+        ("rtsp://192.0.2.1/main", "udp://:5600", False),
+    ],
+)
+def test_two_sources_that_are_one_place(one, other, same):
+    assert are_one_place(parse_source(one), parse_source(other)) == same
 
 
 def test_a_camera_takes_size_rate_and_format():
