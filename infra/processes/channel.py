@@ -82,7 +82,10 @@ class MessageChannel(Generic[Received]):
         self._reading.close()
 
 
-def connect_to_parent(requests: type[Received] | Any) -> MessageChannel[Received]:  # noqa: ANN401 - unions are no types
+def connect_to_parent(
+    requests: type[Received] | Any,  # noqa: ANN401 - unions are no types
+    most_bytes: int = MOST_BYTES,
+) -> MessageChannel[Received]:
     """A child's end, in a program that :class:`infra.processes.child_process.ChildProcess` started.
 
     From here on it logs into its parent's files.
@@ -92,4 +95,5 @@ def connect_to_parent(requests: type[Received] | Any) -> MessageChannel[Received
     """
     log_as_parent()
     reading, writing = map(int, sys.argv[1:3])
-    return MessageChannel(Connection(reading, writable=False), Connection(writing, readable=False), requests)
+    ends = Connection(reading, writable=False), Connection(writing, readable=False)
+    return MessageChannel(*ends, requests, most_bytes)

@@ -162,6 +162,12 @@ def _picture(path: Path, stream: VideoStream) -> tuple[int, int, int, float, str
     return width, height, turns, aspect, said
 
 
+def read_tags(path: Path) -> dict[str, str]:
+    """The tags of a file's header by their names in capitals."""
+    with closing(open_video(path)) as container:
+        return {name.upper(): value for name, value in container.metadata.items()}
+
+
 def first_picture(path: Path) -> VideoFrame | None:
     """The first picture of a file as it is decoded; None where none is."""
     with closing(open_video(path)) as container:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import closing
+from collections.abc import Mapping
 from dataclasses import replace
 from glob import escape
 from itertools import pairwise
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import VideoError
-from vision.video.frame_index import FrameIndex, FrameReader, open_video, read_index
+from vision.video.film_process import FilmReader
 from vision.video.recording import FIRST_FRAME, START_US
 
 MOST_BETWEEN = 1_000_000
@@ -31,13 +31,13 @@ class RecordingPart:
         start_us: Unix µs of its first frame, 0 when the file does not have it.
     """
 
-    def __init__(self, path: Path, index: FrameIndex, first: int = 0, start_us: int = 0) -> None:
+    def __init__(self, path: Path, reader: FilmReader, first: int = 0, start_us: int = 0) -> None:
         self.path = path
-        self.index = index
+        self.index = reader.index
         self.first = first
         self.start_us = start_us
-        self.n = len(index.pts)
-        self._reader: FrameReader | None = None
+        self.n = len(self.index.pts)
+        self._reader: FilmReader | None = reader
 
     @property
     def end(self) -> int:
@@ -50,9 +50,11 @@ class RecordingPart:
         elapsed = [round((stamp - pts[0]) * self.index.tick_us) for stamp in pts[: self.n]]
         return np.array([min(max(us, -_FAR_US), _FAR_US) for us in elapsed], dtype=np.int64)
 
-    def reader(self) -> FrameReader:
-        """A decoder of its own."""
-        return FrameReader(self.path, self.index)
+    def reader(self) -> FilmReader:
+        """A decoder for who asks alone."""
+        reader, self._reader = self._reader or FilmReader(self.path, self.index), None
+        reader.index = self.index
+        return reader
 
     def read(self, index: int) -> NDArray[np.uint8] | None:
         """Its ``index``-th frame, None when it is damaged."""
@@ -74,8 +76,9 @@ def read_parts(path: Path) -> tuple[RecordingPart, ...]:
         VideoError: no such file, not a video, no frame in it, nor in a continuation.
     """
     try:
-        index, (first, start_us) = read_index(path), _place(path)
-        parts = [RecordingPart(path, index, first if 0 <= first <= MOST_BETWEEN else 0, start_us)]
+        reader = FilmReader(path)
+        first, start_us = _place(reader.tags)
+        parts = [RecordingPart(path, reader, first if 0 <= first <= MOST_BETWEEN else 0, start_us)]
     except VideoError:
         # a first file without a frame is no reason to do without the others
         parts = list(_following(path))
@@ -101,9 +104,10 @@ def _following(path: Path) -> list[RecordingPart]:
     parts: list[RecordingPart] = []
     for further in _numbered(path):
         try:
-            first, start_us = _place(further)
+            reader = FilmReader(further)
+            first, start_us = _place(reader.tags)
             if first >= 0:
-                parts.append(RecordingPart(further, read_index(further), first, start_us))
+                parts.append(RecordingPart(further, reader, first, start_us))
         except VideoError:
             # broken off before its first frame
             continue
@@ -117,10 +121,8 @@ def _numbered(path: Path) -> list[Path]:
     return [file for _, file in sorted((int(number), file) for number, file in named if number.isdecimal())]
 
 
-def _place(path: Path) -> tuple[int, int]:
-    """First frame and its time from the file's header, -1 when it is not there."""
-    with closing(open_video(path)) as container:
-        tags = {name.upper(): value for name, value in container.metadata.items()}
+def _place(tags: Mapping[str, str]) -> tuple[int, int]:
+    """First frame and its time from a file's header, -1 when it is not there."""
     first, start_us = (_number(tags.get(name, "")) for name in (FIRST_FRAME, START_US))
     return first, max(start_us, 0)
 

@@ -96,8 +96,7 @@ class VideoFile:
             if part.first >= self.n or start >= part.end:
                 continue
             with closing(part.reader()) as reader:
-                reader.go(max(start - part.first, 0))
-                for index, image in reader.frames():
+                for index, image in reader.frames(max(start - part.first, 0)):
                     if index >= part.n or part.first + index >= self.n:
                         break
                     yield self._frame(part.first + index, image)

@@ -1,6 +1,7 @@
 """Streams that a video file carries beside its pictures: subtitles, KLV, and messages (SEI) among the coded pictures.
 
-The file is read through once without decoding. Times are µs since the video's first frame.
+The file is read through once without decoding, in a process of its own, as FFmpeg reads all that others made. Times are
+µs since the video's first frame.
 """
 
 from __future__ import annotations
@@ -8,47 +9,69 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from contextlib import closing
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import av
+import msgspec
 
 from gcs.export.motion_imagery.misb import SETS_KEY
 from gcs.importing.formats.sei import unregistered_messages
 from gcs.importing.formats.subtitles import MOST_CUES, SubtitleCue
 from gcs.importing.formats.timed_bytes import TimedBytes
 from infra.plain_text import plain
+from infra.processes.bounded import UnreadError, answer_parent, ask_child
+from vision.errors import VideoError
 from vision.video.frame_index import film_stream, open_video
 
 _MOST_BYTES = 256 << 20
 """Maximum bytes of everything that is kept: three hours of messages with each picture."""
 _MOST_MESSAGES = MOST_CUES
+_MORE_BYTES, _TIMES_LARGER = 3 * _MOST_BYTES, 3
+"""Bytes of memory that a film may take: this, as what is kept is read, told and sent, and so many times its size."""
+_LEAST_S, _BYTES_A_SECOND = 60.0, 1_000_000
+"""For which it may take to be read."""
 _WITH_MESSAGES = ("h264", "hevc")
 _DJI_NAMES = ("DJI meta", "djmd")
 
 
-@dataclass(slots=True)
-class FilmStreams:
+class FilmStreams(msgspec.Struct, tag=True):
     """Streams that were found."""
 
-    cues: list[SubtitleCue] = field(default_factory=list)
-    klv: list[TimedBytes] = field(default_factory=list)
+    cues: list[SubtitleCue] = []
+    klv: list[TimedBytes] = []
     """Packets with a set of MISB ST 0601, perhaps behind others."""
-    messages: list[TimedBytes] = field(default_factory=list)
+    messages: list[TimedBytes] = []
     """User data of the pictures, each beginning with its UUID."""
-    unread: list[str] = field(default_factory=list)
+    unread: list[str] = []
     """Streams that carry something of which the layout is not published."""
     dropped: int = 0
     """Messages beyond what is kept."""
+
+
+class _Question(msgspec.Struct):
+    path: str
 
 
 def read_streams(path: Path) -> FilmStreams:
     """Read a video file through.
 
     Raises:
-        VideoError: no such file, or no video in it.
+        VideoError: no such file, or no video in it; FFmpeg does not read it in bounds.
     """
+    size = path.stat().st_size if path.is_file() else 0
+    most_bytes, most_s = _MORE_BYTES + _TIMES_LARGER * size, _LEAST_S + size / _BYTES_A_SECOND
+    try:
+        return ask_child(__name__, _Question(str(path)), FilmStreams, most_bytes=most_bytes, most_s=most_s)
+    except UnreadError as error:
+        text = str(error)
+        raise VideoError(text if text.startswith("video ") else f"video {path}: {text}") from error
+    except OSError as error:
+        raise VideoError(f"video {path}: no process starts to read it: {error.strerror}") from error
+
+
+def _read(question: _Question) -> FilmStreams:
+    path = Path(question.path)
     rows: list[tuple[str, float, bytes]] = []
     found, size, first_s = FilmStreams(), 0, math.inf
     with closing(open_video(path)) as container:
@@ -125,3 +148,7 @@ def _length_size(extradata: bytes | None, *, hevc: bool) -> int:
     # ISO/IEC 14496-15: lengthSizeMinusOne is in the fifth byte of avcC, in the 22nd of hvcC
     place = 21 if hevc else 4
     return (extradata[place] & 3) + 1 if len(extradata) > place else 4
+
+
+if __name__ == "__main__":
+    answer_parent(_Question, _read)

@@ -1,0 +1,304 @@
+"""A film of strangers read in a process of its own, with bounds of memory and time.
+
+FFmpeg has many readers and decoders; a film that brings one down, or has it go on for ever, is one line for who asked.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import time
+import weakref
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import IO, TypeVar
+
+import av
+import msgspec
+import numpy as np
+import psutil
+from numpy.typing import NDArray
+
+from infra.plain_text import plain
+from infra.processes.channel import MessageChannel, connect_to_parent
+from infra.processes.child_process import ChildProcess
+from infra.shared_memory import make_memory, map_memory
+from vision.errors import VideoError
+from vision.video.frame_index import FrameIndex, FrameReader, read_index, read_tags, reason
+
+_INDEX_BYTES, _TIMES_LARGER = 1 << 30, 3
+"""Memory that an index may take: so much for the first picture, and so many times the file's size."""
+_PICTURES_BYTES = 4 << 30
+"""Memory that pictures may take, those that others are coded by included."""
+_LEAST_S, _BYTES_A_SECOND = 60.0, 250_000
+"""For which one answer may take: to come to a picture, the film may have to be decoded from its beginning."""
+_LOOK_S = 1.0
+_ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+"""Threads of numpy's, which only carries pictures there, take address space."""
+_MOST_MESSAGE = (1 << 31) - 1
+
+Answer = TypeVar("Answer")
+
+
+class _Index(msgspec.Struct, tag=True):
+    """A frame index, with bytes for its lists, and the tags of the film's header."""
+
+    width: int
+    height: int
+    pts: bytes
+    key_pts: bytes
+    tick_us: float
+    quarter_turns: int
+    aspect: float
+    shown_as: str
+    tags: dict[str, str]
+
+
+class _Open(msgspec.Struct, tag=True):
+    path: str
+    memory: int
+    """File descriptor of the memory for a picture."""
+    index: _Index | None
+    """None: it is to be read and told."""
+
+
+class _Begin(msgspec.Struct, tag=True):
+    width: int
+    height: int
+    """Size that pictures are to have; there is memory for one."""
+
+
+class _Go(msgspec.Struct, tag=True):
+    start: int
+
+
+class _Next(msgspec.Struct, tag=True):
+    pass
+
+
+class _Read(msgspec.Struct, tag=True):
+    index: int
+
+
+class _Picture(msgspec.Struct, tag=True):
+    index: int
+    """The image is in the memory."""
+
+
+class _End(msgspec.Struct, tag=True):
+    pass
+
+
+class _Failed(msgspec.Struct, tag=True):
+    why: str
+
+
+_Request = _Open | _Begin | _Go | _Next | _Read
+_Answer = _Index | _Picture | _End | _Failed
+
+
+class FilmReader:
+    """One decoder at one place in a film; ``read`` goes to any frame, ``frames`` is the last use.
+
+    Args:
+        path: the file.
+        index: its own, where that is known; None: it is read.
+
+    Attributes:
+        index: its frames.
+        tags: of its header, by their names in capitals; none where the index was given.
+
+    Raises:
+        VideoError: no such file, not a video, no frame in it; FFmpeg does not read it in bounds.
+    """
+
+    def __init__(self, path: Path, index: FrameIndex | None = None) -> None:
+        self._path = path
+        size = path.stat().st_size if path.is_file() else 0
+        self._most_s = _LEAST_S + size / _BYTES_A_SECOND
+        try:
+            self._memory = os.fdopen(make_memory(0), "r+b", buffering=0)
+            self._process: ChildProcess[_Answer] = ChildProcess(
+                __name__, _Answer, fds=[self._memory.fileno()], environment=_ONE_THREAD, most_bytes=_MOST_MESSAGE
+            )
+        except OSError as error:
+            raise VideoError(f"video {path}: no process starts to read it: {error.strerror}") from error
+        self.close = weakref.finalize(self, _end, self._process, self._memory)
+        self._image: NDArray[np.uint8] | None = None
+        self._ask(_Open(str(path), self._memory.fileno(), None if index is None else _packed(index, {})))
+        self.tags: dict[str, str] = {}
+        if index is None:
+            found = self._receive(_Index)
+            assert found is not None
+            index, self.tags = _unpacked(found), found.tags
+        self.index = index
+
+    def frames(self, start: int) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+        """Index and image of the frames from that one on.
+
+        Raises:
+            VideoError: FFmpeg does not come to the next one.
+        """
+        image = self._begun()
+        self._ask(_Go(start))
+        self._ask(_Next())
+        while (picture := self._receive(_Picture)) is not None:
+            shown = image.copy()
+            self._ask(_Next())  # it is decoded while this one is looked at
+            yield picture.index, shown
+
+    def read(self, index: int) -> NDArray[np.uint8] | None:
+        """That frame, None when it does not decode.
+
+        Raises:
+            VideoError: FFmpeg does not come to it.
+        """
+        image = self._begun()
+        self._ask(_Read(index))
+        return None if self._receive(_Picture) is None else image.copy()
+
+    def _begun(self) -> NDArray[np.uint8]:
+        """The memory for a picture, of the size that the index has now."""
+        if self._image is None:
+            width, height = self.index.width, self.index.height
+            os.ftruncate(self._memory.fileno(), width * height * 3)
+            self._image = _image(self._memory.fileno(), width, height)
+            self._ask(_Begin(width, height))
+        return self._image
+
+    def _ask(self, request: _Request) -> None:
+        with suppress(OSError):  # it is gone, which who receives sees
+            self._process.channel.send(request)
+
+    def _receive(self, wanted: type[Answer]) -> Answer | None:
+        """The next answer, None at the end."""
+        began_s, before = time.monotonic(), self._process.processor_time
+        while self._process.able_s(time.monotonic() - began_s, before) < self._most_s:
+            try:
+                answer = self._process.channel.receive(_LOOK_S)
+            except EOFError:
+                break
+            if isinstance(answer, _Failed):
+                raise VideoError(plain(answer.why))
+            if answer is not None:
+                return answer if isinstance(answer, wanted) else None
+        else:
+            raise VideoError(f"video {self._path}: FFmpeg takes longer than {self._most_s:.0f} s for one answer")
+        self._process.kill()
+        raise VideoError(f"video {self._path}: FFmpeg ended: {plain(self._process.exit_reason)}")
+
+
+def _end(process: ChildProcess[_Answer], memory: IO[bytes]) -> None:
+    process.kill()
+    process.close()
+    memory.close()
+
+
+def _image(memory: int, width: int, height: int) -> NDArray[np.uint8]:
+    return np.frombuffer(map_memory(memory), dtype=np.uint8).reshape(height, width, 3)
+
+
+def _packed(index: FrameIndex, tags: dict[str, str]) -> _Index:
+    return _Index(
+        width=index.width,
+        height=index.height,
+        pts=np.array(index.pts, dtype=np.int64).tobytes(),
+        key_pts=index.key_pts.tobytes(),
+        tick_us=index.tick_us,
+        quarter_turns=index.quarter_turns,
+        aspect=index.aspect,
+        shown_as=index.shown_as,
+        tags=tags,
+    )
+
+
+def _unpacked(index: _Index) -> FrameIndex:
+    pts = np.frombuffer(index.pts, dtype=np.int64).tolist()
+    return FrameIndex(
+        width=index.width,
+        height=index.height,
+        pts=pts,
+        order={stamp: i for i, stamp in enumerate(pts)},
+        key_pts=np.frombuffer(index.key_pts, dtype=np.int64),
+        tick_us=index.tick_us,
+        quarter_turns=index.quarter_turns,
+        aspect=index.aspect,
+        shown_as=index.shown_as,
+    )
+
+
+# ---- the process
+
+
+class _Film:
+    """The film that the process reads for its parent."""
+
+    def __init__(self, parent: MessageChannel[_Request]) -> None:
+        self._parent = parent
+        self.path, self._memory = Path(), -1
+        self._index: FrameIndex
+        self._reader: FrameReader
+        self._image: NDArray[np.uint8]
+        self._frames: Iterator[tuple[int, NDArray[np.uint8]]] = iter(())
+
+    def answer(self, request: _Request) -> None:
+        """Answer one request."""
+        if isinstance(request, _Open):
+            self.path, self._memory = Path(request.path), request.memory
+            self._open(request.index)
+        elif isinstance(request, _Begin):
+            _bound_memory(_PICTURES_BYTES)
+            self._image = _image(self._memory, request.width, request.height)
+            self._reader = FrameReader(self.path, replace(self._index, width=request.width, height=request.height))
+        elif isinstance(request, _Go):
+            self._reader.go(request.start)
+            self._frames = self._reader.frames()
+        elif isinstance(request, _Next):
+            self._show(next(self._frames, None))
+        else:
+            image = self._reader.read(request.index)
+            self._show(None if image is None else (request.index, image))
+
+    def _open(self, given: _Index | None) -> None:
+        if given is not None:
+            self._index = _unpacked(given)
+            return
+        size = self.path.stat().st_size if self.path.is_file() else 0
+        _bound_memory(_INDEX_BYTES + _TIMES_LARGER * size)
+        self._index = read_index(self.path)
+        self._parent.send(_packed(self._index, read_tags(self.path)))
+
+    def _show(self, found: tuple[int, NDArray[np.uint8]] | None) -> None:
+        if found is None:
+            self._parent.send(_End())
+            return
+        self._image[:] = found[1]
+        self._parent.send(_Picture(found[0]))
+
+
+def _bound_memory(most_bytes: int) -> None:
+    _, hard = resource.getrlimit(resource.RLIMIT_AS)
+    most = psutil.Process().memory_info().vms + most_bytes
+    resource.setrlimit(resource.RLIMIT_AS, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+
+
+def main() -> None:
+    """Answer requests until there are no more."""
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    parent: MessageChannel[_Request] = connect_to_parent(_Request, most_bytes=_MOST_MESSAGE)
+    film = _Film(parent)
+    with suppress(EOFError, OSError):  # nobody waits any more
+        while (request := parent.receive()) is not None:
+            try:
+                film.answer(request)
+            except VideoError as error:
+                parent.send(_Failed(str(error)))
+            except (av.FFmpegError, ValueError, MemoryError) as error:
+                why = "it takes more memory than a film may" if isinstance(error, MemoryError) else reason(error)
+                parent.send(_Failed(f"video {film.path}: {why}"))
+
+
+if __name__ == "__main__":
+    main()
