@@ -42,7 +42,7 @@ _MOST_MESSAGE = (1 << 31) - 1
 Answer = TypeVar("Answer")
 
 
-class _Index(msgspec.Struct, tag=True):
+class _IndexMessage(msgspec.Struct, tag=True):
     """A frame index, with bytes for its lists, and the tags of the film's header."""
 
     width: int
@@ -56,47 +56,47 @@ class _Index(msgspec.Struct, tag=True):
     tags: dict[str, str]
 
 
-class _Open(msgspec.Struct, tag=True):
+class _OpenFilm(msgspec.Struct, tag=True):
     path: str
     memory: int
     """File descriptor of the memory for a picture."""
-    index: _Index | None
+    index: _IndexMessage | None
     """None: it is to be read and told."""
 
 
-class _Begin(msgspec.Struct, tag=True):
+class _BeginFrames(msgspec.Struct, tag=True):
     width: int
     height: int
     """Size that pictures are to have; there is memory for one."""
 
 
-class _Go(msgspec.Struct, tag=True):
+class _GoTo(msgspec.Struct, tag=True):
     start: int
 
 
-class _Next(msgspec.Struct, tag=True):
+class _NextFrame(msgspec.Struct, tag=True):
     pass
 
 
-class _Read(msgspec.Struct, tag=True):
+class _ReadFrame(msgspec.Struct, tag=True):
     index: int
 
 
-class _Picture(msgspec.Struct, tag=True):
+class _Decoded(msgspec.Struct, tag=True):
     index: int
     """The image is in the memory."""
 
 
-class _End(msgspec.Struct, tag=True):
+class _NoMore(msgspec.Struct, tag=True):
     pass
 
 
-class _Failed(msgspec.Struct, tag=True):
+class _NotRead(msgspec.Struct, tag=True):
     why: str
 
 
-_Request = _Open | _Begin | _Go | _Next | _Read
-_Answer = _Index | _Picture | _End | _Failed
+_Request = _OpenFilm | _BeginFrames | _GoTo | _NextFrame | _ReadFrame
+_Answer = _IndexMessage | _Decoded | _NoMore | _NotRead
 
 
 class FilmReader:
@@ -127,10 +127,10 @@ class FilmReader:
             raise VideoError(f"video {path}: no process starts to read it: {error.strerror}") from error
         self.close = weakref.finalize(self, _end, self._process, self._memory)
         self._image: NDArray[np.uint8] | None = None
-        self._ask(_Open(str(path), self._memory.fileno(), None if index is None else _packed(index, {})))
+        self._ask(_OpenFilm(str(path), self._memory.fileno(), None if index is None else _packed(index, {})))
         self.tags: dict[str, str] = {}
         if index is None:
-            found = self._receive(_Index)
+            found = self._receive(_IndexMessage)
             assert found is not None
             index, self.tags = _unpacked(found), found.tags
         self.index = index
@@ -142,11 +142,11 @@ class FilmReader:
             VideoError: FFmpeg does not come to the next one.
         """
         image = self._begun()
-        self._ask(_Go(start))
-        self._ask(_Next())
-        while (picture := self._receive(_Picture)) is not None:
+        self._ask(_GoTo(start))
+        self._ask(_NextFrame())
+        while (picture := self._receive(_Decoded)) is not None:
             shown = image.copy()
-            self._ask(_Next())  # it is decoded while this one is looked at
+            self._ask(_NextFrame())  # it is decoded while this one is looked at
             yield picture.index, shown
 
     def read(self, index: int) -> NDArray[np.uint8] | None:
@@ -156,8 +156,8 @@ class FilmReader:
             VideoError: FFmpeg does not come to it.
         """
         image = self._begun()
-        self._ask(_Read(index))
-        return None if self._receive(_Picture) is None else image.copy()
+        self._ask(_ReadFrame(index))
+        return None if self._receive(_Decoded) is None else image.copy()
 
     def _begun(self) -> NDArray[np.uint8]:
         """The memory for a picture, of the size that the index has now."""
@@ -165,7 +165,7 @@ class FilmReader:
             width, height = self.index.width, self.index.height
             os.ftruncate(self._memory.fileno(), width * height * 3)
             self._image = _image(self._memory.fileno(), width, height)
-            self._ask(_Begin(width, height))
+            self._ask(_BeginFrames(width, height))
         return self._image
 
     def _ask(self, request: _Request) -> None:
@@ -180,7 +180,7 @@ class FilmReader:
                 answer = self._process.channel.receive(_LOOK_S)
             except EOFError:
                 break
-            if isinstance(answer, _Failed):
+            if isinstance(answer, _NotRead):
                 raise VideoError(plain(answer.why))
             if answer is not None:
                 return answer if isinstance(answer, wanted) else None
@@ -200,8 +200,8 @@ def _image(memory: int, width: int, height: int) -> NDArray[np.uint8]:
     return np.frombuffer(map_memory(memory), dtype=np.uint8).reshape(height, width, 3)
 
 
-def _packed(index: FrameIndex, tags: dict[str, str]) -> _Index:
-    return _Index(
+def _packed(index: FrameIndex, tags: dict[str, str]) -> _IndexMessage:
+    return _IndexMessage(
         width=index.width,
         height=index.height,
         pts=np.array(index.pts, dtype=np.int64).tobytes(),
@@ -214,7 +214,7 @@ def _packed(index: FrameIndex, tags: dict[str, str]) -> _Index:
     )
 
 
-def _unpacked(index: _Index) -> FrameIndex:
+def _unpacked(index: _IndexMessage) -> FrameIndex:
     pts = np.frombuffer(index.pts, dtype=np.int64).tolist()
     return FrameIndex(
         width=index.width,
@@ -232,7 +232,7 @@ def _unpacked(index: _Index) -> FrameIndex:
 # ---- the process
 
 
-class _Film:
+class _FilmWorker:
     """The film that the process reads for its parent."""
 
     def __init__(self, parent: MessageChannel[_Request]) -> None:
@@ -245,23 +245,23 @@ class _Film:
 
     def answer(self, request: _Request) -> None:
         """Answer one request."""
-        if isinstance(request, _Open):
+        if isinstance(request, _OpenFilm):
             self.path, self._memory = Path(request.path), request.memory
             self._open(request.index)
-        elif isinstance(request, _Begin):
+        elif isinstance(request, _BeginFrames):
             _bound_memory(_PICTURES_BYTES)
             self._image = _image(self._memory, request.width, request.height)
             self._reader = FrameReader(self.path, replace(self._index, width=request.width, height=request.height))
-        elif isinstance(request, _Go):
+        elif isinstance(request, _GoTo):
             self._reader.go(request.start)
             self._frames = self._reader.frames()
-        elif isinstance(request, _Next):
+        elif isinstance(request, _NextFrame):
             self._show(next(self._frames, None))
         else:
             image = self._reader.read(request.index)
             self._show(None if image is None else (request.index, image))
 
-    def _open(self, given: _Index | None) -> None:
+    def _open(self, given: _IndexMessage | None) -> None:
         if given is not None:
             self._index = _unpacked(given)
             return
@@ -272,10 +272,10 @@ class _Film:
 
     def _show(self, found: tuple[int, NDArray[np.uint8]] | None) -> None:
         if found is None:
-            self._parent.send(_End())
+            self._parent.send(_NoMore())
             return
         self._image[:] = found[1]
-        self._parent.send(_Picture(found[0]))
+        self._parent.send(_Decoded(found[0]))
 
 
 def _bound_memory(most_bytes: int) -> None:
@@ -288,16 +288,16 @@ def main() -> None:
     """Answer requests until there are no more."""
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     parent: MessageChannel[_Request] = connect_to_parent(_Request, most_bytes=_MOST_MESSAGE)
-    film = _Film(parent)
+    film = _FilmWorker(parent)
     with suppress(EOFError, OSError):  # nobody waits any more
         while (request := parent.receive()) is not None:
             try:
                 film.answer(request)
             except VideoError as error:
-                parent.send(_Failed(str(error)))
+                parent.send(_NotRead(str(error)))
             except (av.FFmpegError, ValueError, MemoryError) as error:
                 why = "it takes more memory than a film may" if isinstance(error, MemoryError) else reason(error)
-                parent.send(_Failed(f"video {film.path}: {why}"))
+                parent.send(_NotRead(f"video {film.path}: {why}"))
 
 
 if __name__ == "__main__":
