@@ -56,6 +56,7 @@ ATTACKS: Final[dict[str, Attack]] = {
     "stopped": disk.stopped_processes,
     "quiet": quiet.healthy_fleet,
     "recording": quiet.played_recording,
+    "slow-clocks": quiet.slow_clocks,
     "three-bytes": streams.swallowed_frames,
     "video-port": video_port.others_at_the_port,
     "files": files.hostile_files,

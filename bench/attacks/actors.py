@@ -38,6 +38,8 @@ class Body:
     """Bearing from the circle's centre at time 0, radians."""
     boot_s: float = 100.0
     """Time since boot when the stage begins; negative for a vehicle that boots later."""
+    clock_rate: float = 1.0
+    """Of boot clock and date: a simulator's on a busy computer."""
     height_m: float = 0.0
     home: tuple[float, float] = HOME
     date_s: float = 0.0
@@ -57,7 +59,7 @@ class Body:
         return (self._angle(t_s) + math.pi / 2) % (2 * math.pi)
 
     def boot_ms(self, t_s: float) -> int:
-        return max(round((t_s + self.boot_s) * 1e3), 0)
+        return max(round((t_s * self.clock_rate + self.boot_s) * 1e3), 0)
 
     def _angle(self, t_s: float) -> float:
         return self.phase + (self.speed_m_s / self.radius_m * t_s if self.radius_m else 0.0)
@@ -137,7 +139,9 @@ def vehicle_schedules(
         "attitude": lambda t: encoder.attitude(body.boot_ms(t), yaw(t)),
         "gps": lambda t: encoder.gps(body.boot_ms(t), geodetic_position(body, t)),
         "status": lambda t: encoder.status(),
-        "time": lambda t: encoder.time(round((time.time() + body.date_s - delay_s) * 1e3) * 1000, body.boot_ms(t)),
+        "time": lambda t: encoder.time(
+            round((time.time() + body.date_s - delay_s + (body.clock_rate - 1.0) * t) * 1e3) * 1000, body.boot_ms(t)
+        ),
     }
 
     def line(k: int, name: str) -> PacketSchedule:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import re
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from bench.attacks.actors import DATED, rover, uav, vehicle_schedules
 from bench.attacks.records import LoggedEvent, frames, read_events, sender_of
 from bench.attacks.report import AttackRow
-from bench.attacks.run import Flown, Options, fly
+from bench.attacks.run import SLACK_S, Flown, Options, fly
 from bench.attacks.stage import TRUE, PacketSchedule, Send, SenderFactory, Stage
 from bench.attacks.wire import ComponentEncoder, redated
 from bench.ports import free_port
@@ -19,6 +21,9 @@ from bench.station import FlyingStation
 FLEET = tuple(range(11, 23))
 EXPECTED = r"nothing is authenticated"
 """True of every flight without keys."""
+RATES = {11: 0.3, 12: 0.5, 13: 0.9, 14: 0.97, 15: 1.0, 16: 2.0}
+NOTICED_S, RATES_S = 20.0, 60.0
+"""Time within which a clock at another rate is to be told of, and length of the flight."""
 OF_THE_RECORDING = rf"{EXPECTED}|comes at .* Hz|the gimbal reports another direction"
 """True of it as well: its messages were thinned out, and its gimbal's reports differ from its mission file."""
 
@@ -48,6 +53,36 @@ def healthy_fleet(options: Options) -> list[AttackRow]:
     return [
         AttackRow(attack="quiet", case="a healthy fleet", sent=sent, lost=lost, held=not false and not lost, note=note)
     ]
+
+
+def slow_clocks(options: Options) -> list[AttackRow]:
+    """Vehicles of simulators at 30 to 200 % of real time: told once and soon, and no position is lost from then on."""
+
+    def lines(new_sender: SenderFactory) -> list[PacketSchedule]:
+        found = vehicle_schedules(uav(), ComponentEncoder(1), new_sender(), messages=DATED)
+        for system_id, rate in RATES.items():
+            body = replace(rover(system_id), clock_rate=rate)
+            found += vehicle_schedules(body, ComponentEncoder(system_id), new_sender(), messages=DATED)
+        return found
+
+    flown = fly(options, "clocks", tuple(RATES), lines, RATES_S)
+    return [_slow_clock(flown, system_id, rate) for system_id, rate in RATES.items()]
+
+
+def _slow_clock(flown: Flown, system_id: int, rate: float) -> AttackRow:
+    loud = [event for event in flown.events if event.loud and event.system_id == system_id and event.kind != "text"]
+    told = [event.t_s for event in loud if "clock is wrong" in event.text]
+    since_s = told[0] if told else 0.0
+    later = [event for event in loud if since_s + SLACK_S < event.t_s < flown.flown_s]
+    soon = 0.0 < since_s <= NOTICED_S + SLACK_S if rate != 1.0 else not told
+    return AttackRow(
+        attack="slow clocks",
+        case=f"{100 * rate:.0f} % of real time",
+        **flown.counts(system_id),
+        alarm_s=since_s if told else math.nan,
+        held=soon and len(told) <= 1 and not later,
+        note=later[0].text if later else "",
+    )
 
 
 def played_recording(options: Options) -> list[AttackRow]:

@@ -20,6 +20,8 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
+import psutil
+
 from assoc.errors import AssocError
 from gcs.batch.flights import find_flights
 from gcs.errors import GcsError
@@ -272,7 +274,7 @@ def _try(good: Path, path: Path, what: str, change: Callable[[Path], object]) ->
 def _in_a_process(read: Reader, path: Path, most_bytes: int) -> tuple[str, int]:
     """``read``, ``refused``, or in words what should not have happened; and bytes of memory that were taken."""
     reading, writing = os.pipe()
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    before = psutil.Process().memory_info().rss
     pid = os.fork()
     if not pid:
         os.close(reading)
@@ -286,7 +288,7 @@ def _in_a_process(read: Reader, path: Path, most_bytes: int) -> tuple[str, int]:
     told = os.read(reading, 4096).decode(errors="replace")
     os.close(reading)
     _, status, used = os.wait4(pid, 0)
-    taken = 1024 * (used.ru_maxrss - before)
+    taken = 1024 * used.ru_maxrss - before  # also of processes that it had and waited for
     if not in_time:
         return f"not read within {MOST_WAIT_S:.0f} s", taken
     if os.WIFSIGNALED(status):  # of processor time: SIGKILL
