@@ -115,7 +115,7 @@ def _piped_key(folder: Path) -> Words:
 def _playlist(folder: Path) -> Words:
     (folder / "film.mp4").write_text(PLAYLIST)
     (folder / "uav.csv").write_text("time_us,lat,lon,alt_m\n1790000000000000,47,8,500\n1790000001000000,47,8,500\n")
-    return ("import", "--video", "film.mp4", "--uav", "uav.csv", "--fov", "60", "-o", "out")
+    return ("import", "--video", "film.mp4", "--uav", "uav.csv", "--ugv", "11=uav.csv", "--fov", "60", "-o", "out")
 
 
 def _list_of_itself(folder: Path) -> Words:
@@ -148,6 +148,7 @@ def open_file(options: Options, k: int, name: str, make: Callable[[Path], Words]
     folder = options.folder / f"file-{k}"
     folder.mkdir()
     code, took_s, megabytes, said = _run([*options.gcs, *make(folder)], folder)
+    said = said.replace(f"{folder}/", "")
     faults = ["not over in time"] * (code is None) + [f"signal {-(code or 0)}"] * (code is not None and code < 0)
     faults += ["traceback"] * ("Traceback" in said) + [f"{megabytes:.0f} MB"] * (megabytes > MOST_MB)
     line = next((line for line in said.splitlines()[::-1] if line.startswith("gcs:")), "").strip()
