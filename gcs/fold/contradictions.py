@@ -16,6 +16,8 @@ FRESH_S = 2.0
 """An older report fits nothing."""
 PROVEN_S = 6.0
 """Time after which a vehicle that surely was one box is none of those beside it: wrong names are shorter."""
+FEW = 2
+"""So many may report wrong places at once though none fits."""
 UNPROVED_S = 1.0
 """Time after which a contradiction that the identifier alone sees counts: a box may be missed meanwhile."""
 
@@ -108,6 +110,8 @@ class Contradictions:
         # of two that report one place the one that was there before is right
         self._cleared = ((self._cleared | at_former) & set(identities.conflict)) - apart - left
         conflict = set(identities.conflict) - self._cleared
+        # likewise, and of frames that are far apart the identifier may follow nobody
+        conflict = conflict if len(conflict) <= max(len(fits), FEW) else set()
         self._apart_us = _since(self._apart_us, apart, t_us)
         self._left_us = _since(self._left_us, left, t_us)
         self._fits_us = _since(self._fits_us, fits, t_us)

@@ -16,6 +16,19 @@ def on(snapshot):
     return KEY in {alarm.key for alarm in snapshot.alarms}
 
 
+@pytest.mark.parametrize(("accused", "stands"), [(2, True), (3, False)])
+def test_where_most_are_accused_at_once_and_none_fits_it_is_the_camera(accused, stands):
+    """As on a machine that looks at a frame every three seconds, where nobody can be followed."""
+    ids, none = np.arange(11, 17), np.zeros(0)
+    columns = dict.fromkeys(("track_id", "system_id", "confidence", "residual_m", "position_age_s"), none)
+    found = SimpleNamespace(conflict=ids[:accused].tolist(), candidates=None, **columns)
+    state = SimpleNamespace(system_id=ids, std_m=np.ones(6), p_enu=np.outer(ids, [100.0, 0.0, 0.0]))
+    contradictions = Contradictions()
+    for t_us in (0, 3_500_000, 7_000_000):
+        contradictions.update(t_us, found, state, seen=(), stated=())
+    assert contradictions.standing == (set(found.conflict) if stands else set())
+
+
 @copied
 def lying(shift_m):
     """A scene in which one has lied for six seconds, and its snapshots from when that was told."""
