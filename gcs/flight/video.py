@@ -62,9 +62,9 @@ class FlightVideo:
 
     @property
     def state(self) -> str:
-        """``none``, ``waiting`` for the first frame, ``ok``, ``stalled`` or ``ended``."""
+        """``none``, ``waiting`` for an offer or the first frame, ``ok``, ``stalled`` or ``ended``."""
         if self.stream is None:
-            return "none"
+            return "waiting" if self._wanted == AUTO else "none"
         if self.stream.ended:
             return "ended"
         if not self.stream.received:

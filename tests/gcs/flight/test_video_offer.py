@@ -49,6 +49,7 @@ def test_an_offer_is_told_and_taken_only_when_asked_for(tmp_path, video, uri, to
         texts = [event.text for event in flight.events()]
         assert sum(told in text for text in texts) == 1, texts
         video = flight._first.video
+        assert video.state == ("waiting" if plan.video else "none"), "of what is waited for there is an alarm"
         assert until(lambda: (video.stream.url if video.stream else None) == opened)
     finally:
         flight.stop()
