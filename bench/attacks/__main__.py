@@ -34,7 +34,7 @@ from bench.attacks import (
     takeover,
     video_port,
 )
-from bench.attacks.handed import files, folders
+from bench.attacks.handed import commands, files, folders
 from bench.attacks.report import AttackRow, page, read_rows, write_rows
 from bench.attacks.run import Attack, Options
 
@@ -60,6 +60,7 @@ ATTACKS: Final[dict[str, Attack]] = {
     "three-bytes": streams.swallowed_frames,
     "video-port": video_port.others_at_the_port,
     "files": files.hostile_files,
+    "commands": commands.hostile_surroundings,
     "doors": doors.doors_of_a_flight,
 }
 

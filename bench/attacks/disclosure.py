@@ -29,10 +29,12 @@ ROVERS = (11, 12)
 
 def video_password(options: Options) -> list[AttackRow]:
     """A password in the video's address: in no file, no message and no process list but the command that has it."""
-    url = f"rtsp://operator:{PASSWORD}@127.0.0.1:{free_port(socket.SOCK_STREAM)}/main"
+    port = free_port(socket.SOCK_STREAM)
+    url, keyed = f"rtsp://operator:{PASSWORD}@127.0.0.1:{port}/main", f"rtmp://127.0.0.1:{port}/live/{PASSWORD}"
     return [
         _password(options, "in the mission file", f'[links]\nvideo = "{url}"\n', (), "mission"),
         _password(options, "on the command line", "", ("-v", url), "words"),
+        _password(options, "a stream's key in the mission file", f'[links]\nvideo = "{keyed}"\n', (), "key"),
     ]
 
 
