@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import resource
+import threading
 import time
 import weakref
 from collections.abc import Iterator
@@ -34,7 +35,7 @@ _PICTURES_BYTES = 4 << 30
 """Memory that pictures may take, those that others are coded by included."""
 _LEAST_S, _BYTES_A_SECOND = 60.0, 250_000
 """For which one answer may take: to come to a picture, the film may have to be decoded from its beginning."""
-_LOOK_S = 1.0
+_LOOK_S, _ORPHAN_S = 1.0, 5.0
 _ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Threads of numpy's, which only carries pictures there, take address space."""
 _MOST_MESSAGE = (1 << 31) - 1
@@ -284,9 +285,17 @@ def _bound_memory(most_bytes: int) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
 
 
+def _end_with(parent_id: int) -> None:
+    """End where the parent is gone, also in the middle of a film that has FFmpeg go on for ever."""
+    while os.getppid() == parent_id:
+        time.sleep(_ORPHAN_S)
+    os._exit(1)
+
+
 def main() -> None:
     """Answer requests until there are no more."""
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     parent: MessageChannel[_Request] = connect_to_parent(_Request, most_bytes=_MOST_MESSAGE)
     film = _FilmWorker(parent)
     with suppress(EOFError, OSError):  # nobody waits any more
