@@ -51,7 +51,7 @@ def record(gcs: str, recording: Path) -> Iterator[tuple[float, str]]:
     before, now_s = blank, 0.0
     with tempfile.TemporaryDirectory() as folder:
         copy = shutil.copytree(recording, Path(folder) / recording.name)
-        with TerminalSession([gcs, "replay", str(copy), "--graphics", "blocks"], SIZE) as session:
+        with TerminalSession([gcs, "replay", str(copy), "--ui", "graphics=blocks"], SIZE) as session:
             session.wait_for(lambda text: "analysed" in text.partition("\n")[0], ANALYSED_S)
             session.wait_for(lambda text: "analysed" not in text.partition("\n")[0], ANALYSED_S)
             session.press(HOME)

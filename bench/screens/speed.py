@@ -109,7 +109,7 @@ def measure_flight(gcs: Path, keys: int, figures: Figures) -> None:
         stream = f"udp://127.0.0.1:{video}"
         flight = [gcs, "fly", mission, "-l", str(links), "-v", stream, "--sessions", f"{folder}/sessions"]
         simulator = [gcs, "sim", "run", "curved-road", "--live", "--telemetry", f"udpout:127.0.0.1:{links}"]
-        with TerminalSession([*map(str, flight), "--graphics", "blocks"], WIDE) as session:
+        with TerminalSession([*map(str, flight), "--ui", "graphics=blocks"], WIDE) as session:
             session.wait_for(lambda text: "ROLLCALL" in text)
             with _running([*map(str, simulator), "--stream", stream, "--truth", f"{folder}/truth.csv"]):
                 session.wait_for(lambda text: "▀" in text)
@@ -122,7 +122,7 @@ def measure_flight(gcs: Path, keys: int, figures: Figures) -> None:
 def _replay(gcs: Path, recording: Path, size: tuple[int, int]) -> Iterator[TerminalSession]:
     with tempfile.TemporaryDirectory() as folder:
         copy = shutil.copytree(recording, Path(folder) / "recording")
-        with TerminalSession([str(gcs), "replay", str(copy), "--graphics", "blocks"], size) as session:
+        with TerminalSession([str(gcs), "replay", str(copy), "--ui", "graphics=blocks"], size) as session:
             yield session
 
 

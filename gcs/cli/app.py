@@ -83,6 +83,8 @@ _RENAMED = {
     "replay": {"--tell": "--publish", "--show": "--stream"},
 }
 """Options of each command by their names in the release before, which are understood and answered with the new one."""
+_OF_SCREENS = ("--graphics", "--theme", "--fps", "--bell")
+"""Options of ``fly`` and ``replay`` that are keys of ``--ui`` now."""
 _WORDS = {
     "SECONDS": "--duration --listen --video-start --timeout --from --to --clock-within",
     "OFFSET": "--clock",
@@ -178,10 +180,14 @@ def as_spelt_now(args: list[str]) -> list[str]:
     if first in _FAMILIES and second != "--help" and second not in _FAMILIES[first]:
         print_note(f"gcs {first} is now gcs {first} run; without the word it goes on for this release")
         return [first, "run", *args[1:]]
-    renamed, now = _RENAMED.get(first, {}), []
-    for arg in args:
+    renamed, now, rest = _RENAMED.get(first, {}), [], iter(args)
+    for arg in rest:
         name, equals, value = arg.partition("=")
-        if name in renamed:
+        if renamed and name in _OF_SCREENS:
+            key = name.removeprefix("--")
+            arg = f"--ui={key}={value if equals else 'true' if key == 'bell' else next(rest, '')}"
+            print_note(f"{name} is now --ui {key}=VALUE; the old word goes on for this release")
+        elif name in renamed:
             print_note(f"{name} is now {renamed[name]}; the old word goes on for this release")
             arg = renamed[name] + equals + value
         now.append(arg)

@@ -11,7 +11,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from gcs.cli.attach.client import naming_own_flight
-from gcs.cli.output.console import CONSOLE, ThemeName, print_note, redirect_stderr
+from gcs.cli.output.console import CONSOLE, print_note, redirect_stderr
+from gcs.cli.screen_options import ThemeName
 from gcs.errors import GcsError
 from gcs.flight.listening import HEARD_VIDEO, USUAL_LINKS, Listening, serial_hint, usual_links
 from gcs.flight.video import AUTO

@@ -20,6 +20,7 @@ from gcs.cli.output.console import NO_NAMES, AsJson, print_json, print_lines
 from gcs.cli.replay import show_replay
 from gcs.cli.results.score import print_score
 from gcs.cli.rollcall import print_rollcall, rollcall_json
+from gcs.cli.screen_options import screen_options
 from gcs.errors import SessionError
 from gcs.report.score import score_files
 from gcs.session.session import open_session
@@ -53,7 +54,7 @@ def demo(
         raise SessionError(f"{BUNDLED}: the bundled recording is not here; run the demo from a wheel or a checkout")
     session = open_session(BUNDLED)
     if not as_json and sys.stdout.isatty() and sys.stdin.isatty():
-        raise SystemExit(show_replay(session, detect=True))
+        raise SystemExit(show_replay(session, screen_options(None), detect=True))
     with tempfile.TemporaryDirectory() as folder:
         calls = identify_into(session, Path(folder), detect=True)
         score = score_files(BUNDLED / "truth.csv", Path(folder) / "identity.csv")

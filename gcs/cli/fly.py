@@ -18,20 +18,14 @@ from typing import Annotated
 import typer
 
 from gcs.cli.attach.client import naming_own_flight, show_flight
-from gcs.cli.attach.place import ScreenOptions
 from gcs.cli.attach.server import AttachServer, LentTerminal
 from gcs.cli.contact import Wanted, parse_ids, prepare
 from gcs.cli.output.console import (
     CONSOLE,
     FAR_S,
-    GRAPHICS,
-    MOST_FPS,
     NO_NAMES,
     NOT_AVAILABLE,
     AsJson,
-    Fps,
-    Graphics,
-    Theme,
     check_range,
     check_terminal,
     print_json,
@@ -41,6 +35,7 @@ from gcs.cli.output.console import (
     redirect_stderr,
 )
 from gcs.cli.rollcall import print_rollcall, rollcall_json
+from gcs.cli.screen_options import ScreenOptions, Ui, screen_options
 from gcs.cli.sharing.telling import Show, Tell, parse_sinks, telling
 from gcs.errors import GcsError
 from gcs.flight.flight import Flight
@@ -133,10 +128,7 @@ def fly(
         float | None,
         typer.Option(callback=check_range(0.1, FAR_S), help="Stop after so many seconds; without a screen."),
     ] = None,
-    graphics: Annotated[Graphics, typer.Option(help=GRAPHICS)] = "auto",
-    bell: Annotated[bool, typer.Option("--bell", help="Ring the terminal's bell at every new alarm.")] = False,
-    theme: Theme = "dark",
-    fps: Fps = MOST_FPS,
+    ui: Ui = None,
     attach: Annotated[
         bool, typer.Option("--attach", help="Show the screens of your flight that is under way, on this terminal.")
     ] = False,
@@ -157,7 +149,7 @@ def fly(
     serve: Annotated[bool, typer.Option("--serve", hidden=True)] = False,
 ) -> None:
     """Name the vehicles in a live video; record everything, and listen only unless --command is given."""
-    options = ScreenOptions(graphics=graphics, theme=theme, fps=fps, bell=bell)
+    options = screen_options(ui)
     if serve:
         raise GcsError(
             "a flight is never served; gcs fly --attach shows it on a terminal, gcs replay --serve a recording"
@@ -180,7 +172,7 @@ def fly(
     _check(duration, screen=screen)
     # from here until the recording is sealed no signal interrupts anything
     with noted_signals() as asked, contextlib.ExitStack() as ending:
-        ask = theme if screen and not as_json else None
+        ask = options.theme if screen and not as_json else None
         ready = prepare(mission, wanted, asked, ending, command=command, screen=screen, ask=ask)
         links, flown = ready.links, _with_model(ready.mission, model)
         sinks = parse_sinks(tell, show, (*links, *ready.forward))

@@ -13,11 +13,6 @@ import typer
 
 from gcs.cli.output.console import (
     FRAME_SIZE,
-    GRAPHICS,
-    MOST_FPS,
-    Fps,
-    Graphics,
-    Theme,
     VideoStart,
     check_range,
     check_terminal,
@@ -26,6 +21,7 @@ from gcs.cli.output.console import (
     print_note,
     redirect_stderr,
 )
+from gcs.cli.screen_options import ScreenOptions, Ui, screen_options
 from gcs.cli.sharing.telling import Show, Tell, parse_sinks, telling
 from gcs.errors import GcsError
 from gcs.live_out.sink import SinkSource
@@ -42,9 +38,7 @@ def replay(
     mission: Annotated[Path | None, typer.Option(help="Mission file; overrides the session's own.")] = None,
     frame_size: Annotated[str | None, typer.Option(help=FRAME_SIZE)] = None,
     detect: Annotated[bool, typer.Option("--detect", help="Detect vehicles anew, whatever was recorded.")] = False,
-    graphics: Annotated[Graphics, typer.Option(help=GRAPHICS)] = "auto",
-    theme: Theme = "dark",
-    fps: Fps = MOST_FPS,
+    ui: Ui = None,
     tell: Tell = None,
     show: Show = None,
     serve: Annotated[
@@ -56,7 +50,7 @@ def replay(
     ] = 0,
 ) -> None:
     """Play, seek and step through a recording."""
-    sinks = parse_sinks(tell, show)
+    sinks, options = parse_sinks(tell, show), screen_options(ui)
     if serve and sinks:
         raise GcsError("--serve starts a replay for each browser; give --publish and --stream to one on a terminal")
     if serve and in_flight(session):
@@ -68,11 +62,12 @@ def replay(
     if serve:
         given = {"--video": video, "--mission": mission, "--frame-size": frame_size}
         words = [word for option, value in given.items() if value is not None for word in (option, str(value))]
-        words += ["--video-start", str(video_start), "--theme", theme, "--fps", str(fps)]
-        words += ["--graphics", "blocks" if graphics in ("auto", "pixels") else graphics]
+        graphics = "blocks" if options.graphics in ("auto", "pixels") else options.graphics
+        shown = {"theme": options.theme, "fps": options.fps, "graphics": graphics}
+        words += ["--video-start", str(video_start), *(f"--ui={key}={value}" for key, value in shown.items())]
         _serve(session, [*words, *(["--detect"] if detect else [])], port)
         return
-    raise SystemExit(show_replay(opened, detect=detect, graphics=graphics, theme=theme, fps=fps, sinks=sinks))
+    raise SystemExit(show_replay(opened, options, detect=detect, sinks=sinks))
 
 
 def _serve(session: Path, words: Sequence[str], port: int) -> None:
@@ -105,11 +100,9 @@ def _in_browser() -> bool:
 
 def show_replay(
     session: Session,
+    options: ScreenOptions,
     *,
     detect: bool = False,
-    graphics: Graphics = "auto",
-    theme: Theme = "dark",
-    fps: float = MOST_FPS,
     sinks: Sequence[SinkUrl] = (),
 ) -> int:
     """Run the screens over a session until the user quits, or the terminal is gone; returns the exit code.
@@ -131,6 +124,6 @@ def show_replay(
     try:
         source = SinkSource(name=session.name, replayed=True)
         with redirect_stderr(None), telling(station, sinks, source, Path()):
-            return run(station, graphics, theme=theme, fps=fps).code
+            return run(station, options.graphics, bell=options.bell, theme=options.theme, fps=options.fps).code
     finally:
         station.stop()

@@ -378,9 +378,14 @@ def _beside(path: Path, name: str) -> str:
     return str((path.parent / Path(name).expanduser()).absolute()) if name else ""
 
 
+def config_folder() -> Path:
+    """Folder of the user's own files."""
+    return Path(os.environ.get("XDG_CONFIG_HOME") or "~/.config").expanduser() / "rollcall"
+
+
 def user_keys() -> Path:
     """Where a user's keys are when the mission names no folder."""
-    return Path(os.environ.get("XDG_CONFIG_HOME") or "~/.config").expanduser() / "rollcall" / "keys"
+    return config_folder() / "keys"
 
 
 def keys_folder(text: str = "", folder: Path = Path()) -> str:

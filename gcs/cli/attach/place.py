@@ -7,11 +7,11 @@ import os
 import socket
 import stat
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import msgspec
 
-from gcs.cli.output.console import MOST_FPS, Graphics
+from gcs.cli.screen_options import ScreenOptions
 
 MOST_BYTES = 65_536
 """No message is longer."""
@@ -34,15 +34,6 @@ class Flying(msgspec.Struct, frozen=True, kw_only=True):
     process_id: int
     folder: str
     links: tuple[str, ...]
-
-
-class ScreenOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """How the screens are to be."""
-
-    graphics: Graphics
-    theme: Literal["dark", "light", "high-contrast"]
-    fps: Annotated[float, msgspec.Meta(gt=0, le=MOST_FPS)]
-    bell: bool
 
 
 class Wish(msgspec.Struct, frozen=True, kw_only=True):

@@ -40,15 +40,6 @@ FRAME_SIZE = "Size of the frames that detections.csv is about, as 1280x720, wher
 AsJson = Annotated[bool, typer.Option("--json", help="For programs: one JSON object a line.")]
 MOST_PX = 16384
 """No camera has a longer side."""
-Graphics = Literal["auto", "pixels", "blocks", "sextants", "octants"]
-ThemeName = Literal["dark", "light", "high-contrast"]
-Theme = Annotated[ThemeName, typer.Option(help="Colours of the screens; the key t changes them.")]
-GRAPHICS = (
-    "How the terminal shows video: pixels (kitty, sixel, iTerm2), half blocks, or sextants or octants where its fonts "
-    "have them; auto: the finest that it is known to show."
-)
-MOST_FPS = 12.0
-"""Highest frame rate, as the screens have it, which are not loaded for it."""
 LogLevel = Literal["debug", "info", "warning", "error"]
 CONSOLE = "console.log"
 """In the session folder: output of libraries while the screens are up."""
@@ -67,13 +58,6 @@ def check_range(least: float, most: float) -> Callable[[typer.CallbackParam, flo
     return checked
 
 
-Fps = Annotated[
-    float,
-    typer.Option(
-        callback=check_range(0.1, MOST_FPS),
-        help="Maximum frame rate of video and map; lower it on slow links. Text is as quick as ever.",
-    ),
-]
 VideoStart = Annotated[
     float,
     typer.Option(

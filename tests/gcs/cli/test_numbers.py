@@ -17,12 +17,10 @@ FLIGHT = (SWARM / "session.toml", "-l", "udpin:127.0.0.1:0", "--headless", "--se
 OPTIONS = [
     ("fly", FLIGHT, "--duration"),
     ("fly", FLIGHT, "--accept-late"),
-    ("fly", FLIGHT, "--fps"),
     ("fly", HEARD, "--uav"),
     ("fly", HEARD, "--listen"),
     *(("doctor", ("--mission", SWARM / "session.toml"), option) for option in ("--height", "--listen")),
     ("replay", (SWARM,), "--video-start"),
-    ("replay", (SWARM,), "--fps"),
     ("replay", (SWARM, "--serve"), "--port"),
     ("identify", (SWARM, "-o", "out"), "--video-start"),
     *(("batch run", (SWARM, "-o", "out"), option) for option in ("--jobs", "--retries", "--timeout", "--memory")),

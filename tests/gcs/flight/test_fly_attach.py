@@ -12,8 +12,9 @@ import psutil
 import pytest
 
 from gcs.cli.attach.client import flies_on, show_flight
-from gcs.cli.attach.place import ScreenOptions, socket_folder
+from gcs.cli.attach.place import socket_folder
 from gcs.cli.attach.server import AttachServer
+from gcs.cli.screen_options import ScreenOptions
 from gcs.errors import GcsError
 from tests.support.bundled import swarm_session
 from tests.support.command_line import MISSION, OnTerminal, Terminal, run_gcs
@@ -184,7 +185,7 @@ def test_what_cannot_be_attached_is_told(begin, tmp_path, monkeypatch):
     assert run_gcs("fly", "--attach")[::2] == (2, "gcs: --attach needs a terminal to show the screens on\n")
     for stream in ("sys.stdin", "sys.stdout"):
         monkeypatch.setattr(stream, SimpleNamespace(isatty=lambda: True))
-    options = ScreenOptions(graphics="auto", theme="dark", fps=12.0, bell=False)
+    options = ScreenOptions()
     with pytest.raises(GcsError, match="no flight of yours"):
         show_flight(None, options, take_over=False)
     server = AttachServer(tmp_path / "session", ["udpin:127.0.0.1:2"])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rich.cells import cell_len
 
-from gcs.cli.output.console import Theme
+from gcs.cli import screen_options
 from gcs.snapshot import Standing
 from gcs.tui import RollcallApp
 from gcs.tui.draw.map_canvas import STANDING_MARKS
@@ -87,7 +87,7 @@ def dark_again():
 
 
 def test_the_command_line_offers_what_there_is():
-    assert get_args(Theme.__origin__) == get_args(ThemeName) == tuple(THEMES)
+    assert get_args(screen_options.ThemeName) == get_args(ThemeName) == tuple(THEMES)
     assert all(set(theme.colours) == set(Colour) for theme in THEMES.values())
     assert {standing_colour(standing) for standing in get_args(Standing)} <= set(Colour)
 

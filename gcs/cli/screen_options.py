@@ -1,0 +1,90 @@
+"""Options of the screens: ``[ui]`` of the user's own ``config.toml``, and ``--ui`` of the command line over it."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+import msgspec
+import typer
+
+from gcs.errors import ConfigError
+from gcs.mission.mission import config_folder
+from infra.files.safe_open import read_small
+from infra.toml_tables import MOST_TOML_BYTES, build, parse_toml
+
+Graphics = Literal["auto", "pixels", "blocks", "sextants", "octants"]
+ThemeName = Literal["dark", "light", "high-contrast"]
+MOST_FPS = 12.0
+"""Highest frame rate, as the screens have it, which are not loaded for it."""
+Ui = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--ui",
+        metavar="KEY=VALUE",
+        help="Option of the screens, over [ui] of ~/.config/rollcall/config.toml; may be repeated. theme: dark, light "
+        "or high-contrast. graphics, how the terminal shows video: pixels (kitty, sixel, iTerm2), blocks, or sextants "
+        "or octants where its fonts have them; auto, the finest that it is known to show. fps: maximum frame rate of "
+        "video and map, for slow lines. bell=true: ring at every new alarm.",
+    ),
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScreenOptions:
+    """Options of the screens."""
+
+    graphics: Graphics = "auto"
+    """How the terminal shows video; auto: the finest that it is known to show."""
+    theme: ThemeName = "dark"
+    """Colours to begin with."""
+    fps: Annotated[float, msgspec.Meta(ge=0.1, le=MOST_FPS)] = MOST_FPS
+    """Highest frame rate of video and map, 1/s."""
+    bell: bool = False
+    """True to ring the terminal's bell at every new alarm."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UserConfig:
+    """The user's file, ``config.toml``."""
+
+    ui: ScreenOptions = field(default_factory=ScreenOptions)
+    """``[ui]``"""
+
+
+def screen_options(given: Sequence[str] | None) -> ScreenOptions:
+    """Options of the screens by the user's file, if there is one, and the command line.
+
+    Args:
+        given: ``KEY=VALUE``, which count more.
+
+    Raises:
+        ConfigError: the file cannot be read, or either has a key or a value that there is none of.
+    """
+    path = config_folder() / "config.toml"
+    table: dict[str, object] = {}
+    try:
+        table = parse_toml(read_small(path, MOST_TOML_BYTES), str(path))
+    except FileNotFoundError:
+        pass
+    except (OSError, ValueError) as error:
+        raise ConfigError(str(error)) from error
+    try:
+        options = build(UserConfig, table, str(path)).ui
+        given_values = dict(map(_parse, given or ()))
+        return build(ScreenOptions, msgspec.to_builtins(options) | given_values, "--ui") if given else options
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+
+
+def _parse(given: str) -> tuple[str, object]:
+    """Key and value; a value that is no number and no truth is text, without quotes as shells leave it."""
+    key, equals, value = given.partition("=")
+    if not equals:
+        raise ValueError(f"--ui {given}: write KEY=VALUE, such as theme=light")
+    try:
+        return key.strip(), tomllib.loads(f"value = {value}")["value"]
+    except ValueError:
+        return key.strip(), value
