@@ -18,8 +18,9 @@ from pathlib import Path
 
 import msgspec
 
-from gcs.cli.attach.place import MOST_BYTES, VARIABLES, Answer, Flying, ScreenOptions, Wish, connect
+from gcs.cli.attach.place import MOST_BYTES, VARIABLES, Answer, Flying, Wish, connect
 from gcs.cli.output.console import check_terminal
+from gcs.cli.screen_options import ScreenOptions
 from gcs.errors import GcsError
 from mavlink.errors import LinkError
 
