@@ -17,7 +17,7 @@ FRESH_S = 2.0
 PROVEN_S = 6.0
 """Time after which a vehicle that surely was one box is none of those beside it: wrong names are shorter."""
 FEW = 2
-"""So many may report wrong places at once though none fits."""
+"""Most vehicles that report wrong places at once where none fits."""
 UNPROVED_S = 1.0
 """Time after which a contradiction that the identifier alone sees counts: a box may be missed meanwhile."""
 

@@ -29,7 +29,7 @@ ADVICE: Final[Mapping[Standing, str]] = MappingProxyType(
 )
 """While no alarm says more."""
 UNHEARD: Final = "switch it on; check its system id and its key against the mission"
-"""Of a vehicle that was never heard."""
+"""Advice about a vehicle that was never heard."""
 
 
 def what_to_do(snapshot: Snapshot, row: VehicleRow) -> str:
