@@ -122,7 +122,7 @@ def _never_heard(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str
 def _unheard(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     told = {_id(name) for name in fields["names"].split(", ")}
     ids = [i for i in flown.scenario.ugv_ids if not flown.refused.get(i)]
-    at_us = (said.t_us + round(SLACK_S * S), said.t_us - round(SLACK_S * S))
+    at_us = (said.t_us + round(SLACK_S * S), said.t_us - round((HOLD_S if said.standing else SLACK_S) * S))
     later, before = ({i for i in ids if math.isinf(flown.silent_s(i, t_us))} for t_us in at_us)
     return "" if later <= told <= before else f"never heard were {sorted(map(flown.name, later))}"
 
@@ -282,6 +282,8 @@ SENTENCES: Mapping[str, Check] = {
     "{name}: its receiver has no 3D fix": _lies,
     "GPS fix {mode}, was {kind}": _so,
     "position not used: {text}": _lies,
+    "position jumped by {count} m and stayed there: accepted": _lies,
+    "{name}: its autopilot doubts its position: it jumped": _lies,
     "positions not used: {text}": _lies,
     "{name}: its packets are lost": _lossy,
     "{name}: most of its packets are lost": _lossy,

@@ -130,3 +130,14 @@ def test_one_that_reports_to_be_where_a_silent_one_is_gets_not_its_name_and_its_
         assert (box.track_id, box.system_id) != (others, UGV)
         assert box.track_id != own or not box.none_of_ours > 0.5
     assert scene.row(UGV).standing == "misplaced"
+
+
+@pytest.mark.slow
+def test_a_new_track_of_one_that_reports_to_be_out_of_view_is_no_stranger():
+    scene, _ = lying(40.0)
+    scene.hidden = {UGV}
+    scene.run(4, filmed=True)
+    scene.hidden = set()
+    scene.run(5, filmed=True)
+    (box,) = (box for box in scene.last.boxes if box.system_id != OTHER)
+    assert (box.system_id, box.doubt) == (0, WORDS) and not box.none_of_ours >= 0.9
