@@ -194,7 +194,7 @@ class Estimator:
             near = exchangeable(t, self._history, before, self.theta)
             change = self._params.switch_rate_leap ** np.where(near, 0.5, 1.0)
             self._handover[columns] = self._co_visibility.log_handover(before, change)
-            self._state = self._stated.with_statements(self._state, columns, self._history)
+            self._state = self._stated.with_statements(self._state, columns, self._history, after_gap=before >= 0)
             for column in columns.tolist():
                 self._swaps.reset(column)
                 self._anchors.pop(column, None)
@@ -215,7 +215,8 @@ class Estimator:
             self._confident.pop(column, None)
             self._co_visibility.forget(column)
         elif column >= 0:
-            self._state = self._stated.with_statements(self._state, np.array([column]), self._history)
+            now = np.array([column]), self._history
+            self._state = self._stated.with_statements(self._state, *now, after_gap=np.zeros(1, np.bool_))
 
     def update(self, t: float, camera: CameraState) -> UpdateResult:
         """Estimate pose and assignment from all frames and reports up to the newest frame.

@@ -61,15 +61,24 @@ class StatedTracks:
                 score[row, vehicle] = self._nats
         return score
 
-    def with_statements(self, state: PairState, columns: IntArray, history: TrackHistory) -> PairState:
-        """The state in which the statements on the tracks of some columns count, once more."""
+    def with_statements(
+        self, state: PairState, columns: IntArray, history: TrackHistory, *, after_gap: BoolArray
+    ) -> PairState:
+        """The state in which the statements on the tracks of some columns count, once more.
+
+        Args:
+            state: Until now.
+            columns: Of the tracks.
+            history: Has which tracks they are.
+            after_gap: (k,) tracks that were lost since the statement was made.
+        """
         stated = [(column, self._vehicle.get(int(history.track_id[column]))) for column in columns.tolist()]
         if all(vehicle is None for _, vehicle in stated):
             return state
         score, seen = state.score.copy(), state.seen.copy()
-        for column, vehicle in stated:
+        for (column, vehicle), lost in zip(stated, after_gap.tolist(), strict=True):
             if vehicle is not None:
-                nats = self._nats if history.before[column] < 0 else self._nats_after_gap
+                nats = self._nats_after_gap if lost else self._nats
                 about = slice(None) if vehicle == NONE_OF_OURS else slice(vehicle, vehicle + 1)
                 score[column, about] = np.where(seen[column, about], score[column, about], 0.0)
                 score[column, about] += -nats if vehicle == NONE_OF_OURS else nats

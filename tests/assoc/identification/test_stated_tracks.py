@@ -52,6 +52,18 @@ def test_a_vehicle_that_does_not_report_is_named_by_the_statement():
     assert filmed.run(2)[-1] == {1: 11, 2: 0, 3: 13}
 
 
+def test_a_statement_counts_in_full_on_a_track_that_was_lost_before():
+    filmed = Filmed(Fleet(n=3), silent=(1,))
+    filmed.run(8)
+    filmed.hidden = (2,)
+    filmed.run(1.5)
+    filmed.hidden = ()
+    filmed.run(2)
+    filmed.identifier.state(2, 12)
+    assert filmed.run(2)[-1][2] == 12
+    assert filmed.last.confidence[1] > 0.99
+
+
 def test_a_right_statement_names_at_once():
     filmed = Filmed(Fleet(n=4))
     filmed.run(0.2)
