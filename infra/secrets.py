@@ -27,7 +27,7 @@ _HARMLESS = ("codec", "pkt_size")
 _KEYED = ("rtmp", "rtmps", "rtsp", "rtsps")
 """Where the path's last part may be a key."""
 _LAST = re.compile(r"(?<=/)[^/=]+(?=/*$)")
-_LONG_ENOUGH, _LONG_VALUE = 4, 8
+_LONG_ENOUGH, _LONG_VALUE, _LONG_KEY = 4, 8, 10
 """Shorter passwords, values and words occur in any text by chance; a value with its name is found whatever it is."""
 _hidden: list[tuple[int, str, str]] = []
 """Secrets: minus its length, itself, and what stands in its place."""
@@ -104,7 +104,7 @@ def _key(scheme: str, path: str) -> str:
     if found is None:
         return ""
     behind_an_application = scheme.lower().startswith("rtmp") and path.count("/", 0, found.start()) > 1
-    return found[0] if behind_an_application or len(found[0]) >= _LONG_VALUE else ""
+    return found[0] if behind_an_application or len(found[0]) >= _LONG_KEY else ""
 
 
 def _values(pattern: re.Pattern[str], text: str) -> str:

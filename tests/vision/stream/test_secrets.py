@@ -44,6 +44,7 @@ video = "{video}"
         ("rtmp://10.0.0.2/live/PW", "rtmp://10.0.0.2/live/***"),
         ("rtsp://10.0.0.2/live/PW/", "rtsp://10.0.0.2/live/***/"),
         ("rtsp://10.0.0.2/Streaming/Channels/101", "rtsp://10.0.0.2/Streaming/Channels/101"),
+        ("rtsp://192.168.144.25:8554/main.264", "rtsp://192.168.144.25:8554/main.264"),
         ("admin:PW@10.0.0.2/x", "***@10.0.0.2/x"),
         ("udp://@:1234", "udp://@:1234"),
         ("rtp://:5600?codec=h265", "rtp://:5600?codec=h265"),
