@@ -20,8 +20,6 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-import psutil
-
 from assoc.errors import AssocError
 from gcs.batch.flights import find_flights
 from gcs.errors import GcsError
@@ -274,21 +272,22 @@ def _try(good: Path, path: Path, what: str, change: Callable[[Path], object]) ->
 def _in_a_process(read: Reader, path: Path, most_bytes: int) -> tuple[str, int]:
     """``read``, ``refused``, or in words what should not have happened; and bytes of memory that were taken."""
     reading, writing = os.pipe()
-    before = psutil.Process().memory_info().rss
     pid = os.fork()
     if not pid:
         os.close(reading)
         resource.setrlimit(resource.RLIMIT_CPU, (MOST_S, MOST_S))
-        os.write(writing, _told(read, path).encode(errors="replace")[:4000])
+        # what it shares with its parent is no part of it before it is used
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        os.write(writing, f"{before} {_told(read, path)}".encode(errors="replace")[:4000])
         os._exit(0)
     os.close(writing)
     in_time = bool(select.select([reading], [], [], MOST_WAIT_S)[0])
     if not in_time:
         os.kill(pid, signal.SIGKILL)
-    told = os.read(reading, 4096).decode(errors="replace")
+    began_with, _, told = os.read(reading, 4096).decode(errors="replace").partition(" ")
     os.close(reading)
     _, status, used = os.wait4(pid, 0)
-    taken = 1024 * used.ru_maxrss - before  # also of processes that it had and waited for
+    taken = 1024 * (used.ru_maxrss - int(began_with or 0))  # also of processes that it had and waited for
     if not in_time:
         return f"not read within {MOST_WAIT_S:.0f} s", taken
     if os.WIFSIGNALED(status):  # of processor time: SIGKILL
