@@ -34,7 +34,8 @@ class Contradictions:
             since.
         suspected: those, and those whose reports do now, for too short a time yet.
         withheld: those of them that lost their names meanwhile, and do not fit: they get none.
-        left: tracks that may be those, as none was seen beside the box that surely was one: no strangers.
+        left: tracks that were never seen together with the box that surely was one of those, and may be it: no
+            strangers.
     """
 
     def __init__(self) -> None:
@@ -74,15 +75,19 @@ class Contradictions:
 
         Args:
             t_us: its time.
-            identities: as found, None without a camera pose, which begins and ends nothing, as a frame behind a gap.
+            identities: as found, None without a camera pose, which begins and ends nothing. A frame behind a gap
+                begins nothing.
             state: the fleet then.
             seen: tracks that were detected in it.
             stated: vehicles that the operator has named a box: their names are not withheld.
         """
-        gap_us, self._frame_us = t_us - self._frame_us, t_us
-        if identities is None or gap_us > FOLLOWED_S * 1e6:
-            self._apart_us, self._left_us, self._fits_us, self._conflict_us = {}, {}, {}, {}
+        followed, self._frame_us = t_us - self._frame_us <= FOLLOWED_S * 1e6, t_us
+        if identities is None or not followed:
+            self._apart_us, self._left_us, self._conflict_us = {}, {}, {}
+        if identities is None:
+            self._fits_us = {}
             return
+        self._leave_out(state.system_id.tolist())
         std_m = dict(zip(state.system_id.tolist(), state.std_m.tolist(), strict=True))
         limit_m = {vehicle: APART_M + APART_STDS * std_m[vehicle] for vehicle in std_m}
         columns = ("track_id", "system_id", "confidence", "residual_m", "position_age_s")
@@ -93,7 +98,7 @@ class Contradictions:
             # a box that is predicted goes on to fit, and proves nothing else
             if vehicle not in limit_m or not (track in seen or vehicle in self._fits_us):
                 continue
-            if track in self._beside.get(vehicle, ()):
+            if track in self._beside.get(vehicle, ()) and vehicle not in stated:
                 moved.add(vehicle)  # it reports to be where another one's box is, which may be silent
             elif away_m > limit_m[vehicle] and track in seen:
                 apart.add(vehicle)
@@ -110,16 +115,17 @@ class Contradictions:
         # of two that report one place the one that was there before is right
         self._cleared = ((self._cleared | at_former) & set(identities.conflict)) - apart - left
         conflict = set(identities.conflict) - self._cleared
-        # likewise, and of frames that are far apart the identifier may follow nobody
-        conflict = conflict if len(conflict) <= max(len(fits), FEW) else set()
+        # likewise, and in frames that are far apart the identifier may follow nobody
+        conflict = conflict if followed and len(conflict) <= max(len(fits), FEW) else set()
         self._apart_us = _since(self._apart_us, apart, t_us)
         self._left_us = _since(self._left_us, left, t_us)
         self._fits_us = _since(self._fits_us, fits, t_us)
         self._conflict_us = _since(self._conflict_us, conflict, t_us)
         at_home = _lasting(self._fits_us, t_us, FITS_S)
         for vehicle in at_home & sure.keys():
-            began_us = self._home_us[vehicle][0] if self._was.get(vehicle) == sure[vehicle] else t_us
-            self._was[vehicle], self._home_us[vehicle] = sure[vehicle], (began_us, t_us)
+            began_us, last_us = self._home_us.get(vehicle, (t_us, t_us))
+            stays = self._was.get(vehicle) == sure[vehicle] and t_us - last_us <= FOLLOWED_S * 1e6
+            self._was[vehicle], self._home_us[vehicle] = sure[vehicle], (began_us if stays else t_us, t_us)
         accused = _lasting(self._apart_us, t_us, APART_S) | _lasting(self._left_us, t_us, LEFT_S)
         # without a box that surely was it, it may be another that was taken for it
         accused |= _at_one_place(conflict, state) | (conflict & self._was.keys())
@@ -129,6 +135,11 @@ class Contradictions:
         self._lost = self._proved & (self._lost | nameless | moved)
         self.withheld = self._lost - fits - set(stated)
         self._note_beside(t_us, set(identities.track_id.tolist()), set(seen))
+
+    def _leave_out(self, fleet: Collection[int]) -> None:
+        """Forget vehicles that are none of the fleet any more."""
+        self._proved, self._lost = self._proved.intersection(fleet), self._lost.intersection(fleet)
+        self._was = {vehicle: track for vehicle, track in self._was.items() if vehicle in fleet}
 
     def _note_beside(self, t_us: int, tracks: set[int], seen: set[int]) -> None:
         """Take in which tracks are seen beside those that the accused surely were for long."""

@@ -55,7 +55,7 @@ def withhold_names(
         identities: as found.
         state: who is contested.
         contradicted: vehicles that get no name until their reports fit the video again.
-        left: tracks that surely were these: without a name they are no strangers.
+        left: tracks that may be these: without a name they are no strangers.
     """
     kept_back = [*state.contested, *contradicted]
     if identities is None or not kept_back:

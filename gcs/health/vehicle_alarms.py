@@ -40,7 +40,7 @@ by some metres, and boxes are next to each other."""
 LEFT_S, FITS_S = 2.0, 2.0
 """For so long a vehicle without a name must report to be far from the box that it was; and for so long one that was
 contradicted must be at its box again: a tracker may exchange two boxes, and a wrong position passes others."""
-FOLLOWED_S = 1.0
+FOLLOWED_S = 1.5
 """Frames that are farther apart follow nobody: what was which box before the gap proves nothing behind it."""
 
 

@@ -16,17 +16,51 @@ def on(snapshot):
     return KEY in {alarm.key for alarm in snapshot.alarms}
 
 
+def played(contradictions, frames, residual_m=(), *, first_us=0, step_s=0.2, conflict=(), fleet=range(11, 17)):
+    """Frames in which the first vehicles are tracks 1, 2, … so far from where they report to be; when the next is."""
+    k, ids = len(residual_m), np.array(fleet)
+    empty = np.zeros((k, 0))
+    found = SimpleNamespace(
+        track_id=np.arange(1, k + 1),
+        system_id=ids[:k],
+        confidence=np.full(k, 0.95),
+        residual_m=np.array(residual_m, float),
+        position_age_s=np.full(k, 0.1),
+        conflict=list(conflict),
+        candidates=SimpleNamespace(system_id=empty.astype(int), distance_m=empty, report_age_s=empty),
+    )
+    state = SimpleNamespace(system_id=ids, std_m=np.ones(len(ids)), p_enu=np.outer(ids, [100.0, 0.0, 0.0]))
+    step_us = round(step_s * 1e6)
+    for t_us in range(first_us, first_us + frames * step_us, step_us):
+        contradictions.update(t_us, found, state, seen=found.track_id.tolist(), stated=())
+    return first_us + frames * step_us
+
+
 @pytest.mark.parametrize(("accused", "stands"), [(2, True), (3, False)])
 def test_where_most_are_accused_at_once_and_none_fits_it_is_the_camera(accused, stands):
-    """As on a machine that looks at a frame every three seconds, where nobody can be followed."""
-    ids, none = np.arange(11, 17), np.zeros(0)
-    columns = dict.fromkeys(("track_id", "system_id", "confidence", "residual_m", "position_age_s"), none)
-    found = SimpleNamespace(conflict=ids[:accused].tolist(), candidates=None, **columns)
-    state = SimpleNamespace(system_id=ids, std_m=np.ones(6), p_enu=np.outer(ids, [100.0, 0.0, 0.0]))
+    contradictions, conflict = Contradictions(), range(11, 11 + accused)
+    played(contradictions, 10, conflict=conflict)
+    assert contradictions.standing == (set(conflict) if stands else set())
+
+
+def test_frames_that_are_far_apart_accuse_nobody_and_acquit():
     contradictions = Contradictions()
-    for t_us in (0, 3_500_000, 7_000_000):
-        contradictions.update(t_us, found, state, seen=(), stated=())
-    assert contradictions.standing == (set(found.conflict) if stands else set())
+    at_us = played(contradictions, 20, [40.0, 0.3], step_s=3.0, conflict=[11])
+    assert not contradictions.standing
+    at_us = played(contradictions, 20, [40.0, 0.3], first_us=at_us)
+    assert contradictions.standing == {11}
+    played(contradictions, 5, [0.3, 0.3], first_us=at_us, step_s=3.0)
+    assert not contradictions.standing
+
+
+def test_who_leaves_the_fleet_is_accused_no_more():
+    contradictions = Contradictions()
+    at_us = played(contradictions, 20, [40.0, 0.3])
+    assert contradictions.standing == {11}
+    at_us = played(contradictions, 2, [0.3], first_us=at_us, fleet=range(12, 17))
+    assert not contradictions.standing
+    played(contradictions, 2, [0.3, 0.3], first_us=at_us)
+    assert not contradictions.standing
 
 
 @copied
