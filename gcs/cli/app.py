@@ -83,8 +83,11 @@ _RENAMED = {
     "replay": {"--tell": "--publish", "--show": "--stream"},
 }
 """Options of each command by their names in the release before, which are understood and answered with the new one."""
-_OF_SCREENS = ("--graphics", "--theme", "--fps", "--bell")
-"""Options of ``fly`` and ``replay`` that are keys of ``--ui`` now."""
+_OF_SCREENS = {
+    "fly": ("--graphics", "--theme", "--fps", "--bell"),
+    "replay": ("--graphics", "--theme", "--fps"),
+}
+"""Options by their names in the release before that are keys of ``--ui`` now."""
 _WORDS = {
     "SECONDS": "--duration --listen --video-start --timeout --from --to --clock-within",
     "OFFSET": "--clock",
@@ -183,7 +186,7 @@ def as_spelt_now(args: list[str]) -> list[str]:
     renamed, now, rest = _RENAMED.get(first, {}), [], iter(args)
     for arg in rest:
         name, equals, value = arg.partition("=")
-        if renamed and name in _OF_SCREENS:
+        if name in _OF_SCREENS.get(first, ()):
             key = name.removeprefix("--")
             arg = f"--ui={key}={value if equals else 'true' if key == 'bell' else next(rest, '')}"
             print_note(f"{name} is now --ui {key}=VALUE; the old word goes on for this release")

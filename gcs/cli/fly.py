@@ -149,13 +149,12 @@ def fly(
     serve: Annotated[bool, typer.Option("--serve", hidden=True)] = False,
 ) -> None:
     """Name the vehicles in a live video; record everything, and listen only unless --command is given."""
-    options = screen_options(ui)
     if serve:
         raise GcsError(
             "a flight is never served; gcs fly --attach shows it on a terminal, gcs replay --serve a recording"
         )
     if attach:
-        print_note(show_flight(mission, options, take_over=take_over))
+        print_note(show_flight(mission, screen_options(ui), take_over=take_over))
         return
     _hide_passwords(video or ())
     wanted = Wanted(
@@ -169,6 +168,8 @@ def fly(
         listen_s=listen_s,
     )
     screen = not headless and sys.stdout.isatty() and sys.stdin.isatty()
+    # what is wrong in the user's file ends no flight without a screen
+    options = screen_options(ui) if screen or ui else ScreenOptions()
     _check(duration, screen=screen)
     # from here until the recording is sealed no signal interrupts anything
     with noted_signals() as asked, contextlib.ExitStack() as ending:

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
 import typer
 
 from gcs.cli.output.console import (
@@ -63,8 +64,9 @@ def replay(
         given = {"--video": video, "--mission": mission, "--frame-size": frame_size}
         words = [word for option, value in given.items() if value is not None for word in (option, str(value))]
         graphics = "blocks" if options.graphics in ("auto", "pixels") else options.graphics
-        shown = {"theme": options.theme, "fps": options.fps, "graphics": graphics}
-        words += ["--video-start", str(video_start), *(f"--ui={key}={value}" for key, value in shown.items())]
+        shown = {**msgspec.to_builtins(options), "graphics": graphics}
+        words += ["--video-start", str(video_start)]
+        words += [f"--ui={key}={str(value).lower()}" for key, value in shown.items()]
         _serve(session, [*words, *(["--detect"] if detect else [])], port)
         return
     raise SystemExit(show_replay(opened, options, detect=detect, sinks=sinks))

@@ -63,20 +63,21 @@ def screen_options(given: Sequence[str] | None) -> ScreenOptions:
     Raises:
         ConfigError: the file cannot be read, or either has a key or a value that there is none of.
     """
-    path = config_folder() / "config.toml"
-    table: dict[str, object] = {}
     try:
-        table = parse_toml(read_small(path, MOST_TOML_BYTES), str(path))
-    except FileNotFoundError:
-        pass
-    except (OSError, ValueError) as error:
-        raise ConfigError(str(error)) from error
-    try:
-        options = build(UserConfig, table, str(path)).ui
+        options = _of_user()
         given_values = dict(map(_parse, given or ()))
         return build(ScreenOptions, msgspec.to_builtins(options) | given_values, "--ui") if given else options
-    except ValueError as error:
+    except (OSError, ValueError) as error:
         raise ConfigError(str(error)) from error
+
+
+def _of_user() -> ScreenOptions:
+    try:
+        path = config_folder() / "config.toml"
+        data = read_small(path, MOST_TOML_BYTES)
+    except (FileNotFoundError, RuntimeError):  # a user without a home
+        return ScreenOptions()
+    return build(UserConfig, parse_toml(data, str(path)), str(path)).ui
 
 
 def _parse(given: str) -> tuple[str, object]:
@@ -86,5 +87,5 @@ def _parse(given: str) -> tuple[str, object]:
         raise ValueError(f"--ui {given}: write KEY=VALUE, such as theme=light")
     try:
         return key.strip(), tomllib.loads(f"value = {value}")["value"]
-    except ValueError:
+    except (ValueError, RecursionError):
         return key.strip(), value

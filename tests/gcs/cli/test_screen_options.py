@@ -35,6 +35,7 @@ def test_the_command_line_counts_more_than_the_file(config):
         ("theme", "--ui theme: write KEY=VALUE"),
         ("theme=pink", "--ui: theme is 'pink'; 'dark' or 'high-contrast' or 'light' is needed"),
         ("fsp=2", "--ui: unknown key 'fsp'; did you mean fps?"),
+        ("graphics=" + 3000 * "[", "--ui: graphics is"),
         ("bell=yes", "--ui: bell is 'yes'; true or false is needed"),
         *((f"fps={value}", "--ui: fps is") for value in ("0", "1e9", "nan", "inf", "-1", "many")),
     ],
@@ -57,6 +58,21 @@ def test_a_file_that_is_wrong_is_told_by_its_name(config, text, told):
     config.write_text(text)
     with pytest.raises(ConfigError, match=told):
         screen_options(["theme=light"])
+
+
+def test_a_user_without_a_home_has_no_file(monkeypatch):
+    for name in ("HOME", "XDG_CONFIG_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("pwd.getpwuid", {}.__getitem__)
+    assert screen_options(["bell=true"]) == ScreenOptions(bell=True)
+
+
+def test_a_flight_without_a_screen_does_not_read_them(config, tmp_path):
+    config.write_text("[screen]\n")
+    code, _, told = run_gcs("fly", tmp_path / "none.toml", "--headless")
+    assert code == 2 and "none.toml" in told and "config.toml" not in told
+    code, _, told = run_gcs("fly", tmp_path / "none.toml", "--headless", "--ui", "theme=pink")
+    assert code == 2 and "config.toml: unknown key 'screen'" in told
 
 
 def test_old_options_go_on_for_a_release(config, tmp_path):
