@@ -155,4 +155,4 @@ def _answer(question: Question, read: Callable[[Question], msgspec.Struct], most
     except MemoryError:
         return _too_much(most_bytes)
     except Exception as error:  # noqa: BLE001 - what others' code raises on others' bytes is not known
-        return _Failed(" ".join(str(error).split()) or type(error).__name__)
+        return _Failed(plain(" ".join(str(error).split())) or type(error).__name__)

@@ -7,6 +7,7 @@ The file is read through once without decoding, in a process of its own, as FFmp
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterable, Iterator
 from contextlib import closing
 from pathlib import Path
@@ -50,7 +51,8 @@ class FilmStreams(msgspec.Struct, tag=True):
 
 
 class _Question(msgspec.Struct):
-    path: str
+    path: bytes
+    """As the system has it: names need not be UTF-8."""
 
 
 def read_streams(path: Path) -> FilmStreams:
@@ -62,16 +64,23 @@ def read_streams(path: Path) -> FilmStreams:
     size = path.stat().st_size if path.is_file() else 0
     most_bytes, most_s = _MORE_BYTES + _TIMES_LARGER * size, _LEAST_S + size / _BYTES_A_SECOND
     try:
-        return ask_child(__name__, _Question(str(path)), FilmStreams, most_bytes=most_bytes, most_s=most_s)
+        return ask_child(__name__, _Question(os.fsencode(path)), FilmStreams, most_bytes=most_bytes, most_s=most_s)
     except UnreadError as error:
-        text = str(error)
-        raise VideoError(text if text.startswith("video ") else f"video {path}: {text}") from error
+        raise VideoError(f"video {path}: {error}") from error
     except OSError as error:
         raise VideoError(f"video {path}: no process starts to read it: {error.strerror}") from error
 
 
 def _read(question: _Question) -> FilmStreams:
-    path = Path(question.path)
+    path = Path(os.fsdecode(question.path))
+    try:
+        return _read_through(path)
+    except VideoError as error:
+        # who asked knows the path, which may be longer than what is told
+        raise VideoError(str(error).removeprefix(f"video {path}: ")) from error
+
+
+def _read_through(path: Path) -> FilmStreams:
     rows: list[tuple[str, float, bytes]] = []
     found, size, first_s = FilmStreams(), 0, math.inf
     with closing(open_video(path)) as container:

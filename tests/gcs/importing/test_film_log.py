@@ -1,6 +1,8 @@
 import dataclasses
 import io
 import json
+import os
+import re
 from fractions import Fraction
 from types import SimpleNamespace
 
@@ -31,6 +33,7 @@ from tests.support.imports.film_writers import (
 )
 from tests.support.imports.flown import FOV_DEG, fly
 from tests.support.imports.srt_writers import Spot
+from vision.errors import VideoError
 
 FRAMES = 40
 
@@ -256,3 +259,11 @@ def test_data_without_time_stamps_has_that_of_the_pictures_beside_it():
         ("klv", 0.5),
         ("film", 0.6),
     ]
+
+
+@pytest.mark.parametrize("name", [b"\xff.mp4", b"long" * 50 + b".mp4"])
+def test_a_film_that_is_none_is_told_with_why_whatever_its_name(tmp_path, name):
+    path = tmp_path / os.fsdecode(name)
+    path.write_bytes(b"no film")
+    with pytest.raises(VideoError, match=f"^video {re.escape(str(path))}: not a video that can be read"):
+        read_streams(path)
