@@ -24,18 +24,23 @@ from numpy.typing import NDArray
 
 from infra.plain_text import plain
 from infra.processes.channel import MessageChannel, connect_to_parent
-from infra.processes.child_process import ChildProcess
+from infra.processes.child_process import KILL_S, ChildProcess
 from infra.shared_memory import make_memory, map_memory
 from vision.errors import VideoError
 from vision.video.frame_index import FrameIndex, FrameReader, read_index, read_tags, reason
 
 _INDEX_BYTES, _TIMES_LARGER = 1 << 30, 3
 """Memory that an index may take: so much for the first picture, and so many times the file's size."""
-_PICTURES_BYTES = 4 << 30
-"""Memory that pictures may take, those that others are coded by included."""
-_LEAST_S, _BYTES_A_SECOND = 60.0, 250_000
-"""For which one answer may take: to come to a picture, the film may have to be decoded from its beginning."""
-_LOOK_S, _ORPHAN_S = 1.0, 5.0
+_PICTURES_BYTES, _PICTURES_SHARE = 4 << 30, 0.5
+"""Memory that pictures may take, those that others are coded by included: so much, or that share of the machine's."""
+_NEXT_S = 60.0
+"""Longest time for the next picture in sequence, s."""
+_SLOWEST_BYTES_A_SECOND = 250_000
+"""Slowest pace through a whole film: its index, and a picture that others come before, may take so much longer."""
+_WAKE_S = 1.0
+"""Time between two looks at whether the process that is waited for could have answered, s."""
+_ORPHAN_S = 5.0
+"""Time between two looks of the process at whether who started it still lives, s."""
 _ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Threads of numpy's, which only carries pictures there, take address space."""
 _MOST_MESSAGE = (1 << 31) - 1
@@ -58,7 +63,8 @@ class _IndexMessage(msgspec.Struct, tag=True):
 
 
 class _OpenFilm(msgspec.Struct, tag=True):
-    path: str
+    path: bytes
+    """As the system has it: names need not be UTF-8."""
     memory: int
     """File descriptor of the memory for a picture."""
     index: _IndexMessage | None
@@ -73,6 +79,7 @@ class _BeginFrames(msgspec.Struct, tag=True):
 
 class _GoTo(msgspec.Struct, tag=True):
     start: int
+    """The frame to begin with, which is answered."""
 
 
 class _NextFrame(msgspec.Struct, tag=True):
@@ -81,6 +88,10 @@ class _NextFrame(msgspec.Struct, tag=True):
 
 class _ReadFrame(msgspec.Struct, tag=True):
     index: int
+
+
+class _Begun(msgspec.Struct, tag=True):
+    pass
 
 
 class _Decoded(msgspec.Struct, tag=True):
@@ -97,7 +108,7 @@ class _NotRead(msgspec.Struct, tag=True):
 
 
 _Request = _OpenFilm | _BeginFrames | _GoTo | _NextFrame | _ReadFrame
-_Answer = _IndexMessage | _Decoded | _NoMore | _NotRead
+_Answer = _IndexMessage | _Begun | _Decoded | _NoMore | _NotRead
 
 
 class FilmReader:
@@ -118,7 +129,7 @@ class FilmReader:
     def __init__(self, path: Path, index: FrameIndex | None = None) -> None:
         self._path = path
         size = path.stat().st_size if path.is_file() else 0
-        self._most_s = _LEAST_S + size / _BYTES_A_SECOND
+        self._most_s = _NEXT_S + size / _SLOWEST_BYTES_A_SECOND
         try:
             self._memory = os.fdopen(make_memory(0), "r+b", buffering=0)
             self._process: ChildProcess[_Answer] = ChildProcess(
@@ -128,10 +139,14 @@ class FilmReader:
             raise VideoError(f"video {path}: no process starts to read it: {error.strerror}") from error
         self.close = weakref.finalize(self, _end, self._process, self._memory)
         self._image: NDArray[np.uint8] | None = None
-        self._ask(_OpenFilm(str(path), self._memory.fileno(), None if index is None else _packed(index, {})))
+        self._next = 0
+        """The frame that its decoder comes to next; -1 where that is not known."""
+        self._ended = ""
+        """Why it answers no more, empty while it does."""
+        self._ask(_OpenFilm(os.fsencode(path), self._memory.fileno(), None if index is None else _packed(index, {})))
         self.tags: dict[str, str] = {}
         if index is None:
-            found = self._receive(_IndexMessage)
+            found = self._receive(_IndexMessage, self._most_s)
             assert found is not None
             index, self.tags = _unpacked(found), found.tags
         self.index = index
@@ -144,11 +159,12 @@ class FilmReader:
         """
         image = self._begun()
         self._ask(_GoTo(start))
-        self._ask(_NextFrame())
-        while (picture := self._receive(_Decoded)) is not None:
+        picture = self._receive(_Decoded, self._most_s)
+        while picture is not None:
             shown = image.copy()
             self._ask(_NextFrame())  # it is decoded while this one is looked at
             yield picture.index, shown
+            picture = self._receive(_Decoded, _NEXT_S)
 
     def read(self, index: int) -> NDArray[np.uint8] | None:
         """That frame, None when it does not decode.
@@ -158,27 +174,34 @@ class FilmReader:
         """
         image = self._begun()
         self._ask(_ReadFrame(index))
-        return None if self._receive(_Decoded) is None else image.copy()
+        most_s, self._next = _NEXT_S if index == self._next else self._most_s, -1
+        if self._receive(_Decoded, most_s) is None:
+            return None
+        self._next = index + 1
+        return image.copy()
 
     def _begun(self) -> NDArray[np.uint8]:
         """The memory for a picture, of the size that the index has now."""
         if self._image is None:
             width, height = self.index.width, self.index.height
             os.ftruncate(self._memory.fileno(), width * height * 3)
-            self._image = _image(self._memory.fileno(), width, height)
             self._ask(_BeginFrames(width, height))
+            self._receive(_Begun, self._most_s)
+            self._image = _image(self._memory.fileno(), width, height)
         return self._image
 
     def _ask(self, request: _Request) -> None:
         with suppress(OSError):  # it is gone, which who receives sees
             self._process.channel.send(request)
 
-    def _receive(self, wanted: type[Answer]) -> Answer | None:
-        """The next answer, None at the end."""
+    def _receive(self, wanted: type[Answer], most_s: float) -> Answer | None:
+        """The next answer, None at the end; a process that gave none in time, or ended, is asked no more."""
+        if self._ended:
+            raise VideoError(self._ended)
         began_s, before = time.monotonic(), self._process.processor_time
-        while self._process.able_s(time.monotonic() - began_s, before) < self._most_s:
+        while self._process.able_s(time.monotonic() - began_s, before) < most_s:
             try:
-                answer = self._process.channel.receive(_LOOK_S)
+                answer = self._process.channel.receive(_WAKE_S)
             except EOFError:
                 break
             if isinstance(answer, _NotRead):
@@ -186,9 +209,13 @@ class FilmReader:
             if answer is not None:
                 return answer if isinstance(answer, wanted) else None
         else:
-            raise VideoError(f"video {self._path}: FFmpeg takes longer than {self._most_s:.0f} s for one answer")
-        self._process.kill()
-        raise VideoError(f"video {self._path}: FFmpeg ended: {plain(self._process.exit_reason)}")
+            # what it still says would be taken for the answer to the next question
+            self._process.kill()
+            self._ended = f"video {self._path}: FFmpeg takes longer than {most_s:.0f} s for one answer"
+            raise VideoError(self._ended)
+        self._process.end(KILL_S)
+        self._ended = f"video {self._path}: FFmpeg ended: {plain(self._process.exit_reason)}"
+        raise VideoError(self._ended)
 
 
 def _end(process: ChildProcess[_Answer], memory: IO[bytes]) -> None:
@@ -247,15 +274,17 @@ class _FilmWorker:
     def answer(self, request: _Request) -> None:
         """Answer one request."""
         if isinstance(request, _OpenFilm):
-            self.path, self._memory = Path(request.path), request.memory
+            self.path, self._memory = Path(os.fsdecode(request.path)), request.memory
             self._open(request.index)
         elif isinstance(request, _BeginFrames):
-            _bound_memory(_PICTURES_BYTES)
+            _bound_memory(min(_PICTURES_BYTES, int(_PICTURES_SHARE * psutil.virtual_memory().total)))
             self._image = _image(self._memory, request.width, request.height)
             self._reader = FrameReader(self.path, replace(self._index, width=request.width, height=request.height))
+            self._parent.send(_Begun())
         elif isinstance(request, _GoTo):
             self._reader.go(request.start)
             self._frames = self._reader.frames()
+            self._show(next(self._frames, None))
         elif isinstance(request, _NextFrame):
             self._show(next(self._frames, None))
         else:
@@ -303,10 +332,10 @@ def main() -> None:
             try:
                 film.answer(request)
             except VideoError as error:
-                parent.send(_NotRead(str(error)))
+                parent.send(_NotRead(plain(str(error))))
             except (av.FFmpegError, ValueError, MemoryError) as error:
                 why = "it takes more memory than a film may" if isinstance(error, MemoryError) else reason(error)
-                parent.send(_NotRead(f"video {film.path}: {why}"))
+                parent.send(_NotRead(plain(f"video {film.path}: {why}")))
 
 
 if __name__ == "__main__":
