@@ -48,6 +48,8 @@ class CodedFilm:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._parts = read_parts(path)
+        for part in self._parts:
+            part.close()
         self.n = self._parts[-1].end
         index = self._parts[0].index
         self.size, self.shown_as = (index.width, index.height), index.shown_as

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping
 from dataclasses import replace
 from glob import escape
@@ -37,7 +38,9 @@ class RecordingPart:
         self.first = first
         self.start_us = start_us
         self.n = len(self.index.pts)
-        self._reader: FilmReader | None = reader
+        self._unused: FilmReader | None = reader
+        self._lending = threading.Lock()
+        self._reader: FilmReader | None = None
 
     @property
     def end(self) -> int:
@@ -52,7 +55,9 @@ class RecordingPart:
 
     def reader(self) -> FilmReader:
         """A decoder for who asks alone."""
-        reader, self._reader = self._reader or FilmReader(self.path, self.index), None
+        with self._lending:
+            reader, self._unused = self._unused, None
+        reader = reader or FilmReader(self.path, self.index)
         reader.index = self.index
         return reader
 
@@ -63,10 +68,12 @@ class RecordingPart:
         return self._reader.read(index)
 
     def close(self) -> None:
-        """Release the file."""
-        if self._reader is not None:
-            self._reader.close()
-            self._reader = None
+        """Release the file; it is opened again where a picture of it is asked for."""
+        with self._lending:
+            unused, self._unused = self._unused, None
+        for reader in filter(None, (unused, self._reader)):
+            reader.close()
+        self._reader = None
 
 
 def read_parts(path: Path) -> tuple[RecordingPart, ...]:
@@ -106,8 +113,10 @@ def _following(path: Path) -> list[RecordingPart]:
         try:
             reader = FilmReader(further)
             first, start_us = _place(reader.tags)
+            part = RecordingPart(further, reader, first, start_us)
+            part.close()  # a process for each of many files would take the memory of as many
             if first >= 0:
-                parts.append(RecordingPart(further, reader, first, start_us))
+                parts.append(part)
         except VideoError:
             # broken off before its first frame
             continue

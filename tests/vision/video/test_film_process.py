@@ -1,7 +1,9 @@
 """A film that brings FFmpeg down, or has it go on for ever, is one line for who reads it."""
 
 import os
+import shutil
 import signal
+from itertools import count
 from types import SimpleNamespace
 
 import psutil
@@ -9,10 +11,11 @@ import pytest
 
 from infra.processes.child_process import ChildProcess
 from infra.shared_memory import make_memory
-from tests.support.video_senders import HEIGHT, WIDTH, steady, write_clip
+from tests.support.video_senders import HEIGHT, WIDTH, number_of, steady, write_clip
 from vision.errors import VideoError
-from vision.video import film_process
+from vision.video import film_process, recording_parts
 from vision.video.film_process import FilmReader
+from vision.video.recording_parts import read_parts
 from vision.video.video import VideoFile
 
 
@@ -107,3 +110,32 @@ def test_pictures_have_at_most_half_of_the_machines_memory(tmp_path, monkeypatch
         film.answer(film_process._OpenFilm(os.fsencode(path), memory.fileno(), None))
         film.answer(film_process._BeginFrames(WIDTH, HEIGHT))
     assert bounds[-1] == most
+
+
+def test_a_recording_of_many_files_has_not_as_many_processes(tmp_path, monkeypatch):
+    path = write_clip(tmp_path / "video.mp4", steady(4))
+    for k in (1, 2, 3):
+        shutil.copy(path, tmp_path / f"video.{k}.mp4")
+    firsts = count(0, 4)
+    monkeypatch.setattr(recording_parts, "_place", lambda tags: (next(firsts), 0))
+    others = len(psutil.Process().children())
+    with VideoFile.open(path) as video:
+        assert len(psutil.Process().children()) == others + 1
+        assert [number_of(frame.image) for frame in video.frames()] == [*range(4)] * 4
+        assert number_of(video.read(14).image) == 2
+    assert len(psutil.Process().children()) == others
+
+
+def test_a_decoder_that_is_read_with_is_lent_to_nobody(tmp_path, monkeypatch):
+    (part,) = read_parts(write_clip(tmp_path / "clip.mp4", steady(4)))
+    reading, lent = FilmReader.read, []
+
+    def read(film, index):
+        lent.append(part.reader())  # as another thread may ask for in the meantime
+        assert film not in lent
+        return reading(film, index)
+
+    monkeypatch.setattr(FilmReader, "read", read)
+    assert [number_of(part.read(k)) for k in (3, 1)] == [3, 1]
+    for reader in (part, *lent):
+        reader.close()
