@@ -1,4 +1,7 @@
-"""The video as it is: when each frame is shown, its size, and what its container says of camera and date."""
+"""The video as it is: when each frame is shown, its size, and what its container says of camera and date.
+
+Header and first picture are read in this process, once a process of its own has read the same and the whole index.
+"""
 
 from __future__ import annotations
 

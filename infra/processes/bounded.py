@@ -57,8 +57,8 @@ def ask_child(
     Args:
         module: calls :func:`answer_parent`.
         answers: type of its answer, a Struct with a tag.
-        most_bytes: of memory that the work may take.
-        most_s: for which it may take.
+        most_bytes: most memory that the work may take.
+        most_s: longest time that it may take, s.
 
     Raises:
         UnreadError: it could not, or needs more than it may have.

@@ -1,6 +1,7 @@
 """The frames of a recording as they were coded, without decoding: to copy them into files of other kinds.
 
-A frame's index is that of ``vision.video.video``: its place in display order over all files of the recording.
+A frame's index is that of ``vision.video.video``: its place in display order over all files of the recording. The files
+are read in this process, once a process of its own has read them through for their index.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Streams that a video file carries beside its pictures: subtitles, KLV, and messages (SEI) among the coded pictures.
 
-The file is read through once without decoding, in a process of its own, as FFmpeg reads all that others made. Times are
-µs since the video's first frame.
+The file is read through once without decoding, in a process of its own, which FFmpeg may bring down. Times are µs since
+the video's first frame.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from vision.video.frame_index import film_stream, open_video
 _MOST_BYTES = 256 << 20
 """Maximum bytes of everything that is kept: three hours of messages with each picture."""
 _MOST_MESSAGES = MOST_CUES
-_MORE_BYTES, _TIMES_LARGER = 3 * _MOST_BYTES, 3
+_MORE_BYTES, _TIMES_ITS_SIZE = 3 * _MOST_BYTES, 3
 """Bytes of memory that a film may take: this, as what is kept is read, told and sent, and so many times its size."""
-_LEAST_S, _BYTES_A_SECOND = 60.0, 1_000_000
-"""For which it may take to be read."""
+_READING_S, _READING_BYTES_A_SECOND = 60.0, 1_000_000
+"""Longest time to read a film through: so many s, and its size at this pace."""
 _WITH_MESSAGES = ("h264", "hevc")
 _DJI_NAMES = ("DJI meta", "djmd")
 
@@ -62,7 +62,7 @@ def read_streams(path: Path) -> FilmStreams:
         VideoError: no such file, or no video in it; FFmpeg does not read it in bounds.
     """
     size = path.stat().st_size if path.is_file() else 0
-    most_bytes, most_s = _MORE_BYTES + _TIMES_LARGER * size, _LEAST_S + size / _BYTES_A_SECOND
+    most_bytes, most_s = _MORE_BYTES + _TIMES_ITS_SIZE * size, _READING_S + size / _READING_BYTES_A_SECOND
     try:
         return ask_child(__name__, _Question(os.fsencode(path)), FilmStreams, most_bytes=most_bytes, most_s=most_s)
     except UnreadError as error:
