@@ -40,7 +40,7 @@ def bind(host: str, port: int) -> socket.socket:
         host: empty for any address, one of ours, a multicast group, or the one sender to listen to.
 
     Raises:
-        VideoError: the port cannot be had.
+        VideoError: the port cannot be had, or the host's name is none.
     """
     bound = open_stamped_udp(BUFFER_BYTES)
     try:
@@ -51,6 +51,9 @@ def bind(host: str, port: int) -> socket.socket:
             f"video udp port {host or '*'}:{port}: cannot be bound ({(error.strerror or str(error)).lower()}); "
             "is another program listening there?"
         ) from error
+    except ValueError as error:
+        bound.close()
+        raise VideoError(f"video udp port {host}:{port}: that cannot be the name of a host; correct it") from error
     return bound
 
 
@@ -77,7 +80,8 @@ def are_one_place(one: Source, other: Source) -> bool:
 
 def _bound_to(host: str) -> str:
     """The address of this computer that a source's host is bound to."""
-    with contextlib.suppress(OSError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as trial:
+    # a name that cannot be one is a ValueError
+    with contextlib.suppress(OSError, ValueError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as trial:
         _bind(trial, host, 0)
         return str(trial.getsockname()[0])
     return ANY

@@ -5,8 +5,10 @@ from __future__ import annotations
 import pytest
 
 from vision.errors import VideoError
-from vision.stream.port import are_one_place
+from vision.stream.port import are_one_place, bind
 from vision.stream.source import offered, parse_source
+
+NO_HOST = "h" * 70
 
 
 @pytest.mark.parametrize(
@@ -46,10 +48,16 @@ def test_known_sources(text, kind, host, port, codec):
         ("rtsp://192.0.2.1/main", "rtsp://192.0.2.1/main", True),
         ("rtsp://192.0.2.1/main", "rtsp://192.0.2.1/sub", False),
         ("rtsp://192.0.2.1/main", "udp://:5600", False),
+        (f"udp://{NO_HOST}:5600", f"udp://{NO_HOST}:5600", True),
     ],
 )
 def test_two_sources_that_are_one_place(one, other, same):
     assert are_one_place(parse_source(one), parse_source(other)) == same
+
+
+def test_a_name_that_no_host_can_have_is_told():
+    with pytest.raises(VideoError, match="cannot be the name of a host"):
+        bind(NO_HOST, 0)
 
 
 def test_a_camera_takes_size_rate_and_format():
