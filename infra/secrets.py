@@ -3,7 +3,8 @@
 User name and password come before an @. Cameras take them as values too, in the query or in the path
 (``/user=admin&password=…``), and stores sign an address in its query, so every value is one, and so is a long word in
 the query or behind a #; but not in the path of a store, where values are names of folders. What RTMP has behind the
-application is a stream's key, and a long word at the end of an RTSP path may be one. Addresses of datagrams have none.
+application is a stream's key, and a long mixture of letters and digits at the end of an RTSP path may be one, but not
+a camera's name for its stream. Addresses of datagrams have none.
 
 What is shown, logged and written goes through ``conceal``, which knows the addresses that were hidden.
 """
@@ -27,17 +28,25 @@ _HARMLESS = ("codec", "pkt_size")
 _KEYED = ("rtmp", "rtmps", "rtsp", "rtsps")
 """Where the path's last part may be a key."""
 _LAST = re.compile(r"(?<=/)[^/=]+(?=/*$)")
-_LONG_ENOUGH, _LONG_VALUE, _LONG_KEY = 4, 8, 10
-"""Shorter passwords, values and words occur in any text by chance; a value with its name is found whatever it is."""
-_hidden: list[tuple[int, str, str]] = []
-"""Secrets: minus its length, itself, and what stands in its place."""
+_LONG_ENOUGH, _LONG_VALUE, _LONG_KEY, _NO_NAME = 4, 8, 10, 20
+"""Shorter passwords, values and keys occur in any text by chance; a value with its name is found whatever it is, and a
+key with its whole path. From the last on it is taken for a key even if parts of it look like words."""
+_MIXED = re.compile(r"(?=.*[0-9]).*[A-Za-z]")
+_WORD = "[A-Za-z][a-z]{2,}(?:[A-Z][a-z]+)*"
+_NAMES_A_STREAM = re.compile(rf"{_WORD}[0-9]{{0,3}}|(?:.*[_.-])?{_WORD}(?:[_.-].*)?")
+"""``videostream1``, ``h264Preview_01_main``: a word that is numbered, or one among others."""
+_NO_NAME_GOES_ON = r"(?![\w-]|\.\w)"
+_KEY_BEGINS, _KEY_ENDS = r"(?:(?<![^\W_])|(?<=%2[Ff]))", r"(?![^\W_])"
+_Form = tuple[int, str, str, str]
+_hidden: list[_Form] = []
+"""Secrets: minus its length, itself, the pattern that finds it, and what stands in its place."""
 
 
 def concealed(address: str) -> str:
     """An address as it may be shown, logged and recorded."""
     scheme, user, at, path, query = _parts(address)
     shown = _values(_IN_QUERY, query) if scheme else query
-    key = _key(scheme, path)
+    _, key = _key(scheme, path)
     in_path = path if not scheme or _is_store(scheme) else _values(_VALUE, path)
     in_path = _LAST.sub(_MARK, in_path) if key else in_path
     return f"{scheme}{_MARK if user else ''}{at}{in_path}{shown}"
@@ -45,8 +54,8 @@ def concealed(address: str) -> str:
 
 def secrets_of(address: str) -> tuple[str, ...]:
     """The parts that :func:`concealed` leaves out."""
-    user, values = _secrets(address)
-    return (user, *(value for _, value in values)) if user else tuple(value for _, value in values)
+    user, values, (_, key) = _secrets(address)
+    return tuple(secret for secret in (user, *(value for _, value in values), key) if secret)
 
 
 def conceal_in(text: str, address: str) -> str:
@@ -66,45 +75,61 @@ def conceal(text: str) -> str:
     return _replaced(text, _hidden)
 
 
-def _replaced(text: str, forms: list[tuple[int, str, str]]) -> str:
-    for _, secret, shown in forms:
-        text = text.replace(secret, shown)
+def _replaced(text: str, forms: list[_Form]) -> str:
+    for _, secret, pattern, shown in forms:
+        if secret in text:
+            text = shown.join(re.split(pattern, text))
     return text
 
 
-def _forms(address: str) -> set[tuple[int, str, str]]:
+def _forms(address: str) -> set[_Form]:
     """Patterns to look for, the longest first when sorted, and what to put there."""
-    user, values = _secrets(address)
-    if not user and not values:
+    user, values, (before, key) = _secrets(address)
+    if not user and not values and not key:
         return set()
-    forms = {address: concealed(address)}
     passwords = {part for part in (user, user.partition(":")[2]) if len(part) >= _LONG_ENOUGH}
     passwords |= {value for _, value in values if len(value) >= _LONG_VALUE}
-    for before, value in values:
-        forms |= {f"{before}{form}": f"{before}{_MARK}" for form in (value, unquote(value)) if before}
-    for password in passwords:
-        forms |= dict.fromkeys((password, unquote(password)), _MARK)
-    return {(-len(secret), secret, shown) for secret, shown in forms.items()}
+    is_short = 0 < len(key) < _LONG_VALUE
+    found = [("", address, _NO_NAME_GOES_ON if is_short else "", concealed(address))]
+    found += [("", f"{name}{form}", "", f"{name}{_MARK}") for name, value in values if name for form in _both(value)]
+    found += [("", form, "", _MARK) for password in passwords for form in _both(password)]
+    if is_short:
+        found += [(_KEY_BEGINS, f"{before}{form}", _NO_NAME_GOES_ON, f"{before}{_MARK}") for form in _both(key)]
+    elif key:
+        found += [(_KEY_BEGINS, form, _KEY_ENDS, _MARK) for form in _both(key)]
+    return {(-len(secret), secret, f"{a}{re.escape(secret)}{b}", shown) for a, secret, b, shown in found}
 
 
-def _secrets(address: str) -> tuple[str, list[tuple[str, str]]]:
-    """User and password, and values with what stands before them: ``name=``, the ``/`` of a key, or nothing."""
+def _both(secret: str) -> set[str]:
+    """As it stands in the address, and as it is meant."""
+    return {secret, unquote(secret)}
+
+
+def _secrets(address: str) -> tuple[str, list[tuple[str, str]], tuple[str, str]]:
+    """User and password, values with the ``name=`` before them or nothing, and a key with the path before it."""
     scheme, user, _, path, query = _parts(address)
     if not scheme:
-        return user, []
+        return user, [], ("", "")
     found = [] if _is_store(scheme) else _VALUE.findall(path)
     found = [(name, value) for name, value in (*found, *_IN_QUERY.findall(query)) if _is_secret(name, value)]
-    keys = [("/", key) for key in [_key(scheme, path)] if key]
-    return user, [*((f"{name}=" if name else "", value) for name, value in found), *keys]
+    return user, [(f"{name}=" if name else "", value) for name, value in found], _key(scheme, path)
 
 
-def _key(scheme: str, path: str) -> str:
-    """The key at the end of a stream's path, empty where there is none."""
+def _key(scheme: str, path: str) -> tuple[str, str]:
+    """The key at the end of a stream's path, with the path before it; both empty where there is none."""
     found = _LAST.search(path) if scheme.removesuffix("://").lower() in _KEYED else None
     if found is None:
-        return ""
+        return "", ""
     behind_an_application = scheme.lower().startswith("rtmp") and path.count("/", 0, found.start()) > 1
-    return found[0] if behind_an_application or len(found[0]) >= _LONG_KEY else ""
+    is_key = behind_an_application or _is_random(found[0])
+    return (path[path.index("/") + 1 : found.start()], found[0]) if is_key else ("", "")
+
+
+def _is_random(last: str) -> bool:
+    """Tell a key from a camera's name for its stream."""
+    if len(last) < _LONG_KEY or not _MIXED.match(last):
+        return False
+    return len(last) >= _NO_NAME or not _NAMES_A_STREAM.fullmatch(last)
 
 
 def _values(pattern: re.Pattern[str], text: str) -> str:

@@ -258,8 +258,8 @@ def _hide_passwords(videos: Sequence[str]) -> None:
         hide_in_process_list(video, secrets_of(video))
     if secret:
         print_note(
-            "other users could see the password in --video for a moment; [links] video in a mission is safer, and a "
-            "further camera's [[view]] video"
+            "other users could see the password or key in --video for a moment; [links] video in a mission is safer, "
+            "and a further camera's [[view]] video"
         )
 
 

@@ -64,6 +64,46 @@ def test_what_is_shown_of_an_address(address, shown):
     assert PASSWORD not in told
 
 
+@pytest.mark.parametrize(
+    "path",
+    [
+        "Streaming/Channels/101", "h264/ch1/main/av_stream", "cam/realmonitor", "axis-media/media.amp", "onvif-media1",
+        "h264Preview_01_main", "h264Preview_01_sub", "videostream", "videostream12", "stream1", "streaming/live/1",
+        "main.264", "video1", "MediaInput/h264stream.sdp",
+    ],
+)  # fmt: skip
+def test_a_camera_s_name_for_its_stream_is_no_key(path):
+    assert not secrets_of(f"rtsp://10.0.0.2/{path}")
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "5nPr7RCmueGTKMP7", "x7f9k2m4q8", "d41d8cd98f00b204e9800998ecf8427e", "Zr3x_kd9-Q0a-main-77xyPq",
+        "550e8400-beef-41d4-a716-446655440000", "q4Zt-9Wn2_b",
+    ],
+)  # fmt: skip
+def test_a_random_end_of_a_path_is_a_key(key):
+    address = f"rtsp://10.0.0.2/live/{key}"
+    assert concealed(address) == "rtsp://10.0.0.2/live/***"
+    for said, shown in ((f"no {key}.", "no ***."), (f"%2F{key}_720p", "%2F***_720p"), (f"{key}s", f"{key}s")):
+        assert conceal_in(said, address) == shown
+
+
+@pytest.mark.parametrize(
+    ("address", "said", "shown"),
+    [
+        ("rtmp://h/live/1", "4/17 named, 3/1", "4/17 named, 3/1"),
+        ("rtmp://h/live/1", "rtmp://h/live/1: no. /live/1.", "rtmp://h/live/***: no. /live/***."),
+        ("rtmp://h/live/1", "rtmp://h/live/17", "rtmp://h/live/17"),
+        ("rtmp://u:pass@h/live/main/", "/work/main/x, h/live/main", "/work/main/x, h/live/***"),
+        ("rtmp://h/live/main", "/srv/mainland, /live/main-2", "/srv/mainland, /live/main-2"),
+    ],
+)
+def test_a_short_key_is_found_with_its_path_alone(address, said, shown):
+    assert conceal_in(said, address) == shown
+
+
 def test_others_words_are_cleared_of_it_in_every_form():
     address = "rtsp://admin:hunter%202@10.0.0.2/main"
     said = conceal_in(f"[Errno 5] {address!r}: hunter%202, hunter 2, admin:hunter 2", address)
