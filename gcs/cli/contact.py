@@ -15,7 +15,7 @@ from gcs.cli.output.console import CONSOLE, print_note, redirect_stderr
 from gcs.cli.screen_options import ThemeName
 from gcs.errors import GcsError
 from gcs.flight.listening import HEARD_VIDEO, USUAL_LINKS, Listening, serial_hint, usual_links
-from gcs.flight.video import AUTO
+from gcs.flight.video import AUTO, IF_OFFERED
 from gcs.mission.mission import Links, Mission, SigningChoice, keys_folder, load_mission
 from gcs.mission.roster import Found, HeardVehicle, Role, mission_of, proposed_roles
 from gcs.mission.terrain_file import TerrainFile
@@ -282,7 +282,7 @@ def _ready(found: Found, listening: Listening, wanted: Wanted) -> Ready:
     video, video_from = _video(listening, found)
     mission = replace(
         mission_of(found.roles, found.names),
-        links=Links(telemetry=ours, video=video, forward=wanted.forward),
+        links=Links(telemetry=ours, video=AUTO if video == IF_OFFERED else video, forward=wanted.forward),
         signing=SigningChoice(keys=keys_folder()),
     )
     links_from = "as given by --link" if wanted.links else "where it was heard"
@@ -311,7 +311,7 @@ def _video(listening: Listening, found: Found) -> tuple[str, str]:
         "no video is offered or heard: if the UAV offers one later it is shown; else end this flight and give its "
         "address with --video, such as rtsp://192.168.1.10:8554/main or /dev/video0"
     )
-    return AUTO, "when the UAV offers one"
+    return IF_OFFERED, "when the UAV offers one"
 
 
 def _origins(mission: Mission, found: Found, listening: Listening) -> dict[str, str]:

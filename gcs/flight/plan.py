@@ -25,8 +25,8 @@ class FlightPlan:
     mission: Mission
     links: tuple[str, ...]
     video: str
-    """Empty: no camera; ``auto``: the stream that the UAV offers, once it does. Further cameras are those views of the
-    mission that name one."""
+    """Empty: no camera; ``auto``, and ``IF_OFFERED`` where nobody asked: the stream that the UAV offers, once it does.
+    Further cameras are those views of the mission that name one."""
     sessions: Path
     forward: tuple[str, ...] = ()
     """Outputs to which packets go on as they came."""

@@ -19,6 +19,9 @@ from vision.video.video import Frame
 
 AUTO = "auto"
 """In place of a video's URL: what the UAV offers."""
+IF_OFFERED = "auto if offered"
+"""The same where nobody asked for a video: none is waited for before the UAV offers one."""
+_BY_OFFER = (AUTO, IF_OFFERED)
 MANY_REFUSED = 20
 """Datagrams of others that are dropped before it is told: some are the rest of an earlier flight."""
 
@@ -29,7 +32,7 @@ def check_source(wanted: str) -> None:
     Raises:
         VideoError: it is none, or a file that is not there.
     """
-    if wanted in ("", AUTO):
+    if wanted in ("", *_BY_OFFER):
         return
     source = parse_source(wanted)
     if source.kind in ("file", "session") and not Path(source.address).is_file():
@@ -40,7 +43,7 @@ class FlightVideo:
     """One camera, or none.
 
     Args:
-        wanted: source; empty: none; ``auto``: what the UAV offers, once it does.
+        wanted: source; empty: none; ``auto`` and ``IF_OFFERED``: what the UAV offers, once it does.
         recorder: keeps the stream and the times of its frames.
     """
 
@@ -53,7 +56,7 @@ class FlightVideo:
         self._sender: Sender | None = None
         self._told_refused = False
         self._dated_by = ""
-        if wanted not in ("", AUTO):
+        if wanted not in ("", *_BY_OFFER):
             self._open(wanted)
 
     def latest(self, timeout_s: float) -> Frame | None:
@@ -64,7 +67,8 @@ class FlightVideo:
     def state(self) -> str:
         """``none``, ``waiting`` for an offer or the first frame, ``ok``, ``stalled`` or ``ended``."""
         if self.stream is None:
-            return "waiting" if self._wanted == AUTO else "none"
+            is_awaited = self._wanted == AUTO or (self._wanted == IF_OFFERED and self._offered)
+            return "waiting" if is_awaited else "none"
         if self.stream.ended:
             return "ended"
         if not self.stream.received:
@@ -107,7 +111,7 @@ class FlightVideo:
         url = offered(offer.type, offer.uri, offer.encoding)
         if not url:
             return _event("warning", f"the UAV offers a video that cannot be opened: {concealed(offer.uri)}")
-        if self._wanted == AUTO:
+        if self._wanted in _BY_OFFER:
             self._open(url)
         return _event(
             "info",

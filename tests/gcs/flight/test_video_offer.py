@@ -7,7 +7,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs.flight.flight import Flight
 from gcs.flight.plan import FlightPlan
-from gcs.flight.video import AUTO
+from gcs.flight.video import AUTO, IF_OFFERED, FlightVideo
 from gcs.mission.mission import parse_mission
 from tests.support.ports import free_port
 from tests.support.waiting import until
@@ -24,12 +24,20 @@ def offer(uri):
     return message.pack(speaker)
 
 
+@pytest.mark.parametrize(("wanted", "state"), [("", "none"), (IF_OFFERED, "none"), (AUTO, "waiting")])
+def test_a_video_is_waited_for_before_an_offer_only_where_it_was_asked_for(wanted, state):
+    video = FlightVideo(wanted, None)
+    assert video.state == state
+    assert [event.text for event in video.check(None)] == ["video waiting"] * (state == "waiting")
+
+
 @pytest.mark.parametrize(
     ("video", "uri", "told", "opened"),
     [
         (AUTO, "rtsp://127.0.0.1:1/main", "the UAV offers video at rtsp://127.0.0.1:1/main", "rtsp://127.0.0.1:1/main"),
         ("", "rtsp://127.0.0.1:1/main", "offers video at rtsp://127.0.0.1:1/main, --video auto shows it", None),
         (AUTO, "file:///etc/passwd", "offers a video that cannot be opened: file:///etc/passwd", None),
+        (IF_OFFERED, "file:///etc/passwd", "offers a video that cannot be opened: file:///etc/passwd", None),
     ],
 )
 def test_an_offer_is_told_and_taken_only_when_asked_for(tmp_path, video, uri, told, opened):
