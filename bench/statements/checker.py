@@ -35,13 +35,13 @@ from gcs.cli.rollcall import print_rollcall, rollcall_json
 from gcs.export.cot import cot_boxes, cot_event
 from gcs.export.job import ExportJob
 from gcs.export.maps.geojson import GeoJsonExport
-from gcs.flight.view import OF_A_CAMERA, FlightView
+from gcs.flight.view import FlightView
 from gcs.flight.views import beside
 from gcs.playback.identification import identify_session
 from gcs.report.rollcall import RollCall
 from gcs.session.frame_tables import read_times
 from gcs.session.session import open_session
-from gcs.snapshot import Snapshot, VehicleRow
+from gcs.snapshot import OF_A_CAMERA, Snapshot, VehicleRow
 
 S = 1_000_000
 EDGE_PX = 60.0
@@ -192,18 +192,18 @@ def _alarms_beside(
     shown: Snapshot, here: TrueFlight, flights: Sequence[TrueFlight], views: Sequence[FlightView]
 ) -> Iterator[tuple[Said, str]]:
     """Alarms are of the camera that they name, and what is wrong with each camera is told."""
-    texts = {alarm.text for alarm in shown.alarms}
+    texts, aircraft = {alarm.text for alarm in shown.alarms}, [each.uav_id for each in flights]
     for flown, view in zip(flights, views, strict=True):
         own, t_us = f"{view.name}: ", view.loop.latest.t_us if view.loop.latest else 0
         missing = replace(flown.moments[0], snapshot=replace(shown, t_us=t_us, alarms=shown.alarms))
         yield from check_missing_alarms(flown, missing)
         for alarm in shown.alarms:
-            named = alarm.kind in OF_A_CAMERA and alarm.system_id == flown.uav_id and alarm.text.startswith(own)
-            if named or (flown is here and alarm.system_id not in [each.uav_id for each in flights]):
+            named = alarm.kind in OF_A_CAMERA and alarm.text.startswith(own)
+            of_camera = named and alarm.system_id == flown.uav_id
+            if named or (flown is here and not (alarm.kind in OF_A_CAMERA or alarm.system_id in aircraft)):
                 text = alarm.text.removeprefix(own) if named else alarm.text
-                said = Said(
-                    where="beside", t_us=t_us, text=text, system_id=0 if named else alarm.system_id, standing=True
-                )
+                system_id = 0 if of_camera else alarm.system_id
+                said = Said(where="beside", t_us=t_us, text=text, system_id=system_id, standing=True)
                 yield from ((said, why) for why in check_sentence(flown, said))
     yield from ((_nothing(shown.t_us, 0), "two say the same") for _ in range(len(shown.alarms) - len(texts)))
 
