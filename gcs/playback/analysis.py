@@ -20,7 +20,7 @@ from gcs.playback.moments import moments_between
 from gcs.playback.opened_session import OpenedSession
 from gcs.playback.recorded_order import GroundScale, PacketsInOrder, RecordedTurns
 from gcs.playback.session_warnings import session_warnings
-from gcs.session.event_log import read_statements
+from gcs.session.event_log import read_statements, video_awaited_us
 from gcs.session.fold_order import NO_FRAME, FoldTurn
 from gcs.session.session import Session
 from gcs.snapshot import Event, Health, Snapshot
@@ -89,6 +89,7 @@ class Analysis:
         self._log, self._looks, self._turns = opened.log, opened.looks, opened.turns
         self._frames_order_us = np.maximum.accumulate(self.times_us)
         self._stall_s = stall_after_s(self._frames_order_us)
+        self._awaited_us = video_awaited_us(session.folder)
         self.warnings = tuple(session_warnings(opened))
 
     @property
@@ -312,12 +313,15 @@ class Analysis:
         return Health(frames=index + 1, video="ok" if self.video else "none")
 
     def health_at(self, t_us: int, index: int) -> Health:
-        """Health as far as it is recorded: whether frames came at a time; behind its last a film has ended."""
+        """Health as far as it is recorded: whether frames came at a time; behind its last a film has ended.
+
+        Before its first frame a film may just begin later: it was waited for only where the flight says so.
+        """
         health = self._health(index)
         if self.opened.frames_us is None:
             return health
         if not (before := int(np.searchsorted(self._frames_order_us, t_us, side="right"))):
-            return replace(health, video="waiting" if self.video else "none")
+            return replace(health, video="waiting" if self.video and self._awaited_us <= t_us else "none")
         if t_us - int(self._frames_order_us[before - 1]) <= self._stall_s * 1e6:
             return health
         ended = before == len(self.times_us) and not self.as_flown

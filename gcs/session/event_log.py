@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -21,6 +22,9 @@ from infra.files.segment import segments
 from infra.plain_text import plain
 from infra.session_format import EVENTS, MARKS
 from mavlink.state import Level
+
+VIDEO_AWAITED = "video waiting"
+"""End of the text of the event that a flight waits for the first frame of a camera."""
 
 _LEVELS: Mapping[Level, int] = {"info": logging.INFO, "warning": logging.WARNING, "alarm": logging.ERROR}
 
@@ -185,6 +189,12 @@ def read_statements(folder: Path, ugv_ids: Collection[int]) -> list[Statement]:
 def read_changes(folder: Path) -> tuple[FleetChange, ...]:
     """Changes by the operator about the fleet, as :func:`read_statements` reads."""
     return tuple(event.change for event in _all_events(folder) if event.change is not None)
+
+
+def video_awaited_us(folder: Path) -> float:
+    """Unix time from which a flight waited for a video, µs; infinite where it did not say so."""
+    said = (event.t_us for event in _all_events(folder) if event.kind == "video" and event.text.endswith(VIDEO_AWAITED))
+    return next(said, math.inf)
 
 
 def _all_events(folder: Path) -> Iterator[Event]:

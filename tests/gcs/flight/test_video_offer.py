@@ -9,6 +9,7 @@ from gcs.flight.flight import Flight
 from gcs.flight.plan import FlightPlan
 from gcs.flight.video import AUTO, IF_OFFERED, FlightVideo
 from gcs.mission.mission import parse_mission
+from gcs.session.event_log import VIDEO_AWAITED
 from tests.support.ports import free_port
 from tests.support.waiting import until
 
@@ -28,7 +29,7 @@ def offer(uri):
 def test_a_video_is_waited_for_before_an_offer_only_where_it_was_asked_for(wanted, state):
     video = FlightVideo(wanted, None)
     assert video.state == state
-    assert [event.text for event in video.check(None)] == ["video waiting"] * (state == "waiting")
+    assert [event.text for event in video.check(None)] == [VIDEO_AWAITED] * (state == "waiting")
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,10 @@ import pytest
 from gcs.errors import SessionError
 from gcs.playback.identification import identify_session
 from gcs.report.score import score_files
+from gcs.session.event_log import VIDEO_AWAITED, append_event
 from gcs.session.session import open_session
+from gcs.snapshot import Event
+from infra.session_format import EVENTS
 from sim.session import write_session
 from sim.world.scenario import Scenario
 from tests.support.bundled import CURVED_ROAD, shortened, swarm_session
@@ -34,6 +37,21 @@ def test_alarms_are_told_in_words(tmp_path):
     identify_session(open_session(tmp_path / "flown"), tmp_path / "out", note=notes.append)
     (told,) = (text for text in notes if text.startswith("alarm at "))
     assert told.endswith(" s: video and telemetry do not match: clock, camera, place or recording")
+
+
+@pytest.mark.parametrize("flight_waited", [False, True])
+def test_a_film_that_begins_late_was_waited_for_only_where_the_flight_says_so(tmp_path, flight_waited):
+    folder = shortened(CURVED_ROAD, tmp_path / "flown", 5)
+    header, *rows = (folder / "frames.csv").read_text().splitlines()
+    times = [(index, int(t_us) + 18_000_000) for index, t_us in (row.split(",") for row in rows)]
+    (folder / "frames.csv").write_text("\n".join([header, *(f"{index},{t_us}" for index, t_us in times)]))
+    if flight_waited:
+        waits_us = times[0][1] - 18_000_000
+        append_event(folder / EVENTS, Event(t_us=waits_us, level="info", kind="video", text=VIDEO_AWAITED))
+    notes = []
+    identify_session(open_session(folder), tmp_path / "out", note=notes.append)
+    told = [*notes, (tmp_path / "out" / EVENTS).read_text()]
+    assert any("no video comes" in text for text in told) == flight_waited, told
 
 
 def test_it_overwrites_nothing(tmp_path):
