@@ -15,6 +15,7 @@ import psutil
 
 from gcs.batch.jobs import SCRATCH_LOG, FlightDone, FlightFailed, FlightJob, FramesDone, file_name, log_name
 from gcs.batch.stores import open_results
+from gcs.batch.used import held_bytes
 from gcs.errors import StoreError
 from infra.processes.child_process import ChildProcess
 from infra.secrets import conceal, hide
@@ -158,7 +159,7 @@ class FlightRunner:
         if time.monotonic() > deadline_s:
             return f"took longer than {self.limits.timeout_s:g} s; give more with --timeout"
         with contextlib.suppress(psutil.Error):
-            most, held = self.limits.most_bytes, psutil.Process(child.pid).memory_info().rss
+            most, held = self.limits.most_bytes, held_bytes(psutil.Process(child.pid))
             if most is not None and held > most:
                 return (
                     f"needed more than {most / 2**30:.1f} GiB of memory; "

@@ -12,8 +12,6 @@ import logging
 import math
 import os
 import platform
-import resource
-import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
@@ -45,6 +43,7 @@ from gcs.batch.jobs import (
 )
 from gcs.batch.records import read_record, write_record
 from gcs.batch.stores import ResultStore, open_results
+from gcs.batch.used import held_bytes, peak_bytes, processor_s
 from gcs.errors import BatchError, GcsError, StoreError
 from gcs.export.tables.identity_table import IdentityTable
 from gcs.playback.identification import identify_session
@@ -90,12 +89,12 @@ def identify_flight(job: FlightJob, report: Callable[[int, int], None] = lambda 
             f"this worker ({_worker()}) has version {program_version()} of Rollcall, the batch {job.version}; "
             "install the same on all machines"
         )
-    began_s, cpu_s = time.monotonic(), time.process_time()
+    began_s, cpu_s = time.monotonic(), processor_s()
     results, scratch, source = open_results(job.out), Path(job.scratch), concealed(job.address)
     kept = read_record(results, job.name)
     stamp = remote_stamp(job.address) if is_remote(job.address) else None
     if stamp and kept and kept.stamp == stamp and _is_whole(results, kept, job, kept.inputs):
-        return FlightDone(kept, skipped=True, worker_bytes=_held_bytes())
+        return FlightDone(kept, skipped=True, worker_bytes=held_bytes(psutil.Process()))
     path = fetched_path(job) if is_remote(job.address) else local_path(job.address)
     if is_remote(job.address):
         fetch(job.address, path)
@@ -104,7 +103,7 @@ def identify_flight(job: FlightJob, report: Callable[[int, int], None] = lambda 
         raise BatchError(f"{source}: of several cameras, which a batch takes from a disk alone: copy it there first")
     as_found, inputs = files_stamp(files), inputs_hash(files)
     if kept and _is_whole(results, kept, job, inputs):
-        return FlightDone(kept, skipped=True, worker_bytes=_held_bytes())
+        return FlightDone(kept, skipped=True, worker_bytes=held_bytes(psutil.Process()))
     if kept and kept.status == DONE and kept.source != source and kept.inputs != inputs:
         raise BatchError(
             f"{source}: {concealed(job.out)} has the result of another flight of this name, {kept.source}; "
@@ -151,14 +150,14 @@ def identify_flight(job: FlightJob, report: Callable[[int, int], None] = lambda 
         identity_bytes=table.stat().st_size,
         attempts=job.attempt,
         seconds=round(time.monotonic() - began_s, 3),
-        cpu_seconds=round(time.process_time() - cpu_s, 3),
-        peak_bytes=_peak_bytes(),
+        cpu_seconds=round(processor_s() - cpu_s, 3),
+        peak_bytes=peak_bytes(),
         worker=_worker(),
     )
     results.remove(record_name(job.name))
     results.put(table, identity_name(job.name))
     write_record(results, record)
-    return FlightDone(record, skipped=False, worker_bytes=_held_bytes())
+    return FlightDone(record, skipped=False, worker_bytes=held_bytes(psutil.Process()))
 
 
 def fetched_path(job: FlightJob) -> Path:
@@ -231,15 +230,6 @@ def _versions() -> dict[str, str]:
 
 def _worker() -> str:
     return f"{platform.node()}:{os.getpid()}"
-
-
-def _held_bytes() -> int:
-    return int(psutil.Process().memory_info().rss)
-
-
-def _peak_bytes() -> int:
-    unit = 1 if sys.platform == "darwin" else 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
 
 
 def write_identity_table(evidence: Path, path: Path, about: Mapping[str, str]) -> None:
