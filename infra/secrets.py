@@ -101,7 +101,7 @@ def _forms(address: str) -> set[_Form]:
 
 
 def _both(secret: str) -> set[str]:
-    """As it stands in the address, and as it is meant."""
+    """A secret as it stands in the address, and as it is meant."""
     return {secret, unquote(secret)}
 
 

@@ -16,7 +16,7 @@ from pymavlink import mavutil
 from bench.attacks import doors, streams, takeover
 from bench.attacks.__main__ import ATTACKS, main
 from bench.attacks.actors import rover
-from bench.attacks.handed import files
+from bench.attacks.handed import commands, files
 from bench.attacks.records import frames, read_events, recorded, sender_of
 from bench.attacks.report import AttackRow, page, read_rows, write_rows
 from bench.attacks.run import Flown, Options, false_position_s, fly
@@ -184,6 +184,16 @@ def test_a_command_that_breaks_on_a_file_is_not_held(station, monkeypatch, does,
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("leaves", [False, True])
+def test_a_killed_export_is_held_only_if_it_left_something_behind(tmp_path, monkeypatch, leaves):
+    monkeypatch.setattr(commands, "YOUNG_S", 0.0)
+    begin = f"touch {tmp_path}/.aside-1; exec sleep 60" if leaves else "exit 0"
+    script = f'case "$*" in *.mp4) {begin};; *) rm -f .aside-*; touch a.geojson;; esac'
+    options = Options(gcs=("sh", "-c", script, "gcs"), python=sys.executable)
+    held, note = commands.CASES["exports that SIGTERM and SIGKILL end"](options, tmp_path)
+    assert held == leaves, note
+
+
 def test_what_a_door_lets_through_is_seen(station, monkeypatch):
     held, note = doors._ended_often(station)
     assert held and note.endswith(", sealed")
