@@ -1,10 +1,12 @@
 """Video that the UAV offers: taken only when asked for, told otherwise, and never a file or a device."""
 
 import socket
+from types import SimpleNamespace
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from gcs.cli.contact import _video
 from gcs.flight.flight import Flight
 from gcs.flight.plan import FlightPlan
 from gcs.flight.video import AUTO, IF_OFFERED, FlightVideo
@@ -23,6 +25,14 @@ def offer(uri):
         1, 1, RTSP, 1, 30.0, 1280, 720, 2000, 0, 70, b"main", uri.encode()
     )
     return message.pack(speaker)
+
+
+@pytest.mark.parametrize(
+    ("given", "offer", "video"), [(None, "", IF_OFFERED), (None, "rtsp://h/x", AUTO), (AUTO, "", AUTO)]
+)
+def test_without_a_mission_only_what_is_offered_or_asked_for_is_awaited(given, offer, video):
+    listening = SimpleNamespace(offer=offer, hears_video=False)
+    assert _video(listening, SimpleNamespace(video=given))[0] == video
 
 
 @pytest.mark.parametrize(("wanted", "state"), [("", "none"), (IF_OFFERED, "none"), (AUTO, "waiting")])
