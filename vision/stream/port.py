@@ -51,7 +51,7 @@ def bind(host: str, port: int) -> socket.socket:
             f"video udp port {host or '*'}:{port}: cannot be bound ({(error.strerror or str(error)).lower()}); "
             "is another program listening there?"
         ) from error
-    except ValueError as error:
+    except (TypeError, ValueError) as error:
         bound.close()
         raise VideoError(f"video udp port {host}:{port}: that cannot be the name of a host; correct it") from error
     return bound
@@ -80,8 +80,8 @@ def are_one_place(one: Source, other: Source) -> bool:
 
 def _bound_to(host: str) -> str:
     """The address of this computer that a source's host is bound to."""
-    # a name that cannot be one is a ValueError
-    with contextlib.suppress(OSError, ValueError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as trial:
+    # a name that cannot be one is a ValueError, one with a null byte a TypeError
+    with contextlib.suppress(OSError, TypeError, ValueError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as trial:
         _bind(trial, host, 0)
         return str(trial.getsockname()[0])
     return ANY

@@ -55,9 +55,10 @@ def test_two_sources_that_are_one_place(one, other, same):
     assert are_one_place(parse_source(one), parse_source(other)) == same
 
 
-def test_a_name_that_no_host_can_have_is_told():
+@pytest.mark.parametrize("host", [NO_HOST, "a\0b"])
+def test_a_name_that_no_host_can_have_is_told(host):
     with pytest.raises(VideoError, match="cannot be the name of a host"):
-        bind(NO_HOST, 0)
+        bind(host, 0)
 
 
 def test_a_camera_takes_size_rate_and_format():
