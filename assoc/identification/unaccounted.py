@@ -28,11 +28,10 @@ _CONTRADICTED = -5.0
 """ln ratio below which that comparison says that the two are not one."""
 _START_M, _SPEED_MPS = 10.0, 12.0
 """Farthest that a silent vehicle is from its last reported place: metres at once, and metres per second since."""
-_UNSEEN = 0.4
-"""A missing vehicle is so many times as likely none of the boxes that it may be as it is each of them."""
-_LEAST_SHARE, _MOST_SHARE = 0.11, 0.6
-"""Limits of a box's share in a missing vehicle: while one is missing nobody is a stranger with 0.9, and none is named
-because no other box is left."""
+_FOUND = 0.9
+"""Chance that a missing vehicle is one of u boxes that it may be or an unseen one, divided equally among u + 1."""
+_LEAST_SHARE, _MOST_SHARE = 0.11, 0.45
+"""Limits of a box's share in a missing vehicle: while one is missing nobody is a stranger with 0.9."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +59,7 @@ def shared_with_missing(
 ) -> FloatArray:
     """Marginals in which "none of ours" leaves a share to vehicles that are not accounted for.
 
-    With u boxes that vehicle j may be, each is it with s_j = 1/(u + 0.4), within 0.11 and 0.6, and none of ours with
+    With u boxes that vehicle j may be, each is it with s_j = 0.9/(u + 1), within 0.11 and 0.45, and none of ours with
     p₀ Π (1 − s_j).
 
     Args:
@@ -87,7 +86,7 @@ def shared_with_missing(
     may = missing[None] & free[:, None] & ~elsewhere
     # one that reports to be elsewhere now may lie
     may |= free[:, None] & unseen[None] & (former[:, None] == np.arange(n))
-    share = np.clip(1.0 / (np.count_nonzero(may, axis=0) + _UNSEEN), _LEAST_SHARE, _MOST_SHARE)
+    share = np.clip(_FOUND / (np.count_nonzero(may, axis=0) + 1.0), _LEAST_SHARE, _MOST_SHARE)
     s = np.where(may, share[None], 0.0)
     none = p[:, n] * np.prod(1.0 - s, axis=1)
     gone = p[:, n] - none
