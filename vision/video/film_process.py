@@ -64,7 +64,7 @@ class _IndexMessage(msgspec.Struct, tag=True):
 
 class _OpenFilm(msgspec.Struct, tag=True):
     path: bytes
-    """As the system has it: names need not be UTF-8."""
+    """Path as the system has it: names need not be UTF-8."""
     memory: int
     """File descriptor of the memory for a picture."""
     index: _IndexMessage | None

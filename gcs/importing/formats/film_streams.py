@@ -52,7 +52,7 @@ class FilmStreams(msgspec.Struct, tag=True):
 
 class _Question(msgspec.Struct):
     path: bytes
-    """As the system has it: names need not be UTF-8."""
+    """Path as the system has it: names need not be UTF-8."""
 
 
 def read_streams(path: Path) -> FilmStreams:
