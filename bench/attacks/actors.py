@@ -39,7 +39,7 @@ class Body:
     boot_s: float = 100.0
     """Time since boot when the stage begins; negative for a vehicle that boots later."""
     clock_rate: float = 1.0
-    """Of boot clock and date: a simulator's on a busy computer."""
+    """Seconds that boot clock and date pass in one second: less than 1 of a simulator on a busy computer."""
     height_m: float = 0.0
     home: tuple[float, float] = HOME
     date_s: float = 0.0

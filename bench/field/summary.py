@@ -68,7 +68,7 @@ class Summary:
     """Mean over sessions."""
     ece: float
     ece_all: float
-    """Of all answers, "none of ours" among them."""
+    """Expected calibration error of all answers, "none of ours" among them."""
     wrong_sure_s: float
     """In all sessions."""
     wrong_sure_worst_s: float

@@ -15,9 +15,8 @@ import psutil
 
 from gcs.batch.jobs import SCRATCH_LOG, FlightDone, FlightFailed, FlightJob, FramesDone, file_name, log_name
 from gcs.batch.stores import open_results
-from gcs.batch.used import held_bytes
 from gcs.errors import StoreError
-from infra.processes.child_process import ChildProcess
+from infra.processes.child_process import ChildProcess, held_bytes
 from infra.secrets import conceal, hide
 
 POLL_S = 0.2

@@ -12,6 +12,8 @@ import logging
 import math
 import os
 import platform
+import resource
+import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
@@ -43,7 +45,6 @@ from gcs.batch.jobs import (
 )
 from gcs.batch.records import read_record, write_record
 from gcs.batch.stores import ResultStore, open_results
-from gcs.batch.used import held_bytes, peak_bytes, processor_s
 from gcs.errors import BatchError, GcsError, StoreError
 from gcs.export.tables.identity_table import IdentityTable
 from gcs.playback.identification import identify_session
@@ -51,6 +52,7 @@ from gcs.report.rollcall import RollCall
 from gcs.report.score import score_files
 from gcs.session.session import Session, open_session
 from infra.processes.channel import MessageChannel
+from infra.processes.child_process import held_bytes
 from infra.program_log import LogFile
 from infra.secrets import conceal, concealed, hide
 from infra.session_format import IDENTITY, IDENTITY_EVIDENCE
@@ -151,7 +153,7 @@ def identify_flight(job: FlightJob, report: Callable[[int, int], None] = lambda 
         attempts=job.attempt,
         seconds=round(time.monotonic() - began_s, 3),
         cpu_seconds=round(processor_s() - cpu_s, 3),
-        peak_bytes=peak_bytes(),
+        peak_bytes=_peak_bytes(),
         worker=_worker(),
     )
     results.remove(record_name(job.name))
@@ -230,6 +232,17 @@ def _versions() -> dict[str, str]:
 
 def _worker() -> str:
     return f"{platform.node()}:{os.getpid()}"
+
+
+def _peak_bytes() -> int:
+    """Most memory that this process alone has held: what the system tells of those that have ended begins with ours."""
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+
+
+def processor_s() -> float:
+    """Processor time of this process and of those that it started and that have ended, s."""
+    return sum(os.times()[:4])
 
 
 def write_identity_table(evidence: Path, path: Path, about: Mapping[str, str]) -> None:

@@ -110,6 +110,12 @@ def answer_parent(asks: type[Question], read: Callable[[Question], msgspec.Struc
         parent.send(answer)
 
 
+def bound(kind: int, most: int) -> None:
+    """Bound what this process may have of a resource, ``RLIMIT_AS`` and the like; a bound from outside stays."""
+    _, hard = resource.getrlimit(kind)
+    resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+
+
 def _set_bounds(most_bytes: int, most_s: float) -> None:
     """Bound address space, output and processor time; a parent that is killed ends nothing."""
     for kind, most in (
@@ -118,8 +124,7 @@ def _set_bounds(most_bytes: int, most_s: float) -> None:
         (resource.RLIMIT_CPU, math.ceil(most_s)),
         (resource.RLIMIT_CORE, 0),
     ):
-        _, hard = resource.getrlimit(kind)
-        resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+        bound(kind, most)
 
 
 def _watch(

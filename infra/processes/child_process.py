@@ -164,3 +164,16 @@ class ChildProcess(Generic[Report]):
             _log.info("process %d ended: %s, %s", self._process.pid, self._module, self.exit_reason)
         self.channel.close()
         self._output.close()
+
+
+def held_bytes(process: psutil.Process) -> int:
+    """Memory that a process and those that it started hold now.
+
+    Raises:
+        psutil.Error: it is gone.
+    """
+    held = int(process.memory_info().rss)
+    for child in process.children(recursive=True):
+        with contextlib.suppress(psutil.Error):  # it has ended meanwhile
+            held += int(child.memory_info().rss)
+    return held

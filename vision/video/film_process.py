@@ -23,6 +23,7 @@ import psutil
 from numpy.typing import NDArray
 
 from infra.plain_text import plain
+from infra.processes.bounded import bound
 from infra.processes.channel import MessageChannel, connect_to_parent
 from infra.processes.child_process import KILL_S, ChildProcess
 from infra.shared_memory import make_memory, map_memory
@@ -309,9 +310,8 @@ class _FilmWorker:
 
 
 def _bound_memory(most_bytes: int) -> None:
-    _, hard = resource.getrlimit(resource.RLIMIT_AS)
-    most = psutil.Process().memory_info().vms + most_bytes
-    resource.setrlimit(resource.RLIMIT_AS, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+    """Bound what is taken from here on."""
+    bound(resource.RLIMIT_AS, psutil.Process().memory_info().vms + most_bytes)
 
 
 def _end_with(parent_id: int) -> None:
@@ -323,7 +323,7 @@ def _end_with(parent_id: int) -> None:
 
 def main() -> None:
     """Answer requests until there are no more."""
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    bound(resource.RLIMIT_CORE, 0)
     threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     parent: MessageChannel[_Request] = connect_to_parent(_Request, most_bytes=_MOST_MESSAGE)
     film = _FilmWorker(parent)

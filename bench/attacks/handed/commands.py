@@ -1,4 +1,4 @@
-"""What lies in a command's way: a text among flights, secrets, a poor terminal, few descriptors, kills."""
+"""Attacks by what lies in a command's way: a text among flights, secrets, a poor terminal, few descriptors, kills."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SECRET = "Hush0xBEEF78"
 MOST_S = 120.0
 FEW = 36
 YOUNG_S = 61.0
-"""What was left just now may be another command's."""
+"""Age of a hidden folder that no command works on any more, s: a younger one may be another command's."""
 Case = Callable[[Options, Path], tuple[bool, str]]
 
 
@@ -103,7 +103,7 @@ CASES: dict[str, Case] = {
 
 
 def hostile_surroundings(options: Options) -> list[AttackRow]:
-    """What lies in the way of commands: texts among flights, secrets, poor terminals, few descriptors, kills."""
+    """Rows of the attacks by what lies in the way of commands, one for each of ``CASES``."""
     rows = []
     for k, (name, play) in enumerate(CASES.items()):
         folder = options.folder / f"command-{k}"

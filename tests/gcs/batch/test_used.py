@@ -7,7 +7,8 @@ import sys
 
 import psutil
 
-from gcs.batch.used import held_bytes, processor_s
+from gcs.batch.work import processor_s
+from infra.processes.child_process import held_bytes
 
 HOLDS_AND_WORKS = """
 import time

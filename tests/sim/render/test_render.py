@@ -35,17 +35,7 @@ def camera(pitch_deg=-90.0, yaw=0.0, p_enu=(0.0, 0.0, 40.0), size=(640, 360), fo
 
 
 def bodies(*rows, color=MAGENTA):
-    kind, x, y, heading, length, width, height = np.array(rows, dtype=float).reshape(-1, 7).T
-    return Bodies(
-        kind=kind.astype(np.int8),
-        x=x,
-        y=y,
-        heading=heading,
-        length=length,
-        width=width,
-        height=height,
-        color=np.tile(np.array(color, np.uint8), (len(x), 1)),
-    )
+    return Bodies.from_rows(rows, [color] * len(rows))
 
 
 def test_the_same_arguments_give_the_same_pixels():

@@ -96,7 +96,7 @@ def test_a_random_end_of_a_path_is_a_key(key):
         ("rtmp://h/live/1", "4/17 named, 3/1", "4/17 named, 3/1"),
         ("rtmp://h/live/1", "rtmp://h/live/1: no. /live/1.", "rtmp://h/live/***: no. /live/***."),
         ("rtmp://h/live/1", "rtmp://h/live/17", "rtmp://h/live/17"),
-        ("rtmp://u:pass@h/live/main/", "/work/main/x, h/live/main", "/work/main/x, h/live/***"),
+        ("rtmp://u:pass@h/live/main/", "/srv/main/x, h/live/main", "/srv/main/x, h/live/***"),
         ("rtmp://h/live/main", "/srv/mainland, /live/main-2", "/srv/mainland, /live/main-2"),
     ],
 )
