@@ -167,7 +167,11 @@ def main() -> None:
     options = parser.parse_args()
     rows, examples, sums = [], list[str](), Counter[str]()
     first, count = options.draws or (0, 0)
-    for script in [drawn_script(seed) for seed in range(first, first + count)] or SCRIPTS:
+    scripts = [drawn_script(seed) for seed in range(first, first + count)] or SCRIPTS
+    if unknown := {*(options.flights or ())} - {script.name for script in scripts}:
+        known = "; ".join(script.name for script in scripts)
+        parser.error(f"no flight is called {', '.join(sorted(unknown))}: {known}")
+    for script in scripts:
         if options.flights and script.name not in options.flights:
             continue
         cells = [script.name]

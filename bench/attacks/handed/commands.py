@@ -20,6 +20,8 @@ MOST_S = 120.0
 FEW = 36
 YOUNG_S = 61.0
 """Age of a hidden folder that no command works on any more, s: a younger one may be another command's."""
+FILMED = Path("sitl_logs/curved-road")
+"""A recording with a film, whose export takes long enough to be killed."""
 Case = Callable[[Options, Path], tuple[bool, str]]
 
 
@@ -77,12 +79,13 @@ def _dumb_terminal(options: Options, folder: Path) -> tuple[bool, str]:
 
 
 def _killed_export(options: Options, folder: Path) -> tuple[bool, str]:
-    session = str(options.recording.absolute())
+    session = str(FILMED.absolute())
     for number in (signal.SIGTERM, signal.SIGKILL):
         words = [*options.gcs, "export", session, "-o", str(folder / "a.mp4")]
+        before = {*folder.glob(".aside-*")}
         export = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         until_s = time.monotonic() + MOST_S
-        while not [*folder.glob(".aside-*")] and time.monotonic() < until_s and export.poll() is None:
+        while {*folder.glob(".aside-*")} <= before and time.monotonic() < until_s and export.poll() is None:
             time.sleep(0.05)
         export.send_signal(number)
         export.wait()
