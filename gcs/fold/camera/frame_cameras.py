@@ -28,6 +28,7 @@ from vision.detect.detections import Detections
 from vision.motion.attitude_fusion import AttitudeFusion
 from vision.motion.fused_evidence import ReportedRotation, SeenTracks
 from vision.motion.image_motion import ImageMotion
+from vision.motion.lag_search import HISTORY_S
 from vision.motion.rotation import CameraTurn, GroundShift, rotation_of
 from vision.track.tracks import Tracks
 
@@ -64,6 +65,7 @@ class FrameCameras:
         self._K: NDArray[np.float64] = np.zeros((3, 3))
         self._reported: ReportedRotation | None = None
         self._asked_us = 0
+        self._lag_told_s = 0.0
 
     @property
     def size(self) -> tuple[int, int] | None:
@@ -262,13 +264,23 @@ class FrameCameras:
         def rotation(uav: UavState) -> NDArray[np.float64]:
             return self._direction.pose(uav, camera.pose.p_enu).R_enu_cam
 
-        sampled_us = fleet.attitude_times(before_us + lag_us, t_us + lag_us) if before_us else []
+        since_us = before_us or t_us - round(HISTORY_S * 1e6)
+        sampled_us = fleet.attitude_times(since_us + lag_us, t_us + lag_us)
         return ReportedRotation(
             R_enu_cam=rotation(uav),
             known=uav.attitude_valid,
             sample_us=tuple(sample_us - lag_us for sample_us in sampled_us),
             samples_enu_cam=tuple(rotation(fleet.uav_at(sample_us)) for sample_us in sampled_us),
         )
+
+    def _lag_news(self, t_us: int) -> list[Event]:
+        """News that the attitude is used as of another time from now on, if it is."""
+        before_s, self._lag_told_s = self._lag_told_s, self._fusion.searched_lag_s
+        if self._lag_told_s == before_s:
+            return []
+        when = f"{abs(self._lag_told_s):.1f} s {'after' if self._lag_told_s > 0.0 else 'before'}"
+        text = f"the camera's turns are in telemetry {when} they are in the film: corrected"
+        return [Event(t_us=t_us, level="info", kind="camera", text=text, system_id=self._uav_id)]
 
     def at(self, state: FleetState, size: tuple[int, int] | None) -> tuple[FrameCamera | None, Sequence[Event]]:
         """The camera, and what an operator should know of it.
@@ -282,7 +294,7 @@ class FrameCameras:
         """
         uav = state.uav
         intrinsics = self._optics.intrinsics(state.t_us, uav.camera, size)
-        events = self._optics.take_events()
+        events = self._optics.take_events() + self._lag_news(state.t_us)
         ground = self._heights.below(uav)
         if intrinsics is None or not uav.position_valid or not np.isfinite(ground.z):
             return None, events

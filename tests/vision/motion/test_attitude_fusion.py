@@ -50,7 +50,7 @@ class Sway:
         noise *= np.radians(self.sway_deg) * np.array([1.0, 1.0, 0.4]) / noise[200:].std(axis=0)
         true = CubicSpline(STEP_S * np.arange(n) - 2.0, noise)
         bias = np.radians(self.bias_deg) * np.array([1.0, -0.7, 2.0])
-        sampled = np.arange(-1.0, self.seconds + 1.0, 1.0 / self.attitude_hz)
+        sampled = np.arange(-2.0, self.seconds + 1.0, 1.0 / self.attitude_hz)
         spread = np.radians([self.tilt_noise_deg, self.tilt_noise_deg, self.yaw_noise_deg])
         samples = true(sampled) + bias + rng.normal(0.0, 1.0, (len(sampled), 3)) * spread
         stamped = sampled + self.lag_s
@@ -73,7 +73,7 @@ class Sway:
             if 0.0 <= self.swapped_s <= t:
                 ids[:2] = ids[1::-1]
             late = fusion.lag_s
-            times = stamped[(stamped > before + late) & (stamped <= t + late)] if before >= 0.0 else ()
+            times = stamped[(stamped > (before if before >= 0.0 else -5.0) + late) & (stamped <= t + late)]
             turn = None
             if self.pixels_deg and before >= 0.0:
                 noise = np.radians(self.pixels_deg) * rng.normal(0.0, 1.0, 3)
@@ -122,6 +122,24 @@ def test_a_sway_between_the_samples_is_seen_in_the_boxes(options, limit_deg):
 def test_the_lag_of_attitude_is_found():
     for lag_s in (0.0, 0.06):
         assert Sway(lag_s=lag_s, attitude_hz=20.0).fly()[2].lag_s == pytest.approx(lag_s, abs=0.01)
+
+
+@pytest.mark.parametrize("lag_s", [-3.0, -0.5, 0.6])
+@pytest.mark.parametrize("tau_s", [0.25, 0.4])
+def test_attitude_that_is_far_off_in_time_is_searched_for_and_told(lag_s, tau_s):
+    _, fused, fusion = Sway(lag_s=lag_s, tau_s=tau_s, attitude_hz=10.0).fly()
+    assert fusion.searched_lag_s == pytest.approx(lag_s, abs=0.1)
+    assert fusion.lag_s == pytest.approx(lag_s, abs=0.03)
+    assert quick(fused[-40:])[:2].max() < 0.2
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"lag_s": 0.06}, {"sway_deg": 0.1, "lag_s": 0.5}, {"vehicles": 1, "lag_s": 0.5}, {"known": False, "lag_s": 0.5}],
+    ids=["near", "steady camera", "one vehicle", "no attitude"],
+)
+def test_no_lag_is_searched_where_none_shows(options):
+    assert Sway(**options).fly()[2].searched_lag_s == 0.0
 
 
 def test_good_attitude_is_not_made_worse():
