@@ -1,4 +1,4 @@
-"""How the camera looked at one frame, as snapshots tell it. World: ENU metres about the snapshot's origin."""
+"""The camera's pose and view at one frame, as snapshots tell it. World: ENU metres about the snapshot's origin."""
 
 from __future__ import annotations
 

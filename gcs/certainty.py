@@ -1,4 +1,4 @@
-"""How certain a name is, in the one wording that screens, overlays, events and tables share.
+"""The certainty of a name, in the one wording that screens, overlays, events and tables share.
 
 The number is the confidence that decides about the name: the identifier's probability, after all doubts.
 """
@@ -29,7 +29,7 @@ def certainty(confidence: float) -> str:
 
 
 def named(standing: str, confidence: float, *, stated: bool = False) -> str:
-    """How a name stands and how certain it is: ``confirmed 97%``; ``stated`` where the operator stated it.
+    """The state and certainty of a name: ``confirmed 97%``; ``stated`` where the operator stated it.
 
     Example:
         >>> named("tentative", 0.61), named("out of view", float("nan")), named("confirmed", 0.99, stated=True)

@@ -47,12 +47,12 @@ class Statement:
 
     track_id: int
     system_id: int
-    """Which vehicle it is, 0 none of ours."""
+    """System id of the vehicle, 0 none of ours."""
     frame: int = -1
     """From which frame on it counts, -1 not yet."""
     cx: float = NAN
     cy: float = NAN
-    """Where the box was in that frame, px, NaN unknown: a replay that tracks otherwise finds it there."""
+    """Place of the box in that frame, px, NaN unknown: a replay that tracks otherwise finds it there."""
     undone: bool = False
     """It is withdrawn with this frame."""
 
@@ -167,7 +167,7 @@ class VehicleRow:
     standing_since_us: int = 0
     """Since when it has this standing, 0 unknown."""
     expected_px: tuple[float, float] | None = None
-    """Where its reported position is in the image plane, also outside of the frame; None unknown or behind."""
+    """Its reported position in the image plane, also outside of the frame; None unknown or behind."""
     track_id: int = 0
     """Track that carries this identity, 0 none."""
     confidence: float = NAN
@@ -189,7 +189,7 @@ class VehicleRow:
     held: int = 0
     """Packets with a right signature and nothing that proves that they are made now: refused."""
     held_s: float = NAN
-    """How far their timestamps are behind, while all that comes is held; else NaN."""
+    """Delay of their timestamps, while all that comes is held; else NaN."""
     signs: bool = False
     """Packets were verified and none refused in the last seconds."""
     refusals: Mapping[str, int] = field(default_factory=dict)
@@ -204,9 +204,9 @@ class VehicleRow:
     """Fault of its clocks in words, empty while nothing is."""
     condition: VehicleCondition = field(default_factory=VehicleCondition)
     fence: str = ""
-    """Which fence of those that hold for it is nearest to be broken, or broken most; empty without one."""
+    """The fence nearest to be broken of those that hold for it, or broken most; empty without one."""
     fence_m: float = NAN
-    """How far it is on the right side of that fence, negative beyond, NaN unknown."""
+    """Distance to that fence on its right side, negative beyond, NaN unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -240,7 +240,7 @@ class Box:
     coasting: bool = False
     """Predicted, not seen in this frame."""
     system_id: int = 0
-    """Who it is, 0 unknown."""
+    """System id, 0 unknown."""
     confidence: float = NAN
     """Probability of the name; of "none of ours" when unnamed; NaN before any evidence."""
     runner_up: int = 0
@@ -297,13 +297,13 @@ class LinkHealth:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Health:
-    """How the program itself is doing."""
+    """State of the program itself."""
 
     fps: float = 0.0
     lag_s: float = 0.0
-    """How far the frame on screen is behind the newest one."""
+    """Delay of the frame on screen behind the newest one."""
     behind_s: float = 0.0
-    """How far the telemetry that was taken in is behind: a computer that cannot keep up. Ages are given without it."""
+    """Delay of the telemetry that was taken in: a computer that cannot keep up. Ages are given without it."""
     frames: int = 0
     skipped_frames: int = 0
     video: str = "none"
@@ -315,7 +315,7 @@ class Health:
     links: tuple[LinkHealth, ...] = ()
     recorded_bytes: int = 0
     recording_since_us: int = 0
-    """When the flight's recording began, Unix µs; 0 without one."""
+    """Start of the flight's recording, Unix µs; 0 without one."""
     free_bytes: int = 0
     time_offset_s: float = 0.0
     """Video time minus telemetry time, declared and estimated."""
@@ -355,7 +355,7 @@ class Health:
     fault: str = ""
     """The last of them in words."""
     clock_step_s: float = 0.0
-    """By how much the wall clock was set since the flight began."""
+    """Sum of the steps by which the wall clock was set since the flight began."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -366,9 +366,9 @@ class Snapshot:
     frame: int
     """Index in the video, -1 before the first frame."""
     frame_us: int = 0
-    """When it was taken, 0 before the first; earlier than ``t_us`` while no new one comes."""
+    """Time of its exposure, 0 before the first; earlier than ``t_us`` while no new one comes."""
     seen_us: int = 0
-    """When the frame was taken that the boxes were found in, 0 before the first."""
+    """Time of the frame that the boxes were found in, 0 before the first."""
     clock_us: int = 0
     """Time on clocks: the latest ``t_us`` so far, since the next frame may have been taken earlier; 0: ``t_us``."""
     analysed: bool = True
@@ -416,12 +416,12 @@ class Snapshot:
 
     @property
     def boxes_age_s(self) -> float:
-        """How long ago the frame of the boxes was taken, inf before the first."""
+        """Age of the frame of the boxes, inf before the first."""
         return max(0, self.t_us - self.seen_us) * 1e-6 if self.seen_us else NEVER
 
     @property
     def frame_age_s(self) -> float:
-        """How long ago the frame was taken, 0 before the first."""
+        """Age of the frame, 0 before the first."""
         return max(0, self.t_us - self.frame_us) * 1e-6 if self.frame_us else 0.0
 
     @property
@@ -436,7 +436,7 @@ class Snapshot:
 
     @property
     def held_s(self) -> float:
-        """How old boxes and names are, s; 0 while that is no more than ``HELD_SHOWN_S``, or there are none."""
+        """Age of boxes and names, s; 0 while that is no more than ``HELD_SHOWN_S``, or there are none."""
         return self.boxes_age_s if self.held and self.boxes and self.boxes_age_s > HELD_SHOWN_S else 0.0
 
     @property

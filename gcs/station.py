@@ -70,7 +70,7 @@ class Timeline(Protocol):
 
     @property
     def now_us(self) -> int:
-        """Where it is."""
+        """Present place."""
 
     @property
     def analysed(self) -> Sequence[tuple[int, int]]:
@@ -78,14 +78,14 @@ class Timeline(Protocol):
 
     @property
     def gaps(self) -> Sequence[Gap]:
-        """When no frame or no telemetry was received, in order of time."""
+        """Times when no frame or no telemetry was received, in order of time."""
 
     def confidence(self, system_id: int) -> NDArray[np.float32]:
         """(n,) least confidence in a vehicle's name in each of n equal parts of the recording; 0 while it has none, NaN
         where nothing was worked out yet."""
 
     def trails(self, t_us: int, span_s: float, origin: LocalFrame | None) -> Sequence[Trail]:
-        """Where vehicles were in the seconds before a moment, as far as that was worked out, about an origin."""
+        """Places of vehicles in the seconds before a moment, as far as that was worked out, about an origin."""
 
     @property
     def playing(self) -> bool:
@@ -159,7 +159,7 @@ class Station(Protocol):
 
     @property
     def folder(self) -> Path | None:
-        """Where a flight keeps its files, and stills beside them; None for a recording."""
+        """Folder in which a flight keeps its files, and stills beside them; None for a recording."""
 
     @property
     def tiles(self) -> Path | None:
@@ -193,7 +193,7 @@ class Station(Protocol):
         """The operator withdraws what was stated of a track; of 0, what was stated last."""
 
     def rates(self) -> Sequence[Rate]:
-        """How often the messages come that a flight needs, as measured; none of a recording."""
+        """Measured rates of the messages that a flight needs; none of a recording."""
 
     def newcomers(self) -> Sequence[Newcomer]:
         """Vehicles that are heard and not in the fleet; none of a recording."""

@@ -1,4 +1,4 @@
-"""Where vehicles were: their positions over the last minutes, for the lines behind them on the map."""
+"""Trails of vehicles: their positions over the last minutes, for the lines behind them on the map."""
 
 from __future__ import annotations
 

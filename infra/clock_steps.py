@@ -1,4 +1,4 @@
-"""Where a clock begins again or was set, by the times that it gave in the order in which they were written.
+"""Places where a clock begins again or was set, by the times that it gave in the order in which they were written.
 
 A single time that is late or damaged is no such place: what comes after has to agree with it.
 """

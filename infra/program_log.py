@@ -26,7 +26,7 @@ from infra.plain_text import plain
 from infra.secrets import conceal
 
 PACKAGES = ("gcs", "mavlink", "vision", "assoc", "sim", "infra")
-"""Whose records are written: libraries may put a password into theirs."""
+"""Loggers whose records are written: libraries may put a password into theirs."""
 MOST_BYTES = 16 << 20
 """Maximum bytes of one file: some hundred thousand lines; what comes after is left out."""
 MOST_WAITING = 10_000

@@ -1,4 +1,4 @@
-"""When to report or try again what goes on without end: each class answers that for one thing, or for one of each key.
+"""Times to report or try again what goes on without end: each class answers that for one thing, or for one of each key.
 
 Time is whatever the caller counts in, one unit and one clock for an object; counts of rounds will do.
 """
@@ -51,7 +51,7 @@ class Throttle:
 
 
 class ReportGrowth:
-    """When a count that keeps growing is reported: at first, whenever it has grown many times, and anew after a rest.
+    """Times to report a count that keeps growing: at first, whenever it has grown many times, and anew after a rest.
 
     Args:
         first: least count that is reported.
@@ -123,7 +123,7 @@ class TokenBucket:
     def __init__(self, per_s: float, burst: float, now_s: float) -> None:
         self._per_s, self._burst, self._tokens = per_s, burst, burst
         self.last_s = now_s
-        """When it was asked last."""
+        """Time at which it was asked last."""
 
     def allows(self, now_s: float) -> bool:
         """Tell whether one more may pass; then it has."""
@@ -136,7 +136,7 @@ class TokenBucket:
 
 
 class Backoff:
-    """How long to wait before something is tried again: longer after each failure in a row.
+    """Pauses before something is tried again: longer after each failure in a row.
 
     Args:
         pauses_s: after the first, second, third failure in a row; the last repeats.
@@ -148,7 +148,7 @@ class Backoff:
         self._next_s = 0.0
 
     def failed(self) -> float:
-        """How long to wait now, after one more failure, s."""
+        """Pause from now, after one more failure, s."""
         pause_s = self._pauses_s[min(self._failures, len(self._pauses_s) - 1)]
         self._failures += 1
         return pause_s

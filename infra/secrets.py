@@ -26,7 +26,7 @@ _TAIL = re.compile(r"[^&;/?#]*")
 _HARMLESS = ("codec", "pkt_size")
 """Values that describe how datagrams are read."""
 _KEYED = ("rtmp", "rtmps", "rtsp", "rtsps")
-"""Where the path's last part may be a key."""
+"""Schemes whose path's last part may be a key."""
 _LAST = re.compile(r"(?<=/)[^/=]+(?=/*$)")
 _LONG_ENOUGH, _LONG_VALUE, _LONG_KEY, _NO_NAME = 4, 8, 10, 20
 """Shorter passwords, values and keys occur in any text by chance; a value with its name is found whatever it is, and a

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Level = Literal["info", "warning", "alarm"]
 ARMING_FAILURES = ("PreArm: ", "Arm: ", "Preflight Fail: ")
-"""How ArduPilot and PX4 begin a status text on why a vehicle cannot be armed."""
+"""Start of ArduPilot's and PX4's status texts on why a vehicle cannot be armed."""
 SILENT_S = 3.5
 """A vehicle or a link without a packet for this long is silent: three heartbeats of one a second are missing, which is
 longer than the delay of a slow radio."""
@@ -46,12 +46,12 @@ class CameraReport:
     source: str
     """Name of the message with the field of view."""
     rotation_deg: int = 0
-    """By which the image is turned, clockwise: 0, 90, 180 or 270."""
+    """Rotation of the image, clockwise: 0, 90, 180 or 270."""
     zoom_percent: float = math.nan
     """Percent of the camera's whole range of zoom, NaN unknown."""
     model: str = ""
     uri: str = ""
-    """Where its video stream is, empty unknown."""
+    """Address of its video stream, empty unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +85,7 @@ class UavState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelStatus:
-    """How one vehicle's packets come from one address on one link."""
+    """Reception of one vehicle's packets from one address on one link."""
 
     link: int
     """Index of the link."""
@@ -99,12 +99,12 @@ class ChannelStatus:
     age_s: float
     """Since its last packet."""
     late_s: float
-    """How long after another channel it brings the same packets, 0 when it is first or the only one."""
+    """Delay after another channel that brings the same packets, 0 when it is first or the only one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleCondition:
-    """How a vehicle is by its own word; NaN and empty are unknown, inf is the age of what was never received."""
+    """Condition of a vehicle by its own word; NaN and empty are unknown, inf is the age of what was never received."""
 
     voltage_v: float = math.nan
     charge: float = math.nan
@@ -132,7 +132,7 @@ class VehicleCondition:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleStatus:
-    """How one vehicle and its link are doing."""
+    """Status of one vehicle and its link."""
 
     system_id: int
     kind: str
@@ -174,7 +174,7 @@ class VehicleStatus:
     held: int = 0
     """Packets with a right signature that are held: nothing proves that they are made now."""
     held_s: float = math.nan
-    """How far their timestamps are behind, while every packet is held; else NaN."""
+    """Delay of their timestamps, while every packet is held; else NaN."""
     signs: bool = False
     """Packets were verified and none rejected in the last seconds."""
     link: int = -1
@@ -182,7 +182,7 @@ class VehicleStatus:
     channels: tuple[ChannelStatus, ...] = ()
     """The channels that bring its packets, in order of first use."""
     drift_ppm: float = math.nan
-    """By how much Unix time runs faster than the vehicle's clock, NaN unknown."""
+    """Rate by which Unix time runs faster than the vehicle's clock, NaN unknown."""
     round_trip_s: float = math.nan
     """Least round trip of TIMESYNC lately; NaN while no request is sent."""
     clock_error_s: float = math.nan

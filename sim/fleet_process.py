@@ -40,7 +40,7 @@ class SendCounts:
     """Counts of what left."""
 
     packets: dict[str, int]
-    """By system id, else by name: ``impostor 13``, ``replayed 14``, ``texts``, ``garbage``, ``boot words``."""
+    """Packets by system id, else by name: ``impostor 13``, ``replayed 14``, ``texts``, ``garbage``, ``boot words``."""
     ports: dict[str, int]
     """Source port of each sender at the end."""
     seconds: float

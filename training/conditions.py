@@ -1,4 +1,4 @@
-"""How good a model file is, by size, tilt, ground, light and cover, on images that it has not seen.
+"""Quality of a model file by size, tilt, ground, light and cover, on images that it has not seen.
 
 ``python -m training.conditions --model vision/models/rollcall-obb-s.onnx --pictures .train/test`` prints a
 table; the images are those of ``python -m training.rendered.crops``. No torch is needed.

@@ -25,7 +25,7 @@ choice."""
 
 
 class Known(IntEnum):
-    """How much a label has; each level includes those before it."""
+    """Detail of a label; each level includes those before it."""
 
     CENTRE = 0
     """An upright box: sides and heading of its row are rough estimates that nothing may be learnt from."""

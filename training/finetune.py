@@ -43,7 +43,7 @@ NAME = "run.json"
 SAME = ("options", "labels sha256", "begins with sha256", "trained on", "watched", "kept apart")
 """Settings that a run which is continued must share with its beginning."""
 PACKAGES = ("rollcall-gcs", "torch", "onnx", "onnxruntime", "numpy", "opencv-python-headless")
-"""Whose versions are recorded."""
+"""Packages whose versions are recorded."""
 
 
 def begin(kept: Split, watched: Split, options: dict[str, Any], start: Path) -> dict[str, Any]:

@@ -107,7 +107,7 @@ def _judge(out: Tensor, batch: TrainingBatch, wanted: Tensor, ignored: Tensor) -
 
 
 def _rightness(boxes: Tensor, image: Tensor, batch: TrainingBatch, wanted: Tensor) -> tuple[Tensor, Tensor]:
-    """How right each box (p, 5) of an image is, 0 to 1, and whether it counts: (p,) each.
+    """Quality of each box (p, 5) of an image, 0 to 1, and whether it counts: (p,) each.
 
     A label makes one box right, the one that overlaps most with it.
     """
@@ -136,7 +136,7 @@ def _rightness(boxes: Tensor, image: Tensor, batch: TrainingBatch, wanted: Tenso
 def _heat(
     dx: Tensor, dy: Tensor, side: Tensor, heading: Tensor, wanted: Tensor, known: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """How near each cell is to a centre, 1 in it, and which centre that is: two of (B, h, w).
+    """Closeness of each cell to a centre, 1 in it, and which centre that is: two of (B, h, w).
 
     σ grows with the width, as a cell well inside a large vehicle is a small mistake, and along a vehicle that is longer
     than a car also with its length: where between its ends the middle of a bus lies is seen less sharply than where

@@ -1,4 +1,4 @@
-"""How good detections are against the truth: average precision, box and heading errors. Needs no torch."""
+"""Quality of detections against the truth: average precision, box and heading errors. Needs no torch."""
 
 from __future__ import annotations
 

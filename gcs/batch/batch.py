@@ -167,7 +167,7 @@ Results = Generator[FlightResult, None, None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatchWork:
-    """Who works, and what a flight may cost."""
+    """Workers, and what a flight may cost."""
 
     workers: int = 0
     """Processes of this machine; 0: one for each core."""
@@ -183,7 +183,7 @@ class BatchCounts:
     done: int = 0
     """With a result, those that were skipped included."""
     skipped: int = 0
-    """Whose result was there before."""
+    """Those whose result was there before."""
     failed: int = 0
     frames: int = 0
     """That were looked at in this run."""

@@ -1,4 +1,4 @@
-"""Which flights a batch is about: words of a command line in, names and addresses out.
+"""The flights of a batch: words of a command line in, names and addresses out.
 
 A result depends on the files of its recording; a hash tells whether they are the same.
 """

@@ -43,7 +43,7 @@ class FlightJob(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     address: str
     """Address of the session folder or telemetry log."""
     out: str
-    """Where results go: as ``gcs.batch.stores.open_results`` takes it."""
+    """Store of the results: as ``gcs.batch.stores.open_results`` takes it."""
     options: BatchOptions = BatchOptions()
     version: str = ""
     """Version of the program that asks: a worker with another refuses."""
@@ -53,7 +53,7 @@ class FlightJob(msgspec.Struct, frozen=True, kw_only=True, tag=True):
 
 
 class FramesDone(msgspec.Struct, frozen=True, tag=True):
-    """How far the flight is that is worked on."""
+    """Progress of the flight that is worked on."""
 
     done: int
     total: int
@@ -89,7 +89,7 @@ class VehicleCall(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ScoreRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """How right the names are where the truth is known; null where there is nothing to take a share of."""
+    """Score of the names where the truth is known; null where there is nothing to take a share of."""
 
     precision: float | None
     coverage: float | None

@@ -1,4 +1,4 @@
-"""Where a batch's results are: a folder of this machine, or a store that fsspec writes. What is there is whole.
+"""A place for a batch's results: a folder of this machine, or a store that fsspec writes. What is there is whole.
 
 Names are relative, with ``/`` between folders. What has a name already is replaced at once or not at all: the results
 of one flight from the same input are the same bytes, whoever was quicker.

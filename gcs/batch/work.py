@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     from vision.detect.detector import Detector
 
 _PACKAGES = ("numpy", "scipy", "onnxruntime", "opencv-python-headless", "av", "pyarrow")
-"""Whose versions a result may depend on."""
+"""Packages on whose versions a result may depend."""
 REPORT_S = 0.5
 """Interval of reports of how far a flight is, s."""
 _INPUT_ERRORS = (GcsError, MavlinkError, VisionError, AssocError, SimError)
@@ -163,7 +163,7 @@ def identify_flight(job: FlightJob, report: Callable[[int, int], None] = lambda 
 
 
 def fetched_path(job: FlightJob) -> Path:
-    """Where a flight of a store is while it is worked on."""
+    """Folder of a flight of a store while it is worked on."""
     last = last_part(job.address)
     return Path(job.scratch) / "input" / (last if last not in ("", ".", "..") else "flight")
 
@@ -199,7 +199,7 @@ def _detector(choice: DetectorChoice) -> Detector:
 
 
 def _score(session: Session, folder: Path) -> ScoreRecord | None:
-    """How right the names are; None where the truth is not known, or not usable."""
+    """Score of the names; None where the truth is not known, or not usable."""
     if session.truth is None:
         return None
     try:

@@ -83,7 +83,7 @@ def _board(text: str, square_m: float) -> Board:
 
 
 def _facts(calibration: Calibration, video: Path, board: Board) -> dict[str, object]:
-    """How the calibration was made, for the file."""
+    """Description of the calibration, for the file."""
     std = {name: float(value) for name, value in zip(PARAMETERS, calibration.std, strict=True)}
     return {
         "video": video.name,

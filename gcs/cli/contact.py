@@ -51,7 +51,7 @@ class Wanted:
     ugv: tuple[int, ...]
     """Those of the fleet; empty: as heard."""
     forward: tuple[str, ...]
-    """Where packets go on to."""
+    """Addresses that packets go on to."""
     accept_late: tuple[int, ...]
     sessions: Path
     listen_s: float
@@ -73,7 +73,7 @@ class Wanted:
         return self.uav is not None and bool(self.ugv) and self.video is not None
 
     def roles(self, vehicles: Iterable[HeardVehicle]) -> dict[int, Role]:
-        """Who is what: with a fleet that is named, no other ground vehicle is in it."""
+        """The role of each: with a fleet that is named, no other ground vehicle is in it."""
         return proposed_roles(vehicles, self.chosen, whole_fleet=not self.ugv)
 
 
@@ -88,7 +88,7 @@ class Ready:
     spare: tuple[str, ...] = ()
     """Links on which nobody of the mission was heard, and that nobody asked for."""
     origins: Mapping[str, str] = field(default_factory=dict)
-    """Where the parts of the mission come from."""
+    """Sources of the parts of the mission."""
     listening: Listening | None = None
 
 
@@ -261,7 +261,7 @@ def _find_fleet(listening: Listening, wanted: Wanted, asked: AskedBySignals) -> 
 
 
 def _heard_text(listening: Listening) -> str:
-    """Who is heard, in one line."""
+    """Everybody who is heard, in one line."""
     vehicles = [
         f"{each.system_id} {each.kind}{'' if each.positions else ' without position'}"
         + ("" if each.auth <= 1 else f" ({each.trust})")
@@ -298,7 +298,7 @@ def _ready(found: Found, listening: Listening, wanted: Wanted) -> Ready:
 
 
 def _video(listening: Listening, found: Found) -> tuple[str, str]:
-    """Where video comes from, and why from there; told."""
+    """Address that video comes from, and why from there; told."""
     if found.video is not None:
         return found.video, "as given"
     if listening.offer:

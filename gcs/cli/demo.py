@@ -27,7 +27,7 @@ from gcs.session.session import open_session
 
 BUNDLED = Path(__file__).parents[2] / "sitl_logs" / "curved-road"
 FLOWN_S, HEADLESS_S, LISTEN_S = 180, 40.0, 60.0
-"""How long the simulated fleet drives, how long it is watched without a terminal, and how long it may take to begin."""
+"""Seconds that the simulated fleet drives, is watched without a terminal, and may take to begin."""
 
 
 def demo(

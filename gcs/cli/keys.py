@@ -146,7 +146,7 @@ def check(
 
 
 def verdicts(checker: Verifier, path: Path) -> Counter[tuple[int, Auth, Auth]]:
-    """How often which verdict is given to each system of a log at the times of its records, and was in flight.
+    """Counts of each verdict that is given to each system of a log at the times of its records, and was in flight.
 
     The flight's is ``GOOD`` for all that it accepted; for a log without a session's tables it is the same as here.
     """
@@ -160,7 +160,7 @@ def verdicts(checker: Verifier, path: Path) -> Counter[tuple[int, Auth, Auth]]:
 
 
 def flight_lines(judged: Counter[tuple[int, Auth, Auth]]) -> list[str]:
-    """Where the flight decided otherwise; none where it did not."""
+    """Lines about what the flight decided otherwise; none where it did not."""
     lines = []
     for (system_id, here, flown), count in sorted(judged.items()):
         if here <= Auth.GOOD < flown:

@@ -37,7 +37,7 @@ class ScreenOptions:
     """Options of the screens."""
 
     graphics: Graphics = "auto"
-    """How the terminal shows video; auto: the finest that it is known to show."""
+    """The way the terminal shows video; auto: the finest that it is known to show."""
     theme: ThemeName = "dark"
     """Colours to begin with."""
     fps: Annotated[float, msgspec.Meta(ge=0.1, le=MOST_FPS)] = MOST_FPS

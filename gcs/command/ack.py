@@ -1,4 +1,4 @@
-"""How the autopilot answered a command: its result and its texts."""
+"""The autopilot's answer to a command: its result and its texts."""
 
 from __future__ import annotations
 

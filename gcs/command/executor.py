@@ -1,4 +1,4 @@
-"""How each order is carried out: asked once, another way when the first is not known, or again and again in a stream.
+"""Ways to carry an order out: asked once, another way when the first is not known, or again and again in a stream.
 
 That an autopilot accepts to point the camera proves little: ArduPilot accepts to follow a vehicle it does not receive,
 and nothing moves. So pointing counts as done when the gimbal reports to look there; else the next way is tried.
@@ -44,7 +44,7 @@ class PointingMonitor:
     patience_s: float
     """Without progress for so long it does not move."""
     since_s: float
-    """When the order was given, then when there was progress last."""
+    """Time of the order, then of the last progress."""
     off_rad: float = math.nan
     _best_rad: float = math.inf
 
@@ -111,7 +111,7 @@ def _distance_m(a: GeoPoint, b: GeoPoint) -> float:
 
 
 class CommandSender(Protocol):
-    """Whoever brings a command to the UAV."""
+    """A way to bring a command to the UAV."""
 
     async def send(self, command: Command) -> CommandAck:
         """Its answer."""
@@ -119,7 +119,7 @@ class CommandSender(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandParams:
-    """How often, how far, how long."""
+    """Rates, distances and patience of an order."""
 
     point_s: float = 0.5
     """Seconds between two places for the camera: shorter → follows closer, more on the link."""
@@ -235,7 +235,7 @@ class CommandExecutor:
             await asyncio.sleep(_SEE_PERIOD_S)
 
     async def _track(self, ugv: int, report: Report) -> None:
-        """By the positions received here: in one way after the other, until the camera is seen to turn."""
+        """Point by the positions received here: in one way after the other, until the camera is seen to turn."""
         uav = self._uav
 
         def place(place: GeoPoint, first: bool) -> Command | None:

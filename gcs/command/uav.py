@@ -89,7 +89,7 @@ class Uav:
             self.camera_component = sample.component_id
 
     def _add_gimbal_report(self, sample: GimbalSample) -> None:
-        """Where the gimbal looks, by its newest report."""
+        """Direction of the gimbal, by its newest report."""
         now_s, nose = self._clock(), self.nose
         self._gimbals.add(round(now_s * 1e6), sample, nose)
         R_enu_gimbal = self._gimbals.at(round(now_s * 1e6), nose)
@@ -133,7 +133,7 @@ class Uav:
 
     @property
     def axis(self) -> tuple[float, float, float] | None:
-        """Where its gimbal reports to look: east, north, up, of length 1; None when unknown or old."""
+        """Reported direction of its gimbal: east, north, up, of length 1; None when unknown or old."""
         held = self._axis
         return held[1] if held is not None and self._clock() - held[0] <= _AXIS_S else None
 

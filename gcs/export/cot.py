@@ -27,7 +27,7 @@ STALE_US: Final = 10_000_000
 FRIEND, UNKNOWN = "a-f-G-E-V", "a-u-G-E-V"
 """Atom, friend or unknown, on the ground, equipment, vehicle."""
 FUSED, BY_MACHINE = "m-f", "m-i"
-"""How it was found: telemetry and film together, or by the film alone."""
+"""Source of a place: telemetry and film together, or by the film alone."""
 _NOT_KNOWN: Final = "9999999.0"
 _MOST_LETTERS: Final = 64
 """Maximum letters of a name: an event is to fit into a datagram whatever a mission calls its vehicles."""

@@ -219,7 +219,7 @@ _ALL: Final = (
 )
 
 FORMATS: Final = {form.name: form for form in _ALL}
-"""By name, in the order in which they are listed."""
+"""Formats by name, in the order in which they are listed."""
 
 
 def format_for(path: Path, name: str | None = None) -> ExportFormat:

@@ -1,4 +1,4 @@
-"""Where an export is written until it is whole: beside its place, hidden; what breaks off is not taken for it."""
+"""A place for an export until it is whole: beside its place, hidden; what breaks off is not taken for it."""
 
 from __future__ import annotations
 

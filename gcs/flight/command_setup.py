@@ -62,7 +62,7 @@ def open_command_service(
 
 
 def place_of(system_id: int, snapshot: Snapshot | None) -> GeoPoint | None:
-    """Where a vehicle is by its own reports, None when they are old, doubted or contested."""
+    """Place of a vehicle by its own reports, None when they are old, doubted or contested."""
     if snapshot is None or snapshot.origin is None:
         return None
     if now_us() - snapshot.t_us + snapshot.health.behind_s * 1e6 > FRESH_US:

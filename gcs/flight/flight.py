@@ -248,12 +248,12 @@ class Flight:
         self._views.shown.pipeline.state_name(Statement(track_id=track_id, system_id=0, undone=True))
 
     def rates(self) -> Sequence[Rate]:
-        """How often messages come."""
+        """Rates of messages."""
         measured = (*([self._commands.rates] if self._commands else []), *self._rates)
         return [rate for rates in measured for rate in rates.rates(time.monotonic())]
 
     def newcomers(self) -> Sequence[Newcomer]:
-        """Who is heard and not in the fleet."""
+        """Vehicles that are heard and not in the fleet."""
         return self._newcomers.heard
 
     def change_fleet(self, change: FleetChange) -> None:

@@ -61,7 +61,7 @@ def usual_links() -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def serial_hint() -> str:
-    """How to name a radio that is plugged in, one of this computer where there is one: no device is opened unasked."""
+    """Words that name a plugged-in radio, one of this computer where there is one: no device is opened unasked."""
     devices = sorted(str(path) for kind in ("ttyUSB*", "ttyACM*") for path in Path("/dev").glob(kind))
     return f": gcs fly -l {devices[0] if devices else '/dev/ttyUSB0'},57600"
 

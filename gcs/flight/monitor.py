@@ -24,7 +24,7 @@ from mavlink.transmit.message_rates import MessageRates
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Throughput:
-    """How fast frames are processed."""
+    """Rate at which frames are processed."""
 
     frames: int
     """Frames processed so far."""

@@ -1,4 +1,4 @@
-"""Who is heard in flight and is not in the fleet, and who of them is offered: a ground vehicle near it that reports
+"""Vehicles heard that are not in the fleet, and those of them that are offered: a ground vehicle near it that reports
 where it is."""
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mavlink.protocol.packet import Auth, Packet
 LEAST_POSITIONS = 5
 """Positions after which a vehicle is offered: who passes by or is made up for a moment is not."""
 NEAR_M = 2000.0
-"""Who is farther from every vehicle of the fleet is of another flight."""
+"""Distance from every vehicle of the fleet beyond which a vehicle is of another flight."""
 MOST_OFFERED = 8
 """Most newcomers offered: more at once are made up, or another fleet; they can be taken in all the same."""
 MOST_PACKETS = 1000

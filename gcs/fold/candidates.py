@@ -1,4 +1,4 @@
-"""Who a box may be, in words: the likeliest vehicles, and what speaks against each."""
+"""Candidates for a box, in words: the likeliest vehicles, and what speaks against each."""
 
 from __future__ import annotations
 

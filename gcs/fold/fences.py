@@ -66,7 +66,7 @@ class Fences:
 
 
 def distance_inside(corners: FloatArray, p: FloatArray) -> float:
-    """How far a point (2,) is inside of a polygon (n, 2), metres; negative outside, NaN where the point is unknown."""
+    """Distance of a point (2,) inside of a polygon (n, 2), metres; negative outside, NaN where the point is unknown."""
     if not np.isfinite(p).all():
         return math.nan
     # in single precision: about the point, so that millimetres are left of it

@@ -162,7 +162,7 @@ class Pipeline:
 
     @property
     def wait_us(self) -> int:
-        """How long a frame of a flight waits for the UAV's pose after its own time, µs: longer where radio is late."""
+        """Time that a flight's frame waits for the UAV's pose after its own time, µs: longer where radio is late."""
         return min(max(round(self.fleet.uav_delay_us) + NEXT_US, WAIT_US), MOST_WAIT_US)
 
     @property
@@ -204,7 +204,7 @@ class Pipeline:
         return ground_sampling(view.intrinsics, view.pose, view.ground_z)
 
     def expected_pixels(self, t_us: int) -> tuple[tuple[int, int], FloatArray] | None:
-        """Where the vehicles' reports put them in the frame at a time of the video's clock.
+        """Places in the frame where the vehicles' reports put them, at a time of the video's clock.
 
         Returns:
             Width and height of that frame, pixels (k, 2) of those that can be placed; None: the pose is unknown.
@@ -394,7 +394,7 @@ class Pipeline:
         return stitch
 
     def _expected_px(self, state: FleetState, view: FrameCamera | None) -> dict[int, tuple[float, float]] | None:
-        """Where the vehicles' reports put them, by system id; None while the camera's pose is unknown."""
+        """Places where the vehicles' reports put them, by system id; None while the camera's pose is unknown."""
         return expected_pixels(state, view, lambda p, by: self._identifier.expected_rays(p, self._camera(by)))
 
     def _known(self, state: FleetState) -> list[int]:

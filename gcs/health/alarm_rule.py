@@ -33,7 +33,7 @@ class AlarmRule(Generic[Subject]):
     text: str
     """Text of what is wrong; on the screen after the name of the vehicle or the link."""
     meaning: str
-    """When it is raised, with the limit, as the operator's page has it."""
+    """Condition that raises it, with the limit, as the operator's page has it."""
     advice: str
     """Advice to the operator."""
     condition: Callable[[Subject, Snapshot], bool] | None = None

@@ -29,7 +29,7 @@ class Finding:
     key: str
     """Key of the alarm."""
     name: str
-    """Whose it is, with a colon behind, empty for the station's."""
+    """Owner of the alarm, with a colon behind, empty for the station's."""
     detail: str
     system_id: int = 0
     vehicles: tuple[int, ...] = ()
@@ -41,7 +41,7 @@ class Finding:
 
     @property
     def text(self) -> str:
-        """Whose trouble and what."""
+        """Words of a trouble: whose it is, and what."""
         return self.name + ": ".join(filter(None, (self.rule.text, self.detail)))
 
     def on_and_off(self, how_often: str) -> Finding:

@@ -108,7 +108,7 @@ WORST_US = round(CLEARS_AFTER_S * 1e6)
 """An alarm has its higher level for so long after that was last found."""
 GROWING_US = round(GROWING_S * 1e6)
 LATELY_US = 300_000_000
-"""How often a trouble came is counted over so long."""
+"""Time over which the returns of a trouble are counted, µs."""
 BREAK_US = 500_000
 """Shortest break: what was gone for less has not come again."""
 FLAPS, MOST_COUNTED = 3, 1_000
@@ -145,19 +145,19 @@ class _State:
     """Since when it has been found without a break, 0 while it is not."""
     seen_us: int
     worst_us: int
-    """When it was last found at the level it has."""
+    """Time at which it was last found at the level it has."""
     found_us: int = 0
-    """When it was last found at any level."""
+    """Time at which it was last found at any level."""
     lower_us: int = 0
     """Since when it has been found at a lower level only, 0 while it is not."""
     raised_us: int = 0
-    """When it became an alarm, 0 not yet."""
+    """Time at which it became an alarm, 0 not yet."""
     coming: bool = True
     """It has come, and not lasted yet."""
     came: deque[int] = field(default_factory=lambda: deque(maxlen=MOST_COUNTED))
-    """When it came, lately."""
+    """Times at which it came, lately."""
     flapping_us: int = 0
-    """When it became one that comes and goes, 0 while it is none."""
+    """Time at which it became one that comes and goes, 0 while it is none."""
 
     def note_coming(self, now_us: int) -> bool:
         """It lasts; whether it has come, and so often lately that it comes and goes."""

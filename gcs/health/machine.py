@@ -27,7 +27,7 @@ from vision.detect.detector import Detector, open_detector
 PACKAGES = ("pymavlink", "mavsdk", "numpy", "scipy", "opencv-python-headless", "onnxruntime", "av", "textual")
 DECODERS, ENCODERS = ("h264", "hevc", "mjpeg"), ("libx264",)
 PORTS = (14550, 14551)
-"""Where ground stations listen by custom, and where this one forwards to in the examples."""
+"""Ports that ground stations listen on by custom, and that this one forwards to in the examples."""
 SLOW_FPS, LIVE_FPS = 5.0, 15.0
 """Frames a second: below the first, names come late; from the second on most cameras are kept up with."""
 FRAME_SIZE = (1920, 1080)

@@ -67,7 +67,7 @@ _KNOWN = (
     CameraModel(name="siyi-mt11", hfov_deg=88.0, source="AP_CameraGimbal's documentation, nominal wide field of view"),
 )
 CAMERAS: dict[str, CameraModel] = {camera.name: camera for camera in _KNOWN}
-"""By the name that ``--camera`` takes."""
+"""Cameras by the name that ``--camera`` takes."""
 
 
 def camera_model(name: str) -> CameraModel | None:

@@ -1,4 +1,4 @@
-"""When a film was taken on the fleet's clock, where the user does not tell: searched in the film itself.
+"""The time of a film on the fleet's clock, where the user does not tell: searched in the film itself.
 
 In: boxes of some minutes of the film, the UAV's records, the fleet's positions, each on the clock of its own files. The
 search itself is :mod:`assoc.clock_search`; here its inputs are made with the tracker, the fleet and the camera that

@@ -48,7 +48,7 @@ class FleetTlog:
     clock: str
     """In words, whose clock ``t_us`` is, and what shows that it is that of the flight."""
     tracks: Mapping[int, PlaceTrack]
-    """Where these were, by system id, by arrival, Unix µs."""
+    """Places of the vehicles, by system id, by arrival, Unix µs."""
     assumed: tuple[str, ...] = ()
     """In words, about the recorder's clock and the vehicles' times."""
     skipped: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
@@ -250,7 +250,7 @@ def _vehicle_log(path: Path, fleet: FleetTlog, system_id: int) -> VehicleLog:
 
 
 def _fixes(fleet: FleetTlog, system_id: int) -> PlaceTrack:
-    """By GPS_RAW_INT, of a vehicle that estimates no position."""
+    """Positions by GPS_RAW_INT, of a vehicle that estimates no position."""
     t_us, wire = fleet.columns(_GPS_RAW, system_id)
     lat, lon = wire["lat"] * 1e-7, wire["lon"] * 1e-7
     rows = np.flatnonzero((wire["fix_type"] >= _FIX_3D) & whole_places(lat, lon))
@@ -273,7 +273,7 @@ def _attitudes(fleet: FleetTlog, system_id: int) -> AngleTrack:
 
 
 def _gimbal(fleet: FleetTlog, system_id: int) -> AngleTrack:
-    """By GIMBAL_DEVICE_ATTITUDE_STATUS, in the frame of its first report."""
+    """Gimbal attitudes by GIMBAL_DEVICE_ATTITUDE_STATUS, in the frame of its first report."""
     rows, wire = fleet.tlog.columns(_GIMBAL, system_id)
     if not len(rows):
         return AngleTrack.empty()

@@ -29,7 +29,7 @@ class GroundVehicles:
     """The fleet."""
 
     places: Mapping[int, PlaceTrack]
-    """By system id, on Unix time, each with a position or more."""
+    """Vehicles by system id, on Unix time, each with a position or more."""
     tlog: FleetTlog | None
     """Their telemetry log, where there is one."""
     logs: Mapping[int, VehicleLog]
@@ -120,7 +120,7 @@ def read_ground_vehicles(tlog: Path | None, ugv: Sequence[str]) -> GroundVehicle
 
 
 def clock_words(log: VehicleLog, telemetry: PlaceTrack) -> tuple[str, ...]:
-    """By how much a log's clock is ahead of the telemetry of the same vehicle, in words where it is.
+    """Lead of a log's clock over the telemetry of the same vehicle, in words where it is.
 
     Both are of one path: the offset is that with which they lie on each other.
 

@@ -204,7 +204,7 @@ _OTHER_NAMES = {".m2ts": ".ts", ".mts": ".ts", ".m4v": ".mp4", ".lrf": ".mp4"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportOptions:
-    """Which files make the flight, and what is known of it."""
+    """The files that make the flight, and what is known of it."""
 
     video: Path
     uav: Path | None = None
@@ -213,7 +213,7 @@ class ImportOptions:
     """``ID=FILE``, or a table with a column of system ids."""
     tlog: Path | None = None
     clock_s: float | None = None
-    """By how much the fleet's clock is ahead of the film's; None: searched in the film."""
+    """Lead of the fleet's clock over the film's, s; None: searched in the film."""
     clock_within_s: float = math.inf
     """Largest offset that is searched, either way."""
     camera: CameraOptions = field(default_factory=CameraOptions)

@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 TlogRecord = tuple[int, bytes]
 """Unix µs of arrival and a MAVLink frame."""
 _Timed = Iterator[tuple[int, Callable[[MavlinkEncoder], bytes]]]
-"""When, on the log's clock, and what packs the message."""
+"""Time on the log's clock, and what packs the message."""
 
 _BOOTED_BEFORE_US = 60_000_000
 """The clock of a vehicle begins so long before its first sample: a boot time of 0 means that there is none."""

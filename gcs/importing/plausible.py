@@ -27,7 +27,8 @@ _MOST_IN_A_ROW = 8
 _LEG_S, _OFF_MPS, _OFF_SHARE = 5.0, 2.0, 0.3
 """Over such a time velocities that are off by more than this and that share of the speed are not those of the path."""
 _ZERO_M, _UNSET_M = 0.5, 5.0
-"""Where no other value is nearer to 0 than the second, a 0, as near as it is coded, was written before it was known."""
+"""Bounds of a 0 that was written before a value was known: within the first of it, and no other value
+is nearer than the second."""
 MOST_M = 20_000.0
 """No altitude or height is farther from 0."""
 _USUAL_STEPS = 3.0
@@ -220,7 +221,7 @@ def alone(t_us: Ints, path: Floats, far: float, fastest: float) -> NDArray[np.bo
 
 
 def leaps(t_us: Ints, path: Floats, far: float, fastest: float) -> int:
-    """How many samples are farther off than ``far`` from both neighbours, as where two paths are in one."""
+    """Number of samples that are farther off than ``far`` from both neighbours, as where two paths are in one."""
     return int(np.count_nonzero(_out_and_back(t_us, path, far, fastest, 1)))
 
 

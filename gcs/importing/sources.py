@@ -1,4 +1,4 @@
-"""Which reader reads which file: a table, by how files begin, else by their suffix."""
+"""The reader of each file: a table, by how files begin, else by their suffix."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def read_vehicle_logs(path: Path) -> list[VehicleLog]:
 
 
 def _format_of(path: Path) -> LogFormat:
-    """By how the file begins, else by its suffix.
+    """Find the reader of a file by how it begins, else by its suffix.
 
     Raises:
         ImportFileError: no such file, or none that can be read.

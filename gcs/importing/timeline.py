@@ -1,4 +1,4 @@
-"""When the film was taken on the fleet's clock: as its files say, and as the user corrects that."""
+"""The time of the film on the fleet's clock: as its files say, and as the user corrects that."""
 
 from __future__ import annotations
 

@@ -115,7 +115,7 @@ class AngleTrack:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ViewTrack:
-    """How far a camera sees to its sides. n samples in order of time."""
+    """Field of view of a camera to its sides. n samples in order of time."""
 
     t_us: Ints
     """(n,)"""

@@ -49,7 +49,7 @@ def json_line(snapshot: Snapshot, source: SinkSource) -> bytes:
 
 
 def _vehicle(snapshot: Snapshot, row: VehicleRow) -> dict[str, object]:
-    """Where a vehicle reports to be, and how it is identified."""
+    """Reported position of a vehicle, and how it is identified."""
     lat = lon = math.nan
     if snapshot.origin is not None and all(math.isfinite(value) for value in row.p_enu):
         lat, lon = (float(value) for value in snapshot.origin.to_geodetic(row.p_enu)[:2])
@@ -113,7 +113,7 @@ class JsonTcp(Sink):
         self._waiting: dict[socket.socket, bytearray] = {}
         """Bytes that each client has not taken yet."""
         self._took_s: dict[socket.socket, float] = {}
-        """When each took something, or there was nothing for it to take."""
+        """Time at which each took something, or there was nothing for it to take."""
 
     def write(self, snapshot: Snapshot) -> None:
         """Queues it for all clients."""

@@ -40,7 +40,7 @@ class SinkReport(msgspec.Struct, kw_only=True, tag=True):
     dropped: int = 0
     """That did not: too large, or a receiver was too slow."""
     clients: int = 0
-    """Who is being served."""
+    """Clients that are being served."""
     error: str = ""
     """Why nothing leaves at the moment, empty while it does."""
 

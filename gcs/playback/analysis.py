@@ -130,7 +130,7 @@ class Analysis:
 
     @property
     def frames(self) -> int:
-        """How many frames came, looked at or not; 0 of telemetry alone."""
+        """Number of frames that came, looked at or not; 0 of telemetry alone."""
         return 0 if self.opened.frames_us is None else len(self.times_us)
 
     def moments(

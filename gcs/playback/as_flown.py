@@ -80,7 +80,7 @@ class FlownReports:
         self._seen = [event for event in self._flown if event.kind == "operator" and event.text.startswith(_SEEN)]
         self._found = AlarmHistory()
         self._found_at: dict[str, list[AlarmSpan]] = {}
-        """When a replay has an alarm, by its key."""
+        """Times at which a replay has an alarm, by its key."""
         self._worked_out_us = 0.0
         self._shown: tuple[Event, ...] | None = None
 
@@ -323,7 +323,7 @@ def _without_levels(alarms: Iterable[FlownAlarm]) -> list[FlownAlarm]:
 
 
 def _key_of_over(on: dict[str, FlownAlarm], event: Event, text: str, lasted_s: int) -> str:
-    """Which alarm is over, empty for none of those that are on.
+    """The alarm that is over, empty for none of those that are on.
 
     Its words may have changed since it came: then what it is about decides, or when it must have come.
     """

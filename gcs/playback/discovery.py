@@ -1,4 +1,4 @@
-"""Who flies and who drives in a log that comes without a mission."""
+"""Roles of the vehicles in a log that comes without a mission."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gcs.session.log import SessionLog
 
 
 def discover(log: SessionLog) -> Mission:
-    """Who flies and who drives, from the heartbeats of a log; of several aircraft the one of the lowest id films.
+    """Roles by the heartbeats of a log; of several aircraft the one of the lowest id films.
 
     Raises:
         SessionError: no aircraft or no ground vehicle sends in it.

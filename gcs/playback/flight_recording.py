@@ -134,7 +134,7 @@ def open_flight(
 
 
 def score_boxes(boxes: NamedBoxes | Path | str, truth: Path | str) -> Score:
-    """How right names are, against the truth.
+    """The score of names against the truth.
 
     Args:
         boxes: A table of ``identify``, or an ``identity.csv``.

@@ -45,7 +45,7 @@ _MEAN_SHARE = 0.3
 _AT_ONCE_S = 3.0
 """A track is smoothed for so much of it at once, s: the last of those boxes look that much less ahead."""
 _LOWER = 0.05
-"""By how much the least mean of a name is below a screen's threshold: what was thought at first is in the mean."""
+"""Margin of the least mean of a name below a screen's threshold: what was thought at first is in the mean."""
 _GAP_MAX_S = IdentifierParams().gap_max_s
 _FITS = 0.5
 """Probability from which on film and telemetry count as belonging together."""

@@ -30,13 +30,13 @@ class LookedFrame:
     index: int
     """Place in the video."""
     t_us: int
-    """When it was taken, Unix µs."""
+    """Time of the frame, Unix µs."""
     image: NDArray[np.uint8] | None
     """(H, W, 3) BGR, where there is one."""
     boxes: Detections | None
     """None: the detector did not look at it."""
     motion: ImageMotion | None
-    """How the camera moved since the last frame that was looked at; None: not known."""
+    """Motion of the camera since the last frame that was looked at; None: not known."""
     news: str = ""
     """Findings about the film's scale until this frame, one line."""
 
@@ -63,7 +63,7 @@ class RecordedLooks:
         return cls(read_detections(detections), read_motions(motion) if motion else None)
 
     def motion(self, index: int) -> ImageMotion | None:
-        """How the camera moved until a frame."""
+        """Motion of the camera until a frame."""
         return self._motions.at(index) if self._motions else None
 
 

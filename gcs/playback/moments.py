@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 TICK_US: Final = 200_000
 """Interval at which a flight shows the fleet while no frame comes."""
 QUIET_US: Final = 60_000_000
-"""Where nothing was received for so long, every alarm of silence has come, and only ages grow."""
+"""Silence after which every alarm of silence has come, and only ages grow."""
 QUIET_SHARE: Final = 0.02
 """There the next moment comes after this share of the silence: ages stay right to 2 %, and years take few moments."""
 

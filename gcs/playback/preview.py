@@ -62,7 +62,7 @@ class Preview:
         self._start_us = None
 
     def at(self, t_us: int) -> tuple[SnapshotStore, int] | None:
-        """Where the snapshot of a moment is, and its number; None: it was not worked out."""
+        """The snapshot of a moment, and its number; None: it was not worked out."""
         start_us, found = self._start_us, self._found
         if start_us is None or not len(found) or not start_us <= t_us <= found.stop_us:
             return None

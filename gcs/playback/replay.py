@@ -44,7 +44,7 @@ TICK_S = 0.02
 SOON_US = 5_000_000
 """The analysis itself will be at a place that is no farther ahead."""
 PERIOD_US = 200_000
-"""How often a place is drawn again of which nothing is known but its frame."""
+"""Rate at which a place is drawn again of which nothing is known but its frame."""
 PARTS: Final = 1000
 """Parts of a recording: several for each cell of the widest screens."""
 HELD_US: Final = 2_000_000
@@ -209,7 +209,7 @@ class Replay:
 
     @property
     def now_us(self) -> int:
-        """Where it is."""
+        """Present place."""
         return int(self._now_us)
 
     @property
@@ -223,7 +223,7 @@ class Replay:
             return self._confidence.of(system_id)
 
     def trails(self, t_us: int, span_s: float, origin: LocalFrame | None) -> Sequence[Trail]:
-        """Where vehicles were in the seconds before a moment."""
+        """Places of vehicles in the seconds before a moment."""
         with self._lock:
             return self._trails.before(t_us, span_s, origin)
 
@@ -351,7 +351,7 @@ class Replay:
             view._decoded.close()
 
     def _begin_us(self) -> int:
-        """Where it begins to play: at the first frame if it comes soon, so that nobody waits for a picture."""
+        """Place where it begins to play: at the first frame if it comes soon, so that nobody waits for a picture."""
         if self._analysis.opened.frames_us is None or self._times[0] > self._start_us + SOON_US:
             return self._start_us
         return int(self._times[0])
@@ -388,7 +388,7 @@ class Replay:
 
     @property
     def _reached_us(self) -> int:
-        """How far the analysis is."""
+        """Progress of the analysis."""
         if self._finished:
             return self._stop_us
         return self._done.stop_us if len(self._done) else self._start_us

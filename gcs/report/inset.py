@@ -37,7 +37,7 @@ class Inset:
     """An enlarged part of the image in a corner of the field."""
 
     rect: Cells
-    """Where in the field."""
+    """Place in the field."""
     part: tuple[float, float, float, float]
     """Left, top, width, height in the image, px; wholly inside it."""
     seen: bool
@@ -54,7 +54,7 @@ def inset_for(
     tall: float = 1.0,
     former: Inset | None = None,
 ) -> Inset | None:
-    """Where the picked vehicle is shown enlarged, None where nothing is known of its place, or it is out of the image.
+    """Inset with the picked vehicle enlarged, None where nothing is known of its place, or it is out of the image.
 
     Args:
         snapshot: Boxes and where vehicles are expected.

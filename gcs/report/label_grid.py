@@ -34,7 +34,7 @@ class Grid:
     gap: int = 2
     """Cells between two texts in a row, so that they are not read as one."""
     blocked: tuple[Cells, ...] = ()
-    """Where something else is written."""
+    """Areas in which something else is written."""
     covered: bool = False
     """Marks may be covered where there is no better place: boxes are larger than their labels."""
 
@@ -63,7 +63,7 @@ def needs_line(rect: Cells, anchor: Cells, step: tuple[int, int]) -> bool:
 
 
 class Occupied:
-    """Which cells are taken, as one whole number of bits for each row."""
+    """The cells that are taken, as one whole number of bits for each row."""
 
     def __init__(self, grid: Grid, anchors: Sequence[Cells], marks: Sequence[Cells]) -> None:
         self.grid = grid

@@ -1,4 +1,4 @@
-"""Where names stand on a picture so that none is cut or covered. Pure.
+"""Places of names on a picture, so that none is cut or covered. Pure.
 
 Each label gets the best place that is free: beside its mark, else farther away with a line to it, else in a shorter
 text that the legend explains; what finds no place at all is counted ("+3").
@@ -16,7 +16,7 @@ from typing import Final
 from gcs.report.label_grid import Cells, Grid, Occupied, line_between, needs_line
 
 RINGS: Final = 5
-"""How many steps a label may be away from its mark: a line much longer is hard to follow."""
+"""Number of steps that a label may be away from its mark: a line much longer is hard to follow."""
 RING_COST: Final = 2.0
 SHORTER_COST: Final = 100.0
 """A whole name anywhere is better than a part of it nearby."""
@@ -38,7 +38,7 @@ class Label:
     """Label to be written beside a mark."""
 
     key: int
-    """Whose it is, the same from frame to frame."""
+    """Owner, the same from frame to frame."""
     anchor: Cells
     """The mark, which may reach over the edge."""
     texts: tuple[str, ...]
@@ -58,7 +58,7 @@ class Place:
     text: str
     rect: Cells
     form: int = 0
-    """Which of the label's texts it is."""
+    """Index of the text among the label's."""
     leader: bool = False
     """True if a line to the mark is needed."""
     anchor: Cells = (0, 0, 0, 0)
@@ -77,7 +77,7 @@ class Labelling:
     former: Mapping[int, tuple[int, int, int]] = field(default_factory=dict)
     """Form and offset from the mark, by key."""
     turn: int = 0
-    """How many frames came before."""
+    """Number of frames that came before."""
 
     @property
     def texts(self) -> tuple[Place, ...]:
@@ -233,7 +233,7 @@ def _place(label: Label, form: int, rect: Cells, grid: Grid) -> Place:
 
 
 def _ring_of(rect: Cells, anchor: Cells, grid: Grid) -> int:
-    """How many steps lie between a label and its mark."""
+    """Number of steps between a label and its mark."""
     left, top, width, height = rect
     x, y, w, h = anchor
     across, down = max(left - x - w, x - left - width, 0), max(top - y - h, y - top - height, 0)

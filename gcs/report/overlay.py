@@ -51,7 +51,7 @@ FONT: Final = cv2.FONT_HERSHEY_SIMPLEX
 
 
 def standing_of(snapshot: Snapshot, box: Box) -> Standing:
-    """How sure the station is of a box, in the same words as the fleet table."""
+    """The certainty of a box's name, in the same words as the fleet table."""
     if box.coasting:
         return "coasting"
     if not box.system_id:
@@ -144,7 +144,7 @@ def box_labels(
 
 
 def box_keys(boxes: Sequence[Box]) -> list[int]:
-    """Whose a label is: the box's track, below 0 for boxes without one."""
+    """Owner of a label: the box's track, below 0 for boxes without one."""
     keys: list[int] = []
     for index, box in enumerate(boxes):
         keys.append(box.track_id if box.track_id > 0 and box.track_id not in keys else -1 - index)
@@ -154,7 +154,7 @@ def box_keys(boxes: Sequence[Box]) -> list[int]:
 def image_inset(
     snapshot: Snapshot, *, scale: float, selected: int, track: int = 0, former: Inset | None = None
 ) -> Inset | None:
-    """Where ``draw`` shows the picked vehicle enlarged, below the header; None where that is not known.
+    """Area in which ``draw`` shows the picked vehicle enlarged, below the header; None where that is not known.
 
     Args:
         scale: As for ``draw``.
@@ -180,7 +180,7 @@ def image_labels(
     former: Labelling | None = None,
     inset: Inset | None = None,
 ) -> Labelling:
-    """Where ``draw`` writes, in squares of pixels.
+    """Cells in which ``draw`` writes, in squares of pixels.
 
     Args:
         scale: As for ``draw``.

@@ -71,7 +71,7 @@ class RollCallRow:
 
 @dataclass(frozen=True, slots=True)
 class AlarmCounts:
-    """How many alarms of each level a flight raised."""
+    """Number of alarms of each level that a flight raised."""
 
     alarms: int
     warnings: int
@@ -99,7 +99,7 @@ class _Entry:
     waits_for: str = ""
     """Why it has no position yet by its own word."""
     placed_s: float = 0.0
-    """When its last position was taken, since the flight's begin: before its first one it is silent from there."""
+    """Time of its last position, since the flight's begin: before its first one it is silent from there."""
     silence_s: float = 0.0
 
 
@@ -201,7 +201,7 @@ class RollCall:
 
     @property
     def reports(self) -> str:
-        """How many alarms, warnings and marks there were, in words."""
+        """Numbers of alarms, warnings and marks, in words."""
         counts = {"alarm": self.alarms.alarms, "warning": self.alarms.warnings, "mark": self.marks}
         return ", ".join(f"{count} {what}{'s' * (count != 1)}" for what, count in counts.items())
 

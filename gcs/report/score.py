@@ -1,4 +1,4 @@
-"""How right an identity log is, against the truth.
+"""The score of an identity log against the truth.
 
 Boxes of the log are matched to true boxes frame by frame (nearest centres, one to one, within half a box). Then
     precision = right names / names given                          (a name on something that is not ours is wrong)

@@ -1,4 +1,4 @@
-"""Which words stand for a vehicle: on a picture its name where that is shown right and is its alone, else its id."""
+"""The words that stand for a vehicle: on a picture its name where that is shown right and is its alone, else its id."""
 
 from __future__ import annotations
 

@@ -41,14 +41,14 @@ CLOSED_UP_US = 1_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockSteps:
-    """When the clock was set, (k,) each."""
+    """Times at which the clock was set, (k,) each."""
 
     record: Ints
     """Number of the first record stamped afterwards."""
     t_us: Ints
     """Unix µs by the new setting when it was noticed."""
     step_us: Ints
-    """By how much, positive forwards."""
+    """Steps of the clock, positive forwards."""
     skipped: int = 0
     """Rows of ``clock.csv`` that cannot be used."""
 
@@ -121,7 +121,7 @@ class ClockSteps:
 
 
 def infer_steps(log: Tlog) -> ClockSteps:
-    """When the clock that stamped a log was set, by the sender that noticed most."""
+    """Times at which the clock that stamped a log was set, by the sender that noticed most."""
     t_us = log.index.t_us
     if len(t_us) < 2 or np.abs(np.diff(t_us)).max() < NOTICED_US:
         return ClockSteps.none()

@@ -217,7 +217,7 @@ def append_event(path: Path, event: Event) -> None:
 
 
 def marks_path(recording: Path) -> Path:
-    """Where the marks are that are made while a recording is replayed: in a session's folder, beside a bare log."""
+    """File of the marks that are made while a recording is replayed: in a session's folder, beside a bare log."""
     return recording / MARKS if recording.is_dir() else recording.with_name(f"{recording.name}.{MARKS}")
 
 

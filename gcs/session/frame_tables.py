@@ -95,7 +95,7 @@ class FrameDetections:
 
     @property
     def extent(self) -> tuple[float, float]:
-        """How far right and down the centres of boxes lie, px; 0 without any."""
+        """Largest coordinates of the centres of boxes, px; 0 without any."""
         columns = self._columns
         return float(columns["cx"].max(initial=0.0)), float(columns["cy"].max(initial=0.0))
 
@@ -126,7 +126,7 @@ class FrameMotions:
         self.skipped = table.skipped
 
     def at(self, frame: int) -> ImageMotion | None:
-        """How the camera moved from the last frame that was looked at to this one; None where that is not known."""
+        """Motion of the camera from the last frame that was looked at to this one; None where that is not known."""
         row = self._rows.get(frame)
         if row is None:
             return None

@@ -99,7 +99,7 @@ class LineFile:
 
     @property
     def state(self) -> RecordState:
-        """How it is doing."""
+        """State of the file."""
         with self._changed:
             state, held, dropped = self.file.state, self._in_hand, self._waiting.dropped
             rows = self._waiting.rows + (held.rows if held else 0)

@@ -64,7 +64,7 @@ class FlightNotes:
     spans: tuple[tuple[str, tuple[tuple[float, float], ...]], ...] = ()
     """Vehicles of which such a file tells, and from and to which seconds of the film."""
     started_us: int = 0
-    """When the flight began and ended, Unix µs; 0 unknown."""
+    """Start and end of the flight, Unix µs; 0 unknown."""
     ended_us: int = 0
 
     @classmethod
@@ -229,7 +229,7 @@ class Interrupted:
     records: int | None = None
     """Telemetry records that can be read; None: not counted."""
     ended: datetime | None = None
-    """When its last file was written; None where that could not be found out."""
+    """Time at which its last file was written; None where that could not be found out."""
     trouble: str = ""
     """Why it could not be sealed; empty: it was."""
 

@@ -288,7 +288,7 @@ class Recorder(ViewRecorder):
 
 
 class SpaceForecast:
-    """How long the disk will last, by what was free and what was written in the last minutes."""
+    """Time for which the disk will last, by what was free and what was written in the last minutes."""
 
     def __init__(self) -> None:
         self._seen: deque[tuple[float, int, int]] = deque()

@@ -44,16 +44,16 @@ class Session:
     """Everyone who was ever in it; None: a bare log without a mission file, the vehicles are found in the log."""
     tlog: Path
     began: Mission | None = None
-    """Who flew at its begin, where the operator changed that in flight; None: it is ``mission`` throughout."""
+    """Fleet as the flight began, where the operator changed that in flight; None: it is ``mission`` throughout."""
     changes: tuple[FleetChange, ...] = ()
     """Changes by the operator, in order."""
     video: Path | None = None
     video_start_s: float = 0.0
-    """When a video without frames.csv begins, seconds after the log's first message."""
+    """Start of a video without frames.csv, seconds after the log's first message."""
     frames: Path | None = None
     detections: Path | None = None
     motion: Path | None = None
-    """How the camera moved between frames, by their pixels."""
+    """Motion of the camera between frames, by their pixels."""
     folds: Path | None = None
     """In which order the flight took in telemetry and frames."""
     frame_size: tuple[int, int] | None = None

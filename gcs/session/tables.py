@@ -79,7 +79,7 @@ class Table:
     """Columns of equal length."""
 
     columns: dict[str, NDArray[np.float64]]
-    """By name, (rows,) each; an empty cell is NaN."""
+    """Columns by name, (rows,) each; an empty cell is NaN."""
     skipped: int
     """Rows that could not be used."""
 

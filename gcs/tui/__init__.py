@@ -25,12 +25,12 @@ __all__ = ["Ended", "RollcallApp", "run", "run_start"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ended:
-    """How the screens ended."""
+    """The end of the screens."""
 
     code: int
     """0 after a quit, 1 when something of the station did not work or the screens broke."""
     left: bool
-    """By the operator, or by a signal to end; else the screens broke or the terminal is gone."""
+    """True: ended by the operator, or by a signal to end; else the screens broke or the terminal is gone."""
 
 
 def run(

@@ -35,7 +35,7 @@ class Action:
 
 
 def keys_of(binding: Binding) -> str:
-    """How a binding's keys are shown: ``↑ k``."""
+    """A binding's keys as they are shown: ``↑ k``."""
     if binding.key_display:
         return binding.key_display
     return " ".join(format_key(key.strip()) for key in binding.key.split(",")).replace(format_key("enter"), "enter")

@@ -1,4 +1,4 @@
-"""Which part of the picture is shown: the fleet in it, large enough to be seen. Pure; image pixels, x right, y down.
+"""The part of the picture that is shown: the fleet in it, large enough to be seen. Pure; image pixels, x right, y down.
 
 Most of a picture from the air is ground. A part is kept as long as it will do, so that the picture stays calm.
 """

@@ -50,7 +50,7 @@ def use_depth(depth: Depth) -> None:
 
 
 def depth_in_use() -> Depth:
-    """How many colours the terminal has."""
+    """Number of colours that the terminal has."""
     return _InUse.depth
 
 

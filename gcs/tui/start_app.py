@@ -34,7 +34,7 @@ from vision.errors import VideoError
 
 POLL_S = 0.1
 LONG_S = 5.0
-"""Who has a vehicle that sends has heard it by now."""
+"""Time by which everybody has heard a vehicle that sends, if there is one."""
 NAME_CELLS = 14
 COLUMNS: Final = (
     ("ROLE", 6),
@@ -118,7 +118,7 @@ class StartApp(TerminalApp):
 
     @property
     def roles(self) -> dict[int, Role]:
-        """Who is what at present, by system id."""
+        """The present role of each, by system id."""
         return proposed_roles(self._listening.roster.vehicles, self._chosen, whole_fleet=self._whole_fleet)
 
     def action_fly(self) -> None:
@@ -334,7 +334,7 @@ def _row(system_id: int, name: str, role: Role, heard: HeardVehicle | None, seve
 
 
 def _position(heard: HeardVehicle) -> tuple[str, Colour]:
-    """How often it comes, or since when it does not."""
+    """Words for its rate, or for how long it has been silent."""
     if not heard.positions:
         return "none", WARN
     silent_s = (now_us() - heard.positions[-1]) * 1e-6

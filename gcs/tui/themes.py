@@ -20,7 +20,7 @@ from gcs.report.page.style import LIGHT as PAGES_LIGHT
 from gcs.tui.draw.xterm_palette import nearest
 
 Depth = Literal["truecolor", "256", "standard"]
-"""How many colours the terminal has, in Rich's words: all, 256, or the sixteen that its user has chosen."""
+"""Number of colours that the terminal has, in Rich's words: all, 256, or the sixteen that its user has chosen."""
 
 Rgb = tuple[int, int, int]
 ThemeName = Literal["dark", "light", "high-contrast"]
@@ -72,7 +72,7 @@ class Theme:
     """Numbers, 16 to 255, of those of the 256 colours that the nearest one does not stand for."""
 
     def number(self, colour: Colour, depth: Depth) -> int:
-        """Which of the 256 or 16 colours stands for a colour."""
+        """The colour of the terminal's 256 or 16 that stands for a colour."""
         if depth == "standard":
             return (_DARK_SIXTEEN if self.dark else _LIGHT_SIXTEEN).get(colour, 0 if self.dark else 15)
         red, green, blue = self.colours[colour]

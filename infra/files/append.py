@@ -39,7 +39,7 @@ _SPACE_MAY_RETURN = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 
 
 class _Mode(Enum):
-    """Where accepted rows go."""
+    """Destination of accepted rows."""
 
     WRITING = "to the kernel"
     RETRYING = "to memory, until the disk takes them"
@@ -167,7 +167,7 @@ class AppendFile:
 
     @property
     def state(self) -> RecordState:
-        """How it is doing now; without the lock, since who asks must not hang with the disk."""
+        """Its present state; without the lock, since who asks must not hang with the disk."""
         mode = self._mode  # before the failures, which are set before it
         failures, segment, waiting = self._failures, self._segment, self._waiting
         since_s, now_s = self._writing_since_s, time.monotonic()

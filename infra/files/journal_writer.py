@@ -81,7 +81,7 @@ class JournalWriter:
 
 
 def _written(path: Path, data: bytes) -> int:
-    """How many of the waiting bytes are already at the end of a file's last segment."""
+    """Number of the waiting bytes that are already at the end of a file's last segment."""
     try:
         with segments(path)[-1].open("rb") as file:
             size = file.seek(0, 2)

@@ -1,4 +1,4 @@
-"""How a recording is doing, for a screen and for alarms."""
+"""State of a recording, for a screen and for alarms."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordState:
-    """How a recording is doing."""
+    """State of a recording."""
 
     name: str
     """Name of the segment being written."""
@@ -22,7 +22,7 @@ class RecordState:
     reason: str = ""
     """Why it fails or last failed, in the system's words."""
     faults: int = 0
-    """How often it began to fail, repaired since or not."""
+    """Number of times that it began to fail, repaired since or not."""
     failed_ago_s: float = math.inf
     """Since it last failed, inf where it never did."""
     waiting: int = 0
@@ -35,7 +35,7 @@ class RecordState:
     stalled_s: float = 0.0
     """For how long the disk has not answered to a row that it was given; 0: none waits for its answer."""
     clock_step_s: float = 0.0
-    """By how much the wall clock was set since the recording began."""
+    """Sum of the steps by which the wall clock was set since the recording began."""
 
     @property
     def because(self) -> str:

@@ -27,7 +27,7 @@ _MOST_WRITTEN = 1 << 20
 """Bytes of what it may print."""
 _MOST_ANSWER = (1 << 31) - 1
 _RESERVE_BYTES, _LOOK_S = 64 << 20, 0.02
-"""Where the last byte is taken, Python may look for memory to report that with for ever: it is ended before that."""
+"""Memory kept free, and how often it is checked: with none left Python may search for ever for some to report that."""
 _ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Threads that a library starts for nothing take address space."""
 

@@ -21,7 +21,7 @@ from infra.program_log import child_environment
 _log = logging.getLogger(__name__)
 
 ROOT = str(Path(__file__).resolve().parents[2])
-"""Where our packages are."""
+"""Folder of our packages."""
 KILL_S = 2.0
 """A process that waits for the disk in the kernel ends only when the disk answers: it is not waited for longer."""
 _LAST_BYTES, _LAST_CHARACTERS = 2000, 200
@@ -103,7 +103,7 @@ class ChildProcess(Generic[Report]):
 
     @property
     def exit_reason(self) -> str:
-        """How it ended, and the last line that it wrote; until it is closed."""
+        """Words on how it ended, and the last line that it wrote; until it is closed."""
         code = self._process.poll()
         self._output.seek(max(self._output.seek(0, os.SEEK_END) - _LAST_BYTES, 0))
         lines = self._output.read().decode(errors="replace").strip().splitlines()

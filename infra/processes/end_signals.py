@@ -17,7 +17,7 @@ class AskedBySignals:
     """
 
     to_end: bool = False
-    """By SIGINT or SIGTERM."""
+    """True once SIGINT or SIGTERM asked for the end."""
     hung_up: bool = False
     """SIGHUP came: the terminal may be gone; whoever has dealt with that resets it."""
 

@@ -1,4 +1,4 @@
-"""Where each sender of one system id reports the vehicle to be, and whether all of it can be true of one vehicle.
+"""Places that each sender of one system id reports, and whether all of it can be true of one vehicle.
 
 Senders are distinguished by component, address and run of sequence numbers, and each has a clock of its own until its
 places prove otherwise. Two radios of one autopilot share a boot clock: what one brings seconds late lies on the path
@@ -33,11 +33,11 @@ _LATE_US = 1_000_000
 _MAX_SENDERS = 8
 """Senders compared; a flood of addresses must cost neither memory nor time."""
 _REMEMBERED_US = 60_000_000
-"""Where a silent sender was last counts for so long."""
+"""Time for which the last place of a silent sender counts."""
 _MARGIN_M, _NOISE_FACTOR = 3.0, 4.0
-"""By this, and by so many times the noise of the better one, places of one autopilot may differ."""
+"""Allowed difference of places of one autopilot: this, and so many times the noise of the better one."""
 _RECEIVERS_M, _RECEIVER_STDS = 10.0, 3.0
-"""By this, or by so many σ, two receivers of one vehicle may differ."""
+"""Allowed difference of two receivers of one vehicle: this, or so many σ."""
 _COMPONENT_LAG_S = 1.0
 """A payload computer may report where the vehicle was so long ago."""
 _BESIDE_US = 1_500_000
@@ -140,7 +140,7 @@ class ClaimedPlaces:
         return new
 
     def _compare(self, x: SenderPath, y: SenderPath, place: ClaimedPlace) -> float:
-        """How far y's newest place is from all that x allows, metres: 0 where both can be true, NaN unknown."""
+        """Distance of y's newest place from all that x allows, metres: 0 where both can be true, NaN unknown."""
         same_component = x.sender.component == y.sender.component
         margin_m = self._margin_m(x, y, place, same_component)
         on_path_m = self._gap_on_path(x, y, place, margin_m)
@@ -165,7 +165,7 @@ class ClaimedPlaces:
         return gap_m
 
     def _delay_us(self, x: SenderPath, y: SenderPath, place: ClaimedPlace) -> int | None:
-        """By how much y's place is later than x's fastest, if both have one clock; None where they cannot."""
+        """Delay of y's place behind x's fastest, if both have one clock; None where they cannot."""
         delay_us = x.delay_us(place)
         return delay_us if x.clocked and y.clocked and -MAX_LINK_LAG_US <= delay_us <= MAX_PROVEN_LAG_US else None
 
@@ -218,7 +218,7 @@ class ClaimedPlaces:
         return 0.0 if abs(dt_s) * 1e6 <= _BESIDE_US else math.nan
 
     def _off_path_m(self, before: ClaimedPlace, after: ClaimedPlace, place: ClaimedPlace, boot_us: int) -> float:
-        """How far a place is from between two others, less what the vehicle may have done between them."""
+        """Distance of a place from the way between two others, less what the vehicle may have done between them."""
         span_s = (after.boot_us - before.boot_us) * 1e-6
         if span_s <= 0.0:
             return distance_m(before, place)
@@ -246,7 +246,7 @@ class ClaimedPlaces:
         )
 
     def _margin_m(self, x: SenderPath, y: SenderPath, place: ClaimedPlace, same_component: bool) -> float:
-        """By how much two places of one vehicle may differ."""
+        """Largest difference of two places of one vehicle."""
         least_m = min(x.noise_m, y.noise_m)
         noise_m = _NOISE_FACTOR * least_m if math.isfinite(least_m) else 0.0
         if same_component:

@@ -1,4 +1,4 @@
-"""Which component of a system is the vehicle's autopilot.
+"""The component of a system that is the vehicle's autopilot.
 
 Companions, gimbals and payload computers share the autopilot's system id and may send heartbeats and positions too. The
 autopilot sends an autopilot's heartbeat, and by the standard its component id is 1. None of this is a proof: where two

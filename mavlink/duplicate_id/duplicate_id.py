@@ -82,7 +82,7 @@ ConflictKind = Literal["autopilot", "kind", "mode", "clock", "boot", "place", "a
 _PAUSE_US = 3_000_000
 """Contradictions farther apart than this do not belong together."""
 _SPAN_US = 900_000
-"""How long senders have to alternate at least: a vehicle that restarts does so once."""
+"""Least time for which senders have to alternate: a vehicle that restarts does so once."""
 _ALTERNATIONS: dict[ConflictKind, int] = {
     "autopilot": 3,
     "kind": 3,
@@ -91,9 +91,9 @@ _ALTERNATIONS: dict[ConflictKind, int] = {
     "boot": 3,
     "attitude": 3,
 }
-"""How often they have to; a mode more often, since an operator may switch there and back."""
+"""Number of times that they have to; a mode more often, since an operator may switch there and back."""
 _HOLD_US = 4_500_000
-"""How long a conflict lasts after the last contradiction: longer than the longest pause between contradictions of two
+"""Time that a conflict lasts after the last contradiction: longer than the longest pause between contradictions of two
 senders that send heartbeats once a second and lose packets."""
 _HOLD_HARDWARE_US = 60_000_000
 """The same after two hardware ids, which are sent rarely."""

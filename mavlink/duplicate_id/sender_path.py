@@ -34,7 +34,7 @@ _CONFLICT, _AGREEMENT, _ENOUGH = 2, 1, 4
 """Points that a contradiction adds to a sender's score, what an agreement takes off, and the score that is enough: two
 contradictions in a row, or more among agreements."""
 _SPAN_US = 500_000
-"""How long contradictions have to last."""
+"""Time for which contradictions have to last."""
 _PAUSE_US = 5_000_000
 """Contradictions farther apart than this do not belong together."""
 
@@ -45,7 +45,7 @@ class ClaimedPlace(NamedTuple):
     t_us: int
     """Unix µs of arrival."""
     boot_us: int
-    """By the sender's clock; by arrival for one that has none."""
+    """Time by the sender's clock; by arrival for one that has none."""
     lat: float
     lon: float
     up_m: float
@@ -97,14 +97,14 @@ class SenderPath:
         self.clocked, self.newest, self.newest_us = clocked, place, place.t_us
         self._offset_us = place.t_us - place.boot_us  # by the message with the least delay
         self.late_us = 0
-        """How much later than another sender's link this one's is."""
+        """Delay of this sender's link behind another's."""
         self.follows = False
         """Its places lie on that one's path."""
         self._path: SampleBuffer[ClaimedPlace] = SampleBuffer(_PATH, MAX_PROVEN_LAG_US)
         self._path.add(place.boot_us, place)
 
     def delay_us(self, place: ClaimedPlace) -> int:
-        """How much later than the message with the least delay a place of the same boot clock has come."""
+        """Delay, behind the message with the least, with which a place of the same boot clock has come."""
         return _wrapped_us(place.t_us - place.boot_us - self._offset_us)
 
     def boot_us(self, place: ClaimedPlace) -> int:
@@ -117,7 +117,7 @@ class SenderPath:
         self.late_us = max(self.late_us, behind_us + other.late_us)
 
     def made_us(self, place: ClaimedPlace) -> int:
-        """When one of its places was made, Unix µs, by its clock and by how late its link is."""
+        """Time of one of its places, Unix µs, by its clock and by how late its link is."""
         return self.boot_us(place) + self._offset_us - self.late_us
 
     def add(self, place: ClaimedPlace, *, clocked: bool, alone: bool) -> None:

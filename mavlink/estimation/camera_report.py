@@ -30,7 +30,7 @@ _NAMES: dict[type, str] = {
     CameraInformation: "CAMERA_INFORMATION",
     CameraSettings: "CAMERA_SETTINGS",
 }
-"""By rank, highest first."""
+"""Reports by rank, highest first."""
 
 CameraSample = CameraInformation | CameraFov | VideoStreamInformation | CameraSettings
 

@@ -27,7 +27,7 @@ _S = 1_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockParams:
-    """How a vehicle's clock may behave."""
+    """Bounds of how a vehicle's clock may behave."""
 
     max_drift: float = 500e-6
     """Greatest drift accepted of a fit that may be a link's doing. Crystals are within some tens of ppm, autopilots
@@ -47,7 +47,7 @@ class ClockParams:
     known_after_us: int = 60 * _S
     """Time from which a drift is worth reporting: over less, the delays of a busy host look like hundreds of ppm."""
     sure: float = 150e-6
-    """By how much a half's drift may differ from the whole's. Raise for jittery links."""
+    """Largest difference of a half's drift from the whole's. Raise for jittery links."""
     late_us: int = 5 * _S
     """A delay beyond this is either a late copy or a step of the host's clock."""
     early_us: int = _S
@@ -69,7 +69,7 @@ class ClockParams:
     late_most_us: int = 60 * _S
     """No link is later than this."""
     late_hold_us: int = 15 * _S
-    """When nothing but late messages has come for this long, the vehicle has no faster link: the clock follows them."""
+    """Time of nothing but late messages after which the vehicle has no faster link: the clock follows them."""
     line_us: int = 5 * _S
     """Outliers no farther apart than this may be on one line."""
     line_width_us: int = _S // 2
@@ -83,7 +83,7 @@ class ClockParams:
 
 
 class ClockFit(Enum):
-    """How the boot time of one message fits the clock; each as (fits, late)."""
+    """Agreement of the boot time of one message with the clock; each as (fits, late)."""
 
     FITS = True, False
     """It is on the clock's line."""

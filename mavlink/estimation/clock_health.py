@@ -100,7 +100,7 @@ class ClockHealth:
         return self._exchanges.round_trip_s
 
     def drift_ppm(self, clock: VehicleClock) -> float:
-        """By how much Unix time runs faster than the vehicle's clock: by exchanges, else by arrivals, else NaN."""
+        """Rate by which Unix time runs faster than the vehicle's clock: by exchanges, else by arrivals, else NaN."""
         drift = self._exchanges.drift
         if not math.isnan(drift):
             return drift * 1e6

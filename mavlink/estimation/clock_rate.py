@@ -28,7 +28,7 @@ BACK_US, LEAP_US = 60_000_000, 600_000_000
 
 
 class ClockRate:
-    """How fast one vehicle's boot time goes."""
+    """Rate of one vehicle's boot time."""
 
     def __init__(self) -> None:
         self._bins: deque[tuple[int, int]] = deque(maxlen=REAL_BINS)

@@ -198,7 +198,7 @@ class Gimbals:
         return quaternion_from_euler(*angles), "vehicle" if relative else "earth"
 
     def _camera_attitude(self, sample: CameraFov, body_yaw: float) -> tuple[Quaternion, Frame] | str | None:
-        """By CAMERA_FOV_STATUS, whose definition names no frame: the place at the image's centre decides which it is.
+        """The gimbal's frame by CAMERA_FOV_STATUS, which names none: the place at the image's centre decides.
 
         ArduPilot up to 4.5 counts yaw from the nose, later versions count from north.
         """

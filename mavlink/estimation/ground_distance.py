@@ -1,4 +1,4 @@
-"""How far the ground is below the UAV, by its rangefinder and by its own map of the terrain."""
+"""Height of the UAV above the ground, by its rangefinder and by its own map of the terrain."""
 
 from __future__ import annotations
 

@@ -147,7 +147,7 @@ class Fix(NamedTuple):
 
 
 class PositionEstimate(NamedTuple):
-    """Where a vehicle is at some time, by its own reports."""
+    """Place of a vehicle at some time, by its own reports."""
 
     fix: Fix
     age_s: float

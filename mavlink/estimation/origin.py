@@ -1,4 +1,4 @@
-"""Where the fleet is: the origin of the local frame, and which vehicles are too far from the others to be right."""
+"""The fleet's place: the origin of the local frame, and which vehicles are too far from the others to be right."""
 
 from __future__ import annotations
 

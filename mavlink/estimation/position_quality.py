@@ -1,4 +1,4 @@
-"""How far one vehicle's positions can be trusted, beyond what each report shows by itself.
+"""Trust in one vehicle's positions, beyond what each report shows by itself.
 
 - :class:`PositionRejections` counts what was not used, and why.
 - :class:`JumpDetector` finds positions that jump to and fro, as of a receiver that is jammed or fails.
@@ -57,7 +57,7 @@ class PositionRejections:
 
     @property
     def counts(self) -> tuple[tuple[str, int], ...]:
-        """How often for which reason, in order of first occurrence."""
+        """Counts by reason, in order of first occurrence."""
         return tuple(self._counts.items())
 
 

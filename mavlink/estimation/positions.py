@@ -347,7 +347,7 @@ class Positions:
         return position_at(self._fixes, boot_us)
 
     def state(self, estimate: PositionEstimate | None, rejected_for: str) -> PositionState:
-        """How far an estimate may be relied on: stale after a second and twice the usual period, lost after three.
+        """Reliability of an estimate: stale after a second and twice the usual period, lost after three.
 
         Where reports usually come seconds apart it is lost after four usual gaps.
 

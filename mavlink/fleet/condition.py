@@ -1,4 +1,4 @@
-"""How one vehicle is by its own reports: battery, satellites, radio, filter, sensors and arming checks."""
+"""Condition of one vehicle by its own reports: battery, satellites, radio, filter, sensors and arming checks."""
 
 from __future__ import annotations
 

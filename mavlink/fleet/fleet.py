@@ -1,4 +1,4 @@
-"""Where every vehicle is at any time: one UAV and its ground vehicles, from packets.
+"""The place of every vehicle at any time: one UAV and its ground vehicles, from packets.
 
 Samples are kept by each vehicle's own boot time, so that a clock learnt better later also dates earlier reports better.
 A report that cannot be right is counted and reported, never used and never fatal.
@@ -127,7 +127,7 @@ _UAV_LIMITS = VehicleLimits(max_speed=80.0, max_acceleration=12.0)
 _MAX_UNDATED = 300
 """Attitudes of the gimbal that are held back until the UAV's clock has an anchor."""
 _ORIGIN_PATIENCE_US = 10_000_000
-"""How long the origin waits for the UAV's first position: a receiver that has just been switched on needs longer."""
+"""Time that the origin waits for the UAV's first position: a receiver that has just been switched on needs longer."""
 _MAX_WAITING = 2000
 """Reports kept until the origin is known."""
 _MAX_REPORTS = 100_000
@@ -286,7 +286,7 @@ class Fleet:
         return uav_state(self._uav, self._gimbals, self._camera.report, self._ground_distance, t_us)
 
     def attitude_times(self, after_us: int, until_us: int) -> list[int]:
-        """When the UAV's attitude was measured after one Unix time and up to another, µs."""
+        """Times at which the UAV's attitude was measured after one Unix time and up to another, µs."""
         clock = self._uav.clock
         return [clock.unix_of(t) for t in self._uav.attitudes.times(clock.boot_of(after_us), clock.boot_of(until_us))]
 
@@ -296,7 +296,7 @@ class Fleet:
 
     @property
     def uav_delay_us(self) -> float:
-        """By how much most messages of the UAV come later than the quickest of them, µs."""
+        """Delay of most messages of the UAV behind the quickest of them, µs."""
         return self._uav.usual_delay_us
 
     @property

@@ -94,7 +94,7 @@ _CHANGE_US = 200_000
 _GPS_FRESH_US = 5_000_000
 """A fix whose own time is farther than this from now carries another clock's time."""
 _OTHER_AUTOPILOT_US = 600_000_000
-"""How often a second autopilot is reported: a companion that claims to be one does so for a whole flight."""
+"""Interval between reports of a second autopilot: a companion that claims to be one does so for a whole flight."""
 _SHARED_CLOCK_US = 500_000
 """A component whose messages come no later than this after the autopilot's of the same boot time has its clock."""
 _DELAY_GAIN, _DELAY_ASYMMETRY = 0.05, 9.0
@@ -139,7 +139,7 @@ class Vehicle:
         self._component_clocks: dict[int, VehicleClock] = {}
         """Clocks of components other than the autopilot, by component id."""
         self.usual_delay_us = 0.0
-        """By how much most messages come later than the quickest of them, µs: the 0.9 expectile of their delays."""
+        """Delay of most messages behind the quickest of them, µs: the 0.9 expectile of their delays."""
         self._drives, self._limits = drives, limits
         self._reception, self._clock_health = Reception(), ClockHealth()
         self._components, self._receivers = Components(), GpsReceivers()
@@ -290,7 +290,7 @@ class Vehicle:
         return reading, self.conflict_notices(t_us)
 
     def boot_time(self, sample: GimbalSample) -> int | None:
-        """When what one of its components measured held, by the vehicle's own clock.
+        """Time of what one of its components measured, by the vehicle's own clock.
 
         Args:
             sample: dated by the autopilot's clock, or by that of a component; without a boot time by its arrival.
@@ -484,7 +484,7 @@ class Vehicle:
         )
 
     def position_state(self, t_us: int, estimate: PositionEstimate | None) -> PositionState:
-        """How far the position may be relied on."""
+        """Reliability of the position."""
         if not self.is_trusted(t_us):
             return "contested" if self.in_conflict(t_us) else "refused"
         rejected = self.rejections.last_us > 0 and t_us - self.rejections.last_us < LOST_S * 1e6

@@ -72,7 +72,7 @@ class Forwarder:
         self.know(vehicles, uav)
 
     def know(self, vehicles: Collection[int], uav: int) -> None:
-        """Who is in the mission, and which of them is the UAV; as of the constructor."""
+        """The mission's vehicles, and which of them is the UAV; as of the constructor."""
         self._not_behind = frozenset(vehicles) | {self._own}
         self._vehicles = frozenset(vehicles) | ({uav} - {0})
         for output in self._outputs:

@@ -1,4 +1,4 @@
-"""How the ingest is doing, reported by its process and read by the station."""
+"""Health of the ingest, reported by its process and read by the station."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _NOTHING = RecordState(name="")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IngestHealth:
-    """How the ingest is doing."""
+    """Health of the ingest."""
 
     links: tuple[LinkReport, ...] = ()
     outputs: tuple[OutputCounts, ...] = ()

@@ -209,7 +209,7 @@ class Ingest:
         return (dict(links[link].others) | known).get(peer, "")
 
     def health(self) -> IngestHealth:
-        """How it is doing, as reported some times a second."""
+        """Its health, as reported some times a second."""
         reported = self._published_health()
         if reported is not None:
             self._health = reported

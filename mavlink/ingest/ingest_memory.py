@@ -17,7 +17,7 @@ from mavlink.protocol.packet import Auth, Packet
 RING_BYTES = 16 << 20
 """A minute of 5,000 packets/s."""
 _RECEIVED_UNTIL_AT, _STATUS_AT, _RING_AT = 2048, 4096, 262_144
-"""Where each part begins; the slots begin at 0."""
+"""Offset of each part; the slots begin at 0."""
 _RECEIVED_UNTIL = struct.Struct("=QQ")
 """Unix µs, and the ring's position up to which everything that came before then is in it."""
 _BATCH = struct.Struct("=QB")

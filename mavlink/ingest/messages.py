@@ -25,7 +25,7 @@ class AcceptHeld(msgspec.Struct, frozen=True, tag=True):
 
 
 class KnownFleet(msgspec.Struct, frozen=True, tag=True):
-    """Whose frames make a sender known from now on, where that was not decided when the links were opened."""
+    """Ids whose frames make a sender known from now on, where that was not decided when the links were opened."""
 
     system_ids: tuple[int, ...]
     uav: int

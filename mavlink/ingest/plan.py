@@ -15,7 +15,7 @@ from mavlink.links.url import LinkUrl
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signing:
-    """Where keys are and what may come without."""
+    """Place of the keys, and what may come without."""
 
     keys: str = ""
     """Folder with keys; empty: nothing is verified."""
@@ -28,7 +28,7 @@ class Signing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outputs:
-    """Where packets go on to; see :class:`mavlink.forwarding.forward.Forwarder`."""
+    """Outputs that packets go on to; see :class:`mavlink.forwarding.forward.Forwarder`."""
 
     urls: tuple[str, ...] = ()
     uav: int = 0

@@ -36,7 +36,7 @@ TICK_S = 0.05
 PAUSE_S = 0.004
 """Datagrams of so long are read together; when each came the kernel has noted."""
 HEALTH_S, HEALTH_SOON_S = 0.2, 0.05
-"""How often health is reported to the station, and how soon after a new sender: alarms name its address."""
+"""Intervals at which health is reported to the station, and soon after a new sender: alarms name its address."""
 _FEW = 128
 """After a batch of fewer packets the other links have their turn."""
 _ROUNDS = 8
@@ -188,7 +188,7 @@ class _IngestWorker:
         self._memory.status.put(health.encode())
 
     def _senders(self) -> int:
-        """How many were received so far."""
+        """Number of packets received so far."""
         return sum(link.last_peer for link in self._links)
 
     def _close(self) -> None:

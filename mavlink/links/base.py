@@ -142,7 +142,7 @@ class Link(ABC):
         return ()
 
     def report(self) -> LinkReport:
-        """How it is doing."""
+        """State of the link."""
         connected = self.connected
         return LinkReport(
             name=self.name, counts=self.counts, last_peer=self.last_peer, connected=connected, peers=int(connected)

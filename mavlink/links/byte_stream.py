@@ -23,7 +23,7 @@ second's worth of a hundred vehicles."""
 
 
 def queue_bytes(is_output: bool) -> int:
-    """How much may wait to be sent where frames are forwarded, and elsewhere."""
+    """Bytes that may wait to be sent where frames are forwarded, and elsewhere."""
     return FORWARDED_BYTES if is_output else ORDERS_BYTES
 
 

@@ -1,4 +1,4 @@
-"""Which share of each sender's datagrams passes when more arrive than can be handled.
+"""The share of each sender's datagrams that passes when more arrive than can be handled.
 
 Every known sender, and all unknown ones together, have an allowance: a rate, and a burst. Within it everything passes.
 Beyond it a share p passes, which moves the rate that passes, s datagrams in a time dt, towards the allowed rate R:
@@ -66,7 +66,7 @@ class Allowance:
     turned_away: float = 0.0
     """About how many datagrams of this flood did not pass."""
     limited_s: float = -math.inf
-    """When it last was limited, monotonic."""
+    """Time at which it last was limited, monotonic."""
 
     @classmethod
     def full(cls, burst_s: float) -> Allowance:

@@ -113,11 +113,11 @@ class Datagrams:
         return self._header_words[_RECEIVED : count * _HEADER_WORDS : _HEADER_WORDS].tolist()
 
     def senders(self, count: int) -> list[int]:
-        """Who sent the first ``count`` datagrams, as :func:`mavlink.links.peers.key_of` has it."""
+        """Senders of the first ``count`` datagrams, as :func:`mavlink.links.peers.key_of` has it."""
         return self._row_words[0 : count * _ROW_WORDS : _ROW_WORDS].tolist()
 
     def times_us(self, count: int) -> list[int]:
-        """When the first ``count`` datagrams arrived, Unix µs; 0 where the kernel gives no time."""
+        """Arrivals of the first ``count`` datagrams, Unix µs; 0 where the kernel gives no time."""
         words, stop = self._row_words, count * _ROW_WORDS
         columns = (words[k:stop:_ROW_WORDS].tolist() for k in (_KIND, _SECONDS, _NANOSECONDS))
         return [

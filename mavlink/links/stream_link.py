@@ -31,7 +31,7 @@ class StreamLink(Link):
     def __init__(self, url: LinkUrl, options: LinkOptions) -> None:
         super().__init__(url, options)
         self.connections = 0
-        """How often it was opened."""
+        """Number of times that it was opened."""
         self._connection: Connection | None = None
         self._backoff = Backoff(PAUSES_S)
 

@@ -25,7 +25,7 @@ class _Client:
     connection: Connection
     address: str
     received_s: float
-    """When it last sent a good frame, or connected; monotonic."""
+    """Time at which it last sent a good frame, or connected; monotonic."""
     known: bool
 
 
@@ -123,7 +123,7 @@ class TcpIn(Link):
         return any([each.send(frame) for each in wanted])
 
     def report(self) -> LinkReport:
-        """How it is doing, with its clients."""
+        """State of the link, with its clients."""
         return replace(super().report(), peers=self.clients, others=tuple(self._addresses().items()))
 
     def resume(self, before: LinkReport) -> None:

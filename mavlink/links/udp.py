@@ -21,7 +21,7 @@ LEAST_BUFFER_BYTES = 4 << 20
 _BUFFER_BYTES = 8 << 20
 """Receive buffer asked for: about a second of 10,000 packets."""
 DEFAULT_PORT = 14550
-"""Where ground stations listen."""
+"""Port that ground stations listen on."""
 _RECEIVERS = 8
 """Programs at a time that packets are forwarded to over one port."""
 

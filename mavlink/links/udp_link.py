@@ -187,7 +187,7 @@ class UdpLink(Link):
         return max(counts.values(), default=0) + self._bad_datagrams.total()
 
     def report(self) -> LinkReport:
-        """How it is doing, with known senders and floods."""
+        """State of the link, with known senders and floods."""
         addresses = tuple((number, host, port) for number, (host, port) in self.peers.addresses().items())
         return replace(
             super().report(),

@@ -13,7 +13,7 @@ from mavlink.errors import LinkError
 DEFAULT_BAUD = 57600
 """Rate of the usual telemetry radios (SiK)."""
 BARE_DEVICE = re.compile(r"/dev/|com\d+", re.IGNORECASE)
-"""How devices begin that need no scheme."""
+"""Start of the names of devices that need no scheme."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -65,7 +65,7 @@ _NOTHING, _GOOD, _BAD, _UNKNOWN, _MORE = _FrameMatch
 
 
 class _Wait(Enum):
-    """Which unfinished frames to wait for."""
+    """The unfinished frames to wait for."""
 
     FOR_ALL = "all"
     FOR_LAST = "those that no good frame follows"

@@ -103,7 +103,7 @@ class GpsRaw(_Sample):
     """1σ horizontal accuracy."""
     v_acc_m: float
     fix_us: int
-    """When the fix was made: µs since boot on most autopilots, Unix time on some, 0 unknown."""
+    """Time of the fix: µs since boot on most autopilots, Unix time on some, 0 unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,7 +284,7 @@ class VideoStreamInformation(_Sample):
     hfov: float
     """NaN unknown."""
     rotation_deg: int
-    """By which the image is turned, clockwise."""
+    """Rotation of the image, clockwise."""
     device_id: int
     type: int = 0
     """VIDEO_STREAM_TYPE: 0 RTSP, 1 RTP over UDP, 2 MPEG over TCP, 3 MPEG-TS over UDP."""

@@ -1,1 +1,1 @@
-"""How one vehicle's packets arrive: packets in, senders, rates, loss, duplicates and rejections out."""
+"""Reception of one vehicle: packets in, senders, rates, loss, duplicates and rejections out."""

@@ -1,4 +1,4 @@
-"""How many of a vehicle's packets are lost on the way: by their sequence numbers and by the times they carry.
+"""Loss of a vehicle's packets on the way: by their sequence numbers and by the times they carry.
 
 A hole in the sequence numbers is not always a loss: routers pass on some message types only, recordings keep some, and
 messages of unknown dialects or without a signature are rejected. What a vehicle sends regularly distinguishes them: a

@@ -1,4 +1,4 @@
-"""How one vehicle's packets arrive: over which channels, how often, with what loss, and which are duplicates.
+"""Reception of one vehicle: over which channels, how often, with what loss, and which are duplicates.
 
 A channel is one network address on one link. Several channels may bring the same packets (two radios, a router), so a
 packet counts as new once, and each channel is known by how far it is behind the others.
@@ -20,7 +20,7 @@ _MAX_CHANNELS = 16
 _LATE_US = 2_000_000
 """A channel whose duplicates come this long after the first copy is late."""
 _LATE_REMEMBERED_US = 60_000_000
-"""How long that holds: duplicates of time-stamped messages may be rare."""
+"""Time for which that holds: duplicates of time-stamped messages may be rare."""
 _BEHIND_US = 500_000
 """A channel this far behind another describes the vehicle's past."""
 _CURRENT_CHANNEL_US = 3_000_000
@@ -30,7 +30,7 @@ _FIRST_COPIES = 10
 number has come round."""
 
 _DUPLICATE_MEMORY_US = 12_000_000
-"""How long packets are remembered at least: links that are ten seconds late exist."""
+"""Least time for which packets are remembered: links that are ten seconds late exist."""
 _MAX_REMEMBERED = 4096
 """Packets in each half of that memory: a flood must not cost memory."""
 _TIME_STAMPED = frozenset({2, 30, 31, 32, 33, 111, 259, 260, 265, 271, 285})
@@ -63,7 +63,7 @@ class SenderKey(NamedTuple):
 
 
 class ChannelLag(Enum):
-    """How far a channel's messages are behind the vehicle's own clock."""
+    """Delay of a channel's messages behind the vehicle's own clock."""
 
     UNKNOWN = "none of its messages carries a time"
     CURRENT = "up to date"
@@ -71,7 +71,7 @@ class ChannelLag(Enum):
 
 
 class Arrival(NamedTuple):
-    """How one new packet came."""
+    """Arrival of one new packet."""
 
     sender: SenderKey
     late: bool
@@ -81,7 +81,7 @@ class Arrival(NamedTuple):
 
 
 class _SequenceRuns:
-    """Which of several counters on one channel a packet belongs to: two senders there count independently."""
+    """Index of the counter on one channel that a packet belongs to: two senders there count independently."""
 
     __slots__ = ("_next", "_runs")
 
@@ -158,7 +158,7 @@ class _FirstCopies:
         self._since_us = 0
 
     def find(self, packet: Packet, dated: bool) -> tuple[int, int, int] | None:
-        """When and where the same packet came first, as (t_us, link, peer); None for a new one.
+        """First arrival of the same packet, as (t_us, link, peer); None for a new one.
 
         Args:
             dated: it carries a time, so that its bytes cannot repeat.
@@ -187,7 +187,7 @@ class _Channel:
         self.loss = PacketLoss()
         self.runs: dict[int, _SequenceRuns] = {}
         self.late_us = 0
-        """How long after the first copy its last duplicate came, and when that was."""
+        """Delay of the last duplicate behind the first copy, and when it came."""
         self.late_at_us = 0
         self.lag = ChannelLag.UNKNOWN
         self.first_copies = 0

@@ -40,7 +40,7 @@ _REORDERED_AFTER, _REORDERED_EVERY_US = 20, 600_000_000
 _HELD_US = 3_000_000
 """Held packets this close together are one incident, which is reported once it has lasted as long."""
 _AUTH_LASTS_US = 10_000_000
-"""How long after a rejected packet a vehicle's signatures count as not good."""
+"""Time after a rejected packet for which a vehicle's signatures count as not good."""
 _REASONS = {
     Auth.UNSIGNED: "no signature",
     Auth.BAD: "bad signature",
@@ -50,20 +50,20 @@ _REASONS = {
 
 
 class _StreamHistory:
-    """When the timestamps of one signed stream came."""
+    """Arrival of the timestamps of one signed stream."""
 
     __slots__ = ("booted_us", "newest", "samples")
 
     def __init__(self) -> None:
         self.newest = 0
         self.booted_us: int | None = None
-        """When its sender started, Unix µs."""
+        """Start of its sender, Unix µs."""
         self.samples: deque[tuple[int, int]] = deque(maxlen=_SAMPLES)
         """Timestamp and Unix µs of arrival, both rising."""
 
 
 class _PacketAges:
-    """How old a signed packet is at least, by what its stream has brought in the last two minutes."""
+    """Least age of a signed packet, by what its stream has brought in the last two minutes."""
 
     __slots__ = ("_streams",)
 
@@ -86,7 +86,7 @@ class _PacketAges:
             stream.samples.append((stream.newest, packet.t_us))
 
     def age_us(self, packet: Packet) -> int | None:
-        """How long ago at least a packet was made; None for an unknown stream."""
+        """Least age of a packet; None for an unknown stream."""
         stream = self._streams.get((packet.component_id, packet.raw[-13]))
         if stream is None:
             return None
@@ -168,7 +168,7 @@ class PacketRejections:
         return t_us - self._verified_us < _AUTH_LASTS_US <= t_us - self._rejected_us
 
     def held_s(self, t_us: int) -> float:
-        """How far timestamps are behind, s, while every packet is held; else NaN."""
+        """Delay of timestamps, s, while every packet is held; else NaN."""
         held = t_us - self._held_us < _HELD_US <= t_us - self._verified_us
         return self._lag_s if held else math.nan
 

@@ -64,10 +64,10 @@ class Key:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeyRing:
-    """Who signs with which key."""
+    """The keys of those who sign."""
 
     keys: Mapping[int, Key] = field(default_factory=dict)
-    """By system id, 1..255."""
+    """Keys by system id, 1..255."""
     default: Key | None = None
     """Key of every system without a key of its own."""
 

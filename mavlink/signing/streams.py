@@ -40,7 +40,7 @@ _MAX_HELD = 1024
 _MILLISECOND = 100
 """Ticks."""
 _BOOT_AT = {2: 8, 30: 0, 31: 0, 32: 0, 33: 0}
-"""Where messages that vehicles send all the time carry their time since boot (uint32, ms), by message id."""
+"""Offsets at which messages that vehicles send all the time carry their time since boot (uint32, ms), by message id."""
 _SYSTEM_TIME = 2
 _UINT32, _UINT64 = struct.Struct("<I"), struct.Struct("<Q")
 _WRAP_MS = 1 << 32
@@ -61,9 +61,9 @@ class StreamRow(NamedTuple):
     timestamp: int
     """Timestamp of its newest frame."""
     received: int
-    """When that came; 0 unknown."""
+    """Time at which that came; 0 unknown."""
     booted: int = 0
-    """When its sender started, by this computer's clock; 0 unknown."""
+    """Start of its sender, by this computer's clock; 0 unknown."""
 
 
 class StreamRecorder(Protocol):
@@ -93,7 +93,7 @@ class _StreamState:
         self.timestamp = self.received = self.booted = 0
         self.not_before = 0
         self.learned = self.noted = 0
-        """When the time of its start was learnt, and when its row was written to the journal."""
+        """Times at which its start was learnt, and its row was written to the journal."""
 
 
 class Streams:
@@ -226,7 +226,7 @@ class Streams:
 
 
 def times_in(frame: bytes) -> tuple[int, int]:
-    """When a MAVLink 2 frame was made: ticks of the time of day, 0 unknown, and since boot, −1 unknown."""
+    """Times in a MAVLink 2 frame: ticks of the time of day, 0 unknown, and since boot, −1 unknown."""
     message_id = int.from_bytes(frame[7:10], "little")
     at = _BOOT_AT.get(message_id)
     if at is None:

@@ -45,7 +45,7 @@ class SenderClock:
     component_id: int
     samples: int
     boots: int
-    """How often it was started, 1 for a flight without a restart."""
+    """Number of its starts, 1 for a flight without a restart."""
     speed: float
     """Seconds of its boot clock per second of stamps, NaN where the log is too short; 1 for a flight.
 
@@ -132,7 +132,7 @@ def _clock(tlog: Tlog, key: int, rows: Ints, boot_ms: Ints) -> SenderClock:
 
 
 def _restarts(boot_ms: Ints) -> list[int]:
-    """Where the boot clock restarts; a wrap is no restart."""
+    """Indices at which the boot clock restarts; a wrap is no restart."""
     return [
         i
         for i in restarts(boot_ms, _BACK_MS)
@@ -162,7 +162,7 @@ def _speed(t_us: Ints, boot_ms: Ints) -> float:
 
 
 def _steps(tlog: Tlog, rows: Ints, epoch_us: Ints) -> list[ClockStep]:
-    """Where the time of boot, by the stamps, moves and stays."""
+    """Steps at which the time of boot, by the stamps, moves and stays."""
     return [
         ClockStep(row=int(rows[i]), offset=int(tlog.index.offset[rows[i]]), by_s=by_us * 1e-6)
         for i, by_us in level_steps(epoch_us, _STEP_US, _AROUND)

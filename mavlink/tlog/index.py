@@ -121,7 +121,7 @@ def embedded(data: Bytes, frames: Frames, time_ok: NDArray[np.bool_], step: int)
 
 
 def _starts(data: Bytes, first: int, offset: int) -> list[int]:
-    """Where a record that holds the frame at ``offset`` may begin; the first place needs no stamp."""
+    """Offsets at which a record that holds the frame at ``offset`` may begin; the first place needs no stamp."""
     places = np.arange(max(first, offset - _LONGEST), offset - _HEADER + 1, dtype=np.int64)
     if not places.size:
         return []
@@ -130,7 +130,7 @@ def _starts(data: Bytes, first: int, offset: int) -> list[int]:
 
 
 def _reach(data: Bytes, at: int, stop: int) -> int:
-    """Where the frame that should begin here ends: by its length, or before the next record if that is possible."""
+    """End of the frame that should begin here: by its length, or before the next record if that is possible."""
     head = data[at : at + 10].tobytes()
     if len(head) < 10:
         return 0

@@ -50,7 +50,7 @@ class TlogInfo:
     counts: TlogCounts
     systems: tuple[SystemInfo, ...]
     messages: tuple[MessageInfo, ...]
-    """By system, component and message id."""
+    """Counts by system, component and message id."""
     damage: tuple[Damage, ...]
 
     @property

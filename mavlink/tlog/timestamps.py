@@ -41,7 +41,7 @@ def read_times(data: Bytes, frames: Frames) -> tuple[Ints, NDArray[np.bool_], Ti
 
 
 def _likelihood(t_us: Ints) -> int:
-    """How many stamps are of this century, and how many within a minute of the next: a clock that was never set."""
+    """Number of stamps of this century, and of those within a minute of the next: a clock that was never set."""
     going_on = (t_us[:-1] > 0) & (t_us[1:] > 0) & (np.abs(np.diff(t_us)) <= _SPIKE_US)
     return int(np.count_nonzero(_dated(t_us)) + np.count_nonzero(going_on))
 

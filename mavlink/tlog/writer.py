@@ -136,7 +136,7 @@ class TlogWriter:
 
     @property
     def state(self) -> RecordState:
-        """How log and tables are doing."""
+        """State of log and tables."""
         state = replace(overall(file.state for file in self._files), clock_step_s=self._stepped_us * 1e-6)
         journal = self._journal
         if journal is None:
@@ -201,7 +201,7 @@ def _table(log: Path, form: TableFormat, disk: Disk) -> AppendFile:
 
 
 def _places(data: bytes) -> Iterator[int]:
-    """Where each record begins that is whole but for its end, and then where the last one ends or would end."""
+    """Offsets of each record that is whole but for its end, and then where the last one ends or would end."""
     place = 0
     while place + 10 < len(data):
         yield place

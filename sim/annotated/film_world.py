@@ -249,7 +249,7 @@ class FilmWorld:
 
     @property
     def vehicles(self) -> int:
-        """How many are labelled and stand on the ground."""
+        """Number of bodies that are labelled and stand on the ground."""
         return len(self.labelled)
 
 

@@ -31,7 +31,7 @@ class AnnotatedTracks:
     hidden: NDArray[np.bool_]
     """(m,) more than half of the vehicle is covered by something, as far as the labels tell."""
     left_out: dict[str, int] = field(default_factory=dict)
-    """How many rows were not used, by reason."""
+    """Number of rows that were not used, by reason."""
 
     def __len__(self) -> int:
         return len(self.frame)

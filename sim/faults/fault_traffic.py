@@ -135,7 +135,7 @@ class ScheduledDatagram:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultTraffic:
-    """How much of what."""
+    """Rates of each kind of packet."""
 
     fleet: SimulatedFleet
     rate_hz: float

@@ -42,7 +42,7 @@ class SimulatedSender:
 
     system_id: int
     place: int
-    """Which circle it drives; two senders of one id drive different ones. 0 is the UAV's."""
+    """Index of the circle that it drives; two senders of one id drive different ones. 0 is the UAV's."""
     lie: str = ""
     version: int = 2
     signs: Literal["right", "wrong", "never"] = "right"

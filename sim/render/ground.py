@@ -44,7 +44,7 @@ class GroundStyle:
     marks: bool = True
     """Lane marks on the roads."""
     wear: float = 0.3
-    """How patched the asphalt is, 0 to 1."""
+    """Share of patches in the asphalt, 0 to 1."""
     m_per_px: float = 0.05
     """Size of a texture pixel, metres; doubled until a window holds what the camera sees."""
     side_px: int = 4096

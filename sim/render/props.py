@@ -183,7 +183,7 @@ def bench(rng: np.random.Generator) -> Model:
 
 
 def shelter(rng: np.random.Generator) -> Model:
-    """Where one waits for the bus: a thin roof on posts, a wall behind, a bench, often posters at one end."""
+    """A bus shelter: a thin roof on posts, a wall behind, a bench, often posters at one end."""
     roof = shade((DARK, STEEL, WHITE, (120.0, 115.0, 105.0))[int(rng.integers(4))], rng)
     wall = shade((STEEL, (150.0, 145.0, 130.0), DARK)[int(rng.integers(3))], rng)
     blocks = [

@@ -32,7 +32,7 @@ FACES = np.array([[4, 5, 6, 7], [3, 2, 6, 7], [0, 1, 5, 4], [0, 3, 7, 4], [1, 2,
 ROUND_FACES = np.array([[12, 15, 18, 21], *([j, (j + 1) % 12, 12 + (j + 1) % 12, 12 + j] for j in range(12))])
 """Round faces of a block with round corners: four corners of its top, then its twelve walls."""
 ROUND_SIDES = np.array([0, 3, 2, 2, 2, 4, 4, 4, 1, 1, 1, 3, 3])
-"""Which of top, front, rear, left and right each of them is."""
+"""Side of each: top, front, rear, left or right."""
 _UNIT_BOX = Model.of(Block(x=(-0.5, 0.5), y=(-0.5, 0.5), z=(0.0, 1.0)))
 """A block of length, width and height 1, scaled to a body's size."""
 SHIFT = 4
@@ -56,7 +56,7 @@ class Style:
     ambient: float = 0.6
     """Light on faces turned away from the sun, 0 to 1."""
     penumbra_m: float = 0.0
-    """How wide the edge of a shadow is, metres; zero = a pixel or so."""
+    """Width of the edge of a shadow, metres; zero = a pixel or so."""
     contact: float = 0.0
     """Light lost close round a body, sun or no sun, 0 to 1."""
     in_shadow: float = 1.0

@@ -39,7 +39,7 @@ class Block:
     z: tuple[float, float]
     """Bottom and top."""
     taper: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """How far the top draws in at the rear, at the front, and at either side."""
+    """Distance that the top draws in at the rear, at the front, and at either side."""
     top: Color = PAINT
     sides: Color = PAINT
     """Colour of the walls (left, right, and front and rear unless given)."""
@@ -48,7 +48,7 @@ class Block:
     layer: int = 0
     """Blocks of a higher layer are on top of those below and drawn after them."""
     corner: tuple[float, float] = (0.0, 0.0)
-    """How much of the length and of the width the rounded corners take; zero = sharp."""
+    """Share of the length and of the width that the rounded corners take; zero = sharp."""
 
     def corners(self, rounded: bool = False) -> FloatArray:
         """Foot ring, then top ring: each rear-left, rear-right, front-right, front-left.

@@ -34,7 +34,7 @@ class ScenarioGround:
     formation: Literal["line", "column", "wedge", "grid", "triangle"] = "line"
     """Only for ``kind = "formation"``: line is abreast, column one behind the other, triangle has equal sides."""
     station_keeping_m: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.15
-    """How far vehicles wander about their places in a formation; 0 makes it rigid."""
+    """Distance that vehicles wander about their places in a formation; 0 makes it rigid."""
     vehicles: Annotated[int, Meta(ge=1, le=200)] = 6
     """Vehicles that the UAV films."""
     outside: Annotated[int, Meta(ge=0, le=200)] = 0
@@ -47,7 +47,7 @@ class ScenarioGround:
     road_deg: float = 90.0
     """Mean direction of the road, clockwise from north: 90 runs along the image's width while the UAV looks north."""
     bend_deg: Annotated[float, Meta(ge=0.0, le=80.0)] = 50.0
-    """How far a curved road turns to either side of its mean direction."""
+    """Angle that a curved road turns to either side of its mean direction."""
     bend_length_m: float = 120.0
     lane_changes_per_min: float = 2.0
     """Rate of each vehicle, where there is room."""
@@ -57,7 +57,7 @@ class ScenarioGround:
     """Open ground and parked vehicles: extent of the filmed vehicles' area across and along the image; wider than the
     image makes them leave and re-enter."""
     slope_deg: Annotated[float, Meta(ge=0.0, le=20.0)] = 0.0
-    """How far the ground rises towards ``uphill_deg``; telemetry's heights follow it, the UAV's do not."""
+    """Rise of the ground towards ``uphill_deg``; telemetry's heights follow it, the UAV's do not."""
     uphill_deg: float = 0.0
     waves_m: Annotated[float, Meta(ge=0.0, le=30.0)] = 0.0
     """Amplitude of waves of the ground on top of the slope; telemetry's heights follow them, video cannot show them."""
@@ -69,7 +69,7 @@ class ScenarioGround:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioFlight:
-    """How the UAV really flies."""
+    """The true flight of the UAV."""
 
     height_m: Annotated[float, Meta(ge=3.0, le=500.0)] = 40.0
     follow: bool = True
@@ -122,11 +122,11 @@ class Gnss:
 
     white_m: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.3
     white_kind: Literal["normal", "laplace", "outliers"] = "normal"
-    """How that noise is distributed: outliers is normal but for one report in 25, which is off five times as far."""
+    """Distribution of that noise: outliers is normal but for one report in 25, which is off five times as far."""
     bias_m: float = 0.6
     """Standard deviation of the wandering bias."""
     bias_kind: Literal["gauss-markov", "filtered", "walk", "steps", "sine"] = "gauss-markov"
-    """How it wanders: with its deviation kept up, the same smoothly as an autopilot's filter gives it, as a random walk
+    """Its course: with its deviation kept up, the same smoothly as an autopilot's filter gives it, as a random walk
     from there, in steps, or in a wave."""
     tau_s: Annotated[float, Meta(ge=0.1, le=1e6)] = 60.0
     """Correlation time; in which a walk adds the deviation once more; mean time between steps; period of the wave."""
@@ -146,7 +146,7 @@ class Gnss:
     altitude_white_m: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
     """Noise of that altitude from report to report."""
     altitude_datum_m: Annotated[float, Meta(ge=-120.0, le=120.0)] = 0.0
-    """By how much the altitudes of all ground vehicles are too high, as above the ellipsoid instead of the sea."""
+    """Excess of the altitudes of all ground vehicles, as above the ellipsoid instead of the sea."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -279,12 +279,12 @@ class ScenarioFault:
     """Jump in metres, lag in seconds, drift in metres per second; 0 takes 15 m, 3 s, 0.5 m/s. For a spoof or a copy the
     delay in seconds."""
     other: int = 0
-    """Whose place is reported instead, for a spoof or a copy."""
+    """System id whose place is reported instead, for a spoof or a copy."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioDeclared:
-    """Where the mission is wrong about the camera: what ``session.toml`` says beside the truth."""
+    """Errors of the mission about the camera: what ``session.toml`` says beside the truth."""
 
     camera: bool = True
     """True if the mission describes the camera at all."""

@@ -125,7 +125,7 @@ def project(view: CameraView, p_enu: ArrayLike) -> tuple[FloatArray, NDArray[np.
 
 
 def ray_ground(view: CameraView, uv: ArrayLike, z: float = 0.0) -> FloatArray:
-    """Where the rays of pixels meet the plane at height z.
+    """Points at which the rays of pixels meet the plane at height z.
 
     Args:
         uv: (..., 2) pixels.

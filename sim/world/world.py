@@ -17,7 +17,7 @@ from sim.world.view import OCCLUDER, Bodies, CameraView, Scene
 FloatArray = NDArray[np.float64]
 
 LEAD_S, TAIL_S = 5.0, 2.0
-"""How long the world exists before the first and after the last frame."""
+"""Time for which the world exists before the first and after the last frame."""
 
 CANOPY_COLOR = (40, 80, 45)
 """BGR of tree crowns, a dark green; a choice."""
@@ -71,7 +71,7 @@ class World:
 
     @property
     def roles(self) -> Roles:
-        """Who the n bodies are; the first ``scenario.fleet_size`` are ours."""
+        """Identities of the n bodies; the first ``scenario.fleet_size`` are ours."""
         return self._actors.roles
 
     @property

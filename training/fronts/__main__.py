@@ -38,7 +38,7 @@ from vision.detect.front import BUNDLED_FRONT, open_front_classifier
 from vision.errors import LabelError, VisionError
 
 MARGIN = 0.15
-"""How much more than its box a crop from a video shows the classifier, a share of the sides; a choice."""
+"""Margin beyond its box of a crop from a video that the classifier sees, a share of the sides; a choice."""
 BLOCKS, HELD_OUT_OF = 50, 5
 """Crops in the order of time fall into blocks and every fifth is held out: neighbours in time look alike."""
 LEAST = 50

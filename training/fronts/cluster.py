@@ -24,7 +24,7 @@ STARTS = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Clusters:
-    """Where n crops went."""
+    """Clusters of n crops."""
 
     number: NDArray[np.int64]
     """(n,) 0..k-1, the largest cluster first."""

@@ -47,7 +47,7 @@ class Crops:
     images: Image
     """(n, ACROSS, LENGTH, 3) BGR."""
     margin: float
-    """How much more than the box they show, a share of its sides."""
+    """Margin beyond the box that crops show, a share of its sides."""
     length_px: NDArray[np.float64]
     """(n,) of the vehicles where they were found."""
 

@@ -49,7 +49,7 @@ def features(net: ResNet18, crops: Crops, side: int, margin: float) -> tuple[NDA
 def guesses(
     classifier: FrontClassifier, crops: Crops, number: NDArray[np.int64], turned: NDArray[np.bool_]
 ) -> dict[int, str]:
-    """Which way each cluster faces, by a classifier's votes: right, left, or ? where they disagree."""
+    """Way that each cluster faces, by a classifier's votes: right, left, or ? where they disagree."""
     boxes = crops.vehicles(np.ones(len(crops), dtype=bool)).boxes
     heading = np.array([classifier.classify(i, b).heading[0] for i, b in zip(crops.images, boxes, strict=True)])
     # on a crop a heading of 90°, clockwise from up, is the right

@@ -1,4 +1,4 @@
-"""How an exported classifier does through ``vision.detect.front``, by the length of vehicles in the image."""
+"""Quality of an exported classifier through ``vision.detect.front``, by the length of vehicles in the image."""
 
 from __future__ import annotations
 

@@ -109,7 +109,7 @@ def read_corrections(path: Path, crops: int, clusters: int) -> Corrections:
 
 
 def fronts(clusters: Clusters, corrections: Corrections) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """Which crops have a known front, and whether that is at the right of the crop as it was cut: (m,), (m,)."""
+    """Masks of the crops with a known front, and of those with it at the right of the crop as cut: (m,), (m,)."""
     faces = [
         corrections.crops.get(k, corrections.clusters.get(int(c), UNDECIDED)) for k, c in enumerate(clusters.number)
     ]

@@ -91,7 +91,7 @@ def labels(view: CameraView, bodies: Bodies) -> FloatArray:
 
 
 def seen_sides(view: CameraView, bodies: Bodies, models: Mapping[int, Model], boxes: FloatArray) -> FloatArray:
-    """How far what is seen of each body reaches along and across its heading in the image.
+    """Reach of what is seen of each body along and across its heading in the image.
 
     Straight down these are the sides of ``labels``; seen from the side, the height of the body adds to them.
 

@@ -1,4 +1,4 @@
-"""Where objects are on a training image: vehicles in bays and lanes or anywhere, clutter and trees between them."""
+"""Places of objects on a training image: vehicles in bays and lanes or anywhere, clutter and trees between them."""
 
 from __future__ import annotations
 

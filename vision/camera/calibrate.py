@@ -212,7 +212,7 @@ def _covered(views: Sequence[BoardView], board: Board, size: tuple[int, int]) ->
 
 
 def _emptiest(covered: NDArray[np.bool_]) -> str:
-    """Which ninth of the image saw least of the board."""
+    """The ninth of the image that saw least of the board."""
     rows, columns = covered.shape
     ninths = covered.reshape(3, rows // 3, 3, columns // 3).mean(axis=(1, 3))
     row, column = np.unravel_index(np.argmin(ninths), ninths.shape)

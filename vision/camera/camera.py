@@ -1,4 +1,4 @@
-"""Where a camera looks: pose from the vehicle's attitude, pixel ↔ ground.
+"""The view of a camera: pose from the vehicle's attitude, pixel ↔ ground.
 
 Camera frame: OpenCV, x right, y down, z forward. World: ENU metres. Body and gimbal frames: FRD, the gimbal's x along
 the optical axis. ``R_a_b`` maps b-vectors into a. Pixels: continuous, x right, y down.
@@ -32,7 +32,7 @@ SKIM = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mount:
-    """How the camera sits on the vehicle. Angles turn the optical axis from the nose: yaw, then pitch, then roll.
+    """Mount of the camera on the vehicle. Angles turn the optical axis from the nose: yaw, then pitch, then roll.
 
     At pitch −π/2 the camera looks straight down and image up is the nose turned by ``yaw``.
     """
@@ -55,7 +55,7 @@ class Mount:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CameraPose:
-    """Where the camera is and how it is turned."""
+    """Place and attitude of the camera."""
 
     R_enu_cam: Floats
     """(3, 3) camera vectors into ENU."""
@@ -101,7 +101,7 @@ def project(intrinsics: Intrinsics, pose: CameraPose, p_enu: ArrayLike) -> tuple
 
 
 def ground(intrinsics: Intrinsics, pose: CameraPose, uv: ArrayLike, z: ArrayLike) -> Floats:
-    """Where the rays through pixels (..., 2) meet the level plane at height z (m, broadcast over ...).
+    """Points at which the rays through pixels (..., 2) meet the level plane at height z (m, broadcast over ...).
 
     Returns:
         p_enu (..., 3) m; NaN for rays that do not come down on the plane.

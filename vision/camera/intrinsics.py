@@ -1,4 +1,4 @@
-"""How a camera maps rays to pixels: focal lengths, principal point and lens, and what size and zoom change of them.
+"""A camera's map from rays to pixels: focal lengths, principal point and lens, and what size and zoom change of them.
 
 Reference:
     D. C. Brown, "Close-range camera calibration", Photogrammetric Engineering 37(8), 1971, in the form of OpenCV's

@@ -1,4 +1,4 @@
-"""How good a detector is on labelled images: average precision, precision and recall, headings, recall by size.
+"""Quality of a detector on labelled images: average precision, precision and recall, headings, recall by size.
 
 Boxes are rows ``cx cy w h angle`` of ``vision.detect.boxes``, pixels; headings clockwise from image up, rad, NaN
 unknown. An object that does not *count* (difficult, mostly hidden, an unlabelled region) changes no figure, whether it

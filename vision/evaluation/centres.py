@@ -1,4 +1,4 @@
-"""Which detections have their centre on a labelled object: what upright labels of turned vehicles can judge fairly.
+"""Detections with their centre on a labelled object: what upright labels of turned vehicles can judge fairly.
 
 The upright box around a turned vehicle overlaps little with the upright box around a good detection of it, but its
 centre is inside. Greedy by score, image by image: a detection takes, of the objects that count, that its centre lies in

@@ -45,7 +45,7 @@ class Comparison:
     against: str
     """Name of the other."""
     other: Evaluation
-    """How good the other is by itself."""
+    """Quality of the other by itself."""
     differences: tuple[Difference, ...]
 
 

@@ -40,7 +40,7 @@ LABEL_FOLDERS = ("labels", "labelTxt", "annotations")
 NAME_FILES = ("data.yaml", "dataset.yaml", "classes.txt", "obj.names")
 """Files with the names of classes: of YOLO and Darknet."""
 WANTED = f"NAME.txt beside NAME.jpg, or in one of {', '.join(LABEL_FOLDERS)} beside images, or a COCO file NAME.json"
-"""Where labels are looked for."""
+"""Folder in which labels are looked for."""
 VEHICLE = "vehicle"
 """Name of the only class."""
 

@@ -49,7 +49,7 @@ VISDRONE = (
 """Category names, in order."""
 _LEAST_PX = 1e-3
 BEYOND = 0.5
-"""How far beyond the image a corner of a normalised label may lie, shares of its sides."""
+"""Largest distance beyond the image of a corner of a normalised label, shares of its sides."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

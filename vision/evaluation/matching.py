@@ -1,4 +1,4 @@
-"""Which detection is which labelled object, at every threshold of overlap: greedy by score, image by image.
+"""Pairs of detections and labelled objects, at every threshold of overlap: greedy by score, image by image.
 
 A detection takes, of the objects that count and that no better detection has taken, the one it overlaps most, if that
 is enough. One that finds none is no false alarm where it lies on something that does not count: overlap enough with

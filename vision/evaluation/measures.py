@@ -67,7 +67,7 @@ class Reliability:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evaluation:
-    """How good detections are; shares are NaN where there is nothing to take a share of."""
+    """Quality of detections; shares are NaN where there is nothing to take a share of."""
 
     images: int
     objects: int
@@ -92,7 +92,7 @@ class Evaluation:
     classes: tuple[Share, ...]
     sizes: tuple[Share, ...]
     hidden: tuple[Share, ...]
-    """By how hidden they are, where labels have it; last those that do not count."""
+    """Recall by how hidden objects are, where labels have it; last those that do not count."""
     centres: Centres
     reliability: Reliability
 

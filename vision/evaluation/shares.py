@@ -26,7 +26,7 @@ PLACES = ("upper third", "middle third", "lower third")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Share:
-    """How many of some objects were found at the operating score."""
+    """Number of some objects that were found at the operating score."""
 
     name: str
     objects: int

@@ -88,7 +88,7 @@ class LabelledImage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """Which classes count; what is in neither set is background, and a detection on it a false alarm."""
+    """Classes that count; what is in neither set is background, and a detection on it a false alarm."""
 
     counts: frozenset[str]
     neither: frozenset[str]

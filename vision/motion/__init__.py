@@ -1,1 +1,1 @@
-"""How the camera moved between two frames, by their pixels: images in, a homography and the rotation in it out."""
+"""Motion of the camera between two frames, by their pixels: images in, a homography and the rotation in it out."""

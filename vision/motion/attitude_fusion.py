@@ -115,7 +115,7 @@ TELLING = 3
 STEEP = 0.06
 """Sine of the least angle below the horizon at which a box tells a place on the ground."""
 XI, BETA, LAG, BASE = slice(0, 3), slice(3, 6), 6, 7
-"""Where ξ, β and δ are in the state; the vehicles follow, four states each."""
+"""Indices of ξ, β and δ in the state; the vehicles follow, four states each."""
 
 
 class AttitudeFusion:
@@ -439,6 +439,6 @@ def _lasting(dt: float) -> tuple[float, float]:
 
 
 def _places(k: int) -> tuple[IntArray, IntArray]:
-    """Where the places and the velocities of k vehicles are in the state, (2k,) each."""
+    """Indices of the places and the velocities of k vehicles in the state, (2k,) each."""
     first = BASE + 4 * np.arange(k, dtype=np.int64)[:, None] + np.arange(2)
     return first.ravel(), first.ravel() + 2

@@ -22,11 +22,11 @@ class ReportedRotation:
     known: bool
     """True if there is an attitude."""
     sample_us: tuple[int, ...] = ()
-    """When samples were taken since the last frame, less the filter's lag, Unix µs."""
+    """Times of the samples since the last frame, less the filter's lag, Unix µs."""
     samples_enu_cam: tuple[FloatArray, ...] = ()
     """(3, 3) the rotation by each."""
     seen_turn: CameraTurn | None = None
-    """How the camera turned since the last frame by the pixels; None: not known."""
+    """Turn of the camera since the last frame by the pixels; None: not known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

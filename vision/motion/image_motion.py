@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ImageMotion:
-    """How the ground moved in the image from one frame to a later one."""
+    """Motion of the ground in the image from one frame to a later one."""
 
     H: NDArray[np.float64]
     """(3, 3) homography from pixels of the earlier frame to pixels of the later one; its last entry is 1."""

@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 INLIER_PX = 0.6
-"""How far from its place a point may be that follows the homography."""
+"""Largest distance from its place of a point that follows the homography."""
 LEAST_INLIERS = 24
 """Three times its eight numbers, in points."""
 MOST_TRIES = 500
 """Samples of four points: where a third of all follow one homography, one of them is right with 99.8 %."""
 MOST_CORNER_STD_PX = 1.5
-"""How uncertain it may be at the picture's corners, 1σ."""
+"""Largest uncertainty at the picture's corners, 1σ."""
 MOST_SCALE = 1.6
-"""By how much a picture can grow or shrink from one frame to the next, in length."""
+"""Largest factor by which a picture can grow or shrink from one frame to the next, in length."""
 LEAST_STD_PX = 0.02
 """1σ of a followed point at least: the search ends within such a step."""
 

@@ -1,4 +1,4 @@
-"""How the camera turned between two frames, from the homography of the ground between them.
+"""Turn of the camera between two frames, from the homography of the ground between them.
 
 Camera frame: x right, y down, z forward. With the ground's normal n (down) at the distance d from the camera and the
 camera's displacement s between the frames, all in the earlier camera frame,
@@ -65,7 +65,7 @@ def vector_of(R: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GroundShift:
-    """How the camera moved over the ground between two frames, in the axes of the earlier camera frame."""
+    """Motion of the camera over the ground between two frames, in the axes of the earlier camera frame."""
 
     shift: Floats
     """(3,) displacement of the camera, m."""

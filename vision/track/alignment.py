@@ -1,4 +1,4 @@
-"""How far the camera moved beyond what is known of it, seen from all tracks and boxes at once.
+"""Motion of the camera beyond what is known of it, seen from all tracks and boxes at once.
 
 Expected tracks and boxes are two pictures of one constellation. The motion that leads from the first to the second has
 four parameters θ = (tₓ, t_y, r, s): relative to the middle of the image, a track expected at (x, y) moves by A θ,
@@ -262,7 +262,7 @@ def _squares(d: Floats, Q: Floats) -> Floats:
 
 
 def _fit(theta: Floats, pairs: _PairPoints, variance: Floats) -> Floats:
-    """How well θ (h, 4) explains each track with each of its boxes, (h, n, c), at least 0."""
+    """Score with which θ (h, 4) explains each track with each of its boxes, (h, n, c), at least 0."""
     # |offset − A θ|² / variance
     moved = np.tensordot(theta, pairs.motion, axes=(1, 2))[:, :, None]
     x, y = pairs.offset[..., 0] - moved[..., 0], pairs.offset[..., 1] - moved[..., 1]

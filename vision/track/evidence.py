@@ -27,7 +27,7 @@ from vision.track.track_state import ENOUGH, TrackState
 Floats = NDArray[np.float64]
 
 MARGIN = 1.15
-"""By how much less than usual a box may have and still speak for a vehicle, nats."""
+"""Score below the usual that a box may have and still speak for a vehicle, nats."""
 SLOPE = 1.5
 """Detectors' scores lie closer together than the odds that they stand for."""
 MISS = 0.5
@@ -42,7 +42,7 @@ MEMORY_S = 1.0
 SURE = 0.99
 """Scores count as at most so much, and as at least the rest."""
 ALIKE, SIZE_STD = 0.2, 0.25
-"""By how much smaller than the rest most vehicles are at the most, and 1σ beyond that, of the logarithm of sizes."""
+"""Largest amount by which most vehicles are smaller than the rest, and 1σ beyond that, of the logarithm of sizes."""
 MOST_SMALL = 1.0
 """Against a track for its size in each frame, nats, at the most: less than MARGIN."""
 BESIDE = 8.0

@@ -1,4 +1,4 @@
-"""Which end of a box is its vehicle's front: what the detector says of each box, and where the vehicle drives.
+"""The end of a box that is its vehicle's front: what the detector says of each box, and where the vehicle drives.
 
 Two numbers are kept for each track, both positive for a front along the box's axis and negative for one against it:
 votes, one for each box whose front was told, at most ``MOST_VOTES`` of them; and the way that the vehicle went along

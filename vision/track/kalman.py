@@ -61,7 +61,7 @@ def predict(x: Floats, P: Floats, dt: float, wander: Floats) -> tuple[Floats, Fl
 
 
 def mahalanobis(offset: Floats, P: Floats, noise: Floats) -> tuple[Floats, Floats]:
-    """How far measured centres are from predicted ones.
+    """Distances of measured centres from predicted ones.
 
     Args:
         offset: (p, 2) px, measured less predicted.

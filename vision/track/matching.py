@@ -1,4 +1,4 @@
-"""Which box continues which track: costs and one-to-one assignment. Pure functions."""
+"""Pairs of boxes and the tracks that they continue: costs and one-to-one assignment. Pure functions."""
 
 from __future__ import annotations
 

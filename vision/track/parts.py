@@ -27,9 +27,9 @@ LEAST_SHARE, LEAST_AGAINST_PARTS = 0.2, 0.35
 """Least share of all boxes that must be as long as the whole, and least ratio to those as long as a part: vehicles
 that are two boxes for a third of the time give as many of one as of the other."""
 GAP, ASIDE = 0.22, 0.3
-"""How far parts may be apart, or overlap, along the line, in their mean length; and off it, in the length of one."""
+"""Space between parts, or overlap, along the line, in their mean length; and off it, in the length of one."""
 TURNED = float(np.deg2rad(20.0))
-"""How far a part may be turned from the line."""
+"""Angle that a part may be turned from the line."""
 WIDTHS = 0.25
 """Difference of the ln of their widths up to which two boxes are parts of one vehicle."""
 
@@ -51,7 +51,7 @@ class Parts:
 
     def __init__(self) -> None:
         self._weight = np.zeros(int(np.ceil(np.log(LONGEST_M / SHORTEST_M) / BIN)) + 1)
-        """How much was seen of each class of lengths, s."""
+        """Time for which each class of lengths was seen, s."""
         self._t_us: int | None = None
 
     def joined(self, t_us: int, boxes: Detections, pixel_m: Floats, least_score: float) -> Wholes:

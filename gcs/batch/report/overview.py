@@ -332,7 +332,7 @@ def _flights(judged: Sequence[FlightJudgement]) -> Section:
 
 
 def _figures(score: ScoreRecord | None) -> tuple[str, ...]:
-    """How right a flight's names are, as ``_FIGURES``."""
+    """Score of a flight's names, as ``_FIGURES``."""
     if score is None:
         return ("–",) * len(_FIGURES)
     shares = (score.right, score.precision)

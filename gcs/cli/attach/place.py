@@ -1,4 +1,4 @@
-"""Where flights wait for terminals, and what is said there."""
+"""The place where flights wait for terminals, and what is said there."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Wish(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Answer(msgspec.Struct, frozen=True, kw_only=True):
-    """How it went: at once where it is refused, else when the screens have ended."""
+    """Outcome: at once where it is refused, else when the screens have ended."""
 
     text: str
     refused: bool = False

@@ -32,7 +32,7 @@ class LentTerminal:
         self._fd = fd
         self._variables = wish.variables
         self.options = wish.options
-        """How the screens are to be."""
+        """Options of the screens."""
 
     @contextlib.contextmanager
     def as_standard_streams(self) -> Iterator[None]:

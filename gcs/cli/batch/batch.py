@@ -132,7 +132,7 @@ class _Shown:
         self._tell()
 
     def frames(self, flight: str, done: int, total: int) -> None:
-        """How far one flight is."""
+        """Progress of one flight."""
         self._partial[flight] = done, total
         self._tell()
 

@@ -1,4 +1,4 @@
-"""How far long work is: one bar on a terminal, a line now and then where stderr is a file or a pipe."""
+"""Progress of long work: one bar on a terminal, a line now and then where stderr is a file or a pipe."""
 
 from __future__ import annotations
 

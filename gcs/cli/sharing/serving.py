@@ -23,7 +23,7 @@ MOST_BROWSERS = 4
 """Each has a replay of its own."""
 TOKEN_BYTES = 24
 DOWNLOADS = "download"
-"""Where textual-serve's pages ask for pictures, behind no token: each has a random name of its own, once."""
+"""Path under which textual-serve's pages ask for pictures, behind no token: each has a random name of its own, once."""
 FOREIGN = re.compile(r"<link[^>]*https?://[^>]*>", re.DOTALL)
 """Addresses that textual-serve's page would have a browser fetch from elsewhere."""
 TAKES_KEYS = """<script>
@@ -46,7 +46,7 @@ class _GuardedServer(Server):
 
     @property
     def address(self) -> str:
-        """Where a browser finds it."""
+        """Address for a browser."""
         return f"{self.public_url}/{self._token}/"
 
     async def make_guarded_app(self) -> web.Application:

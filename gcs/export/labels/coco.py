@@ -21,7 +21,7 @@ from infra.plain_text import plain
 
 
 class CocoExport:
-    """Who a box is stands in its ``attributes``."""
+    """A box's ``attributes`` say who it is."""
 
     def __init__(self, job: ExportJob) -> None:
         self._name = plain(job.name)

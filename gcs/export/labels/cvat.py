@@ -26,7 +26,7 @@ _ATTRIBUTE: Final = (
 
 
 class CvatExport:
-    """Who a box is stands in its attributes; CVAT's label needs attributes of these names to take them in."""
+    """Attributes of a box say who it is; CVAT's label needs attributes of these names to take them in."""
 
     def __init__(self, job: ExportJob) -> None:
         self._folder = LabelFolder(job)

@@ -44,7 +44,7 @@ class LabelledBox:
     """(4, 2) px, clockwise on screen; the first two are those of the front, where it is known."""
 
     def attributes(self) -> dict[str, int | float | str]:
-        """Who it is and how sure that is; what is unknown is not in it."""
+        """Name of a box and its certainty; what is unknown is not in it."""
         told: dict[str, int | float | str] = {}
         if self.box.track_id:
             told["track_id"] = self.box.track_id
@@ -83,7 +83,7 @@ class LabelFolder:
         self._job = job
         self._unfinished = Unfinished(job.path)
         self.path = self._unfinished.path
-        """Where the format writes its own files."""
+        """Folder in which the format writes its own files."""
         self._images = self.path / images
         self._images.mkdir(parents=True)
         self._boxes_file = open_new(self.path / "boxes.csv")

@@ -92,7 +92,7 @@ def scene_of(snapshot: Snapshot, boxes: Sequence[Box], before: frozenset[str]) -
 
 
 def fix_of(snapshot: Snapshot, row: VehicleRow) -> LocationFix | None:
-    """Where a vehicle reports to be; None unknown."""
+    """Reported position of a vehicle; None unknown."""
     if snapshot.origin is None or not np.isfinite(row.p_enu).all():
         return None
     lat, lon, alt = (float(value) for value in snapshot.origin.to_geodetic(row.p_enu))

@@ -1,4 +1,4 @@
-"""When the names of a frame are shown: from that frame until the next, by the clock of the film that is played.
+"""Times of the names of a frame: from that frame until the next, by the clock of the film that is played.
 
 Times are µs after the film's first frame.
 """
@@ -16,7 +16,7 @@ from vision.video.video import VideoFile
 
 HELD_US = round(HELD_SHOWN_S * 1e6)
 LAST_US = 100_000
-"""How long a single frame is shown."""
+"""Time for which a single frame is shown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +25,7 @@ class Cue:
 
     start_us: int
     end_us: int
-    """When the next frame begins."""
+    """Start of the next frame."""
     snapshot: Snapshot
     """With those boxes only that were seen in the frame."""
 

@@ -1,4 +1,4 @@
-"""Which way the camera looks: as the mission's mount has it, or as the gimbal reports."""
+"""Direction of the camera: as the mission's mount has it, or as the gimbal reports."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ class CameraDirection:
         self._mount = mount_of(mission.camera)
         self._mount_doubted = False
         self._turned_us = 0
-        """When an order turned the camera: from then on the mission does not know where it looks."""
+        """Time at which an order turned the camera: from then on the mission does not know where it looks."""
         self._turn_reported = False
         self._reported_us, self._lost_told = 0, False
-        """When the gimbal's attitude was known last, and whether its loss was reported."""
+        """Time at which the gimbal's attitude was known last, and whether its loss was reported."""
 
     @property
     def stabilized(self) -> bool:
@@ -120,7 +120,7 @@ def _gimbal(uav: UavState) -> NDArray[np.float64] | None:
 
 
 def mount_of(camera: Camera | None) -> Mount:
-    """How the camera hangs; straight down on a gimbal unless the mission states another mount."""
+    """Mount of the camera; straight down on a gimbal unless the mission states another mount."""
     if camera is None:
         return Mount(kind="stabilized", roll=0.0, pitch=-np.pi / 2, yaw=0.0)
     roll, pitch, yaw = np.deg2rad([camera.roll_deg, camera.pitch_deg, camera.yaw_deg])

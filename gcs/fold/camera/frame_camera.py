@@ -43,7 +43,7 @@ class FrameCamera:
         return self.ground.z
 
     def place_std_m(self, p_enu: FloatArray) -> FloatArray:
-        """How uncertain places (k, 3) are that were worked out from pixels, before any vehicle's report is compared.
+        """Uncertainty of places (k, 3) that were worked out from pixels, before any vehicle's report is compared.
 
         Returns:
             (k,) 1σ per level axis, m, of the reported pose's usual errors (``assoc.params``), to first order; NaN where
@@ -91,7 +91,7 @@ def reported_pixels(state: FleetState, view: FrameCamera | None) -> dict[int, Fl
 def expected_pixels(
     state: FleetState, view: FrameCamera | None, rays: Callable[[FloatArray, FrameCamera], FloatArray | None]
 ) -> dict[int, tuple[float, float]] | None:
-    """Where the vehicles' reports put them in the image plane, with the errors of the camera's pose taken out.
+    """Places in the image plane where the vehicles' reports put them, with the errors of the camera's pose taken out.
 
     Args:
         state: the fleet.

@@ -152,7 +152,7 @@ class FrameCameras:
 
     @property
     def ground_step_m(self) -> float:
-        """By how much the ground rose at once, with the last frame, since a source of its height was left out."""
+        """Step by which the ground rose at once, with the last frame, since a source of its height was left out."""
         return self._heights.step_m
 
     def hear_film(self, error_m: float, std_m: float) -> None:
@@ -237,7 +237,7 @@ class FrameCameras:
     def _turn(
         self, t_us: int, camera: FrameCamera, fleet: Fleet, motion: ImageMotion, yaw_error: float
     ) -> CameraTurn | None:
-        """How the camera turned since the last frame by the pixels, with what telemetry knows of its flight."""
+        """Turn of the camera since the last frame by the pixels, with what telemetry knows of its flight."""
         before = self._fusion.rotation(t_us)
         height = float(camera.pose.p_enu[2]) - camera.ground_z
         v_enu = fleet.uav_at(t_us).v_enu

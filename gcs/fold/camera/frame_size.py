@@ -32,7 +32,7 @@ STD = 0.03
 STRANGE = 0.3
 """Share of boxes that are no vehicle's that reports."""
 BEYOND = 1.02
-"""How far, in sizes of a frame, the centre of a box may lie: half a vehicle looks in."""
+"""Farthest place of a box's centre, in sizes of a frame: half a vehicle looks in."""
 EVERY_US = 2_000_000
 """Frames closer to each other are not independent."""
 MOST_LOOKS = 40

@@ -1,4 +1,4 @@
-"""Which intrinsics the image has now: the mission's or those the UAV reports, for this size of image, zoomed.
+"""The image's intrinsics at present: the mission's or those the UAV reports, for this size of image, zoomed.
 
 By order of preference: the mission's numbers or lens file; else CAMERA_FOV_STATUS, VIDEO_STREAM_INFORMATION or
 CAMERA_INFORMATION, as ``mavlink.estimation.camera_report`` ranks them. Zoom:

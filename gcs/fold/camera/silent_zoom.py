@@ -82,7 +82,7 @@ class SilentZoom:
         self._last = None
 
     def jump(self, t_us: int, view: FrameCamera, boxes: Detections) -> float:
-        """By how much the image was magnified at once since the last look, before its boxes have tracks; 1 not.
+        """Factor by which the image was magnified at once since the last look, before its boxes have tracks; 1 not.
 
         Args:
             t_us: when the frame was taken.
@@ -111,7 +111,7 @@ class SilentZoom:
         return factor * float(np.exp(_log_spread(jumped[0][again]) - _log_spread(before[0][found[again]])))
 
     def change(self, t_us: int, view: FrameCamera, detections: Detections, tracks: Tracks) -> float:
-        """By how much the image is magnified beyond ``view``, by the tracks of a look; 1 not.
+        """Factor by which the image is magnified beyond ``view``, by the tracks of a look; 1 not.
 
         Args:
             t_us: when the frame was taken.

@@ -1,4 +1,4 @@
-"""Where boxes stand on the ground: the middle of a box is that of a body, half its height above its place."""
+"""Places where boxes stand on the ground: the middle of a box is that of a body, half its height above its place."""
 
 from __future__ import annotations
 

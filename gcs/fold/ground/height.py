@@ -1,4 +1,4 @@
-"""How high the ground is where the vehicles drive, and how it slopes, from all that reports it.
+"""Height and slope of the ground where the vehicles drive, from all that reports it.
 
 Unknown are the height g of the ground at a point c, its slope s, and u, by how much the vehicles' altitudes are higher
 than the UAV's all together. In ENU metres, with vehicle j at (p, z) and its own error b_j:
@@ -90,7 +90,7 @@ class GroundHeight:
         self._takeoff_known = takeoff_known
         self.ground: GroundSurface | None = None
         self.step_m = 0.0
-        """By how much it rose at once, with the last update."""
+        """Step by which it rose at once, with the last update."""
         self._found: GroundSurface | None = None
         self._found_us = 0
         """Height that was found last, and when; ``ground`` follows it."""
@@ -104,7 +104,7 @@ class GroundHeight:
         self._since_us: dict[str, int] = {}
         """Since when a source differs from what is used."""
         self._told_m: dict[str, float] = {}
-        """By how much a source differed when that was reported."""
+        """Amount by which a source differed when that was reported."""
         self._left_out: set[str] = set()
         """Sources that the film contradicts."""
         self._film: tuple[HeightSource, FloatArray] | None = None
@@ -381,7 +381,7 @@ def find_ground(
 
 
 def _near_median(z: FloatArray, home_z: float) -> NDArray[np.bool_]:
-    """Which of some altitudes agree with most of them; of two, the one nearer to the home plane is the median."""
+    """Mask of the altitudes that agree with most of them; of two, the one nearer to the home plane is the median."""
     votes = np.append(z, home_z) if len(z) == 2 else z
     return np.asarray(np.abs(z - np.median(votes)) < OUTLIER_M) if len(z) else np.zeros(0, np.bool_)
 

@@ -73,7 +73,7 @@ class GroundSurface:
     """1σ of ``z``."""
     sources: tuple[HeightSource, ...] = ()
     datums_m: tuple[float, ...] = ()
-    """By how much it is lower if the only source counts from another level, metres."""
+    """Amount by which it is lower if the only source counts from another level, metres."""
     divided: bool = False
     """The vehicles' altitudes contradict each other."""
     relief: Relief | None = None
@@ -82,7 +82,7 @@ class GroundSurface:
 
     @property
     def other_heights_m(self) -> tuple[float, ...]:
-        """By how much the ground is lower than ``z`` if a source that disagrees is right, metres, one for each."""
+        """Amounts by which the ground is lower than ``z`` if a source that disagrees is right, metres, one for each."""
         others = list(self.datums_m)
         for source in self.sources:
             lower = self.z - source.z
@@ -109,7 +109,7 @@ class GroundSurface:
         return np.array([self.bumps.get(i, 0.0) for i in system_id.tolist()], dtype=np.float64)
 
     def seen_on_level(self, p_enu: FloatArray, system_id: IntArray, camera_enu: FloatArray) -> FloatArray:
-        """Where vehicles appear on the level plane.
+        """Places on the level plane where vehicles appear.
 
         Args:
             p_enu: (k, 3) metres; their own heights are not used.

@@ -281,7 +281,7 @@ class _TextTable:
         self._factors = np.array([columns[place][1] for place in self._places])
 
     def columns(self) -> dict[str, Floats]:
-        """By our names, NaN for cells that are empty or no number."""
+        """Columns by our names, NaN for cells that are empty or no number."""
         return dict(zip(self._kept, self._rows.T * self._factors[:, None], strict=True))
 
     def read(self, lines: Iterator[str]) -> None:

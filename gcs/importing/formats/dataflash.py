@@ -144,7 +144,7 @@ class _TextRows:
         self._values = array("d")
         self._words: list[bytes] = []
         self.lines = array("Q")
-        """Where each stands, from 1."""
+        """Line of each, from 1."""
 
     def take(self, cells: list[str], line: int) -> bool:
         """Keep a record; False for what is none."""
@@ -208,7 +208,7 @@ def _text_tables(path: Path, wanted: Collection[str]) -> DataflashTables:
 
 
 def _next_head(data: mmap.mmap, at: int) -> int:
-    """Where the next record may begin, -1 nowhere. ``mmap.find`` reads past whole pages before CPython 3.11.5."""
+    """Offset of what may be the next record, -1 nowhere. ``mmap.find`` reads past whole pages before CPython 3.11.5."""
     size = _NEAR
     while at < len(data):
         found = data[at : at + size].find(_HEAD)

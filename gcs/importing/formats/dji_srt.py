@@ -123,7 +123,7 @@ def _angles(
 
 
 def _view(t_us: NDArray[np.int64], read: Sequence[DjiCue]) -> ViewTrack:
-    """By the focal length; none where there is digital zoom, since whether the focal length has it in is not known."""
+    """Field of view by the focal length; none under digital zoom, which the focal length may have in or not."""
     focal = np.array([cue.focal_mm for cue in read])
     known, zoom = np.isfinite(focal), max(cue.zoom for cue in read)
     if not known.any():

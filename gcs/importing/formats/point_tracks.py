@@ -48,7 +48,7 @@ class PointTracks:
         self._count = 0
 
     def __len__(self) -> int:
-        """How many points are kept."""
+        """Number of points that are kept."""
         return sum(len(track.columns) for track in (*self._tracks, self._open)) // _COLUMNS
 
     def name(self, text: str) -> None:

@@ -27,7 +27,7 @@ _REPORTED: Final[Mapping[Reported, str]] = {
     "then": "the flight alone",
     "now": "its replay alone",
 }
-"""Who tells it, where it is not both."""
+"""Words for who tells it, where it is not both."""
 _LEVELS: Final = MappingProxyType({"level": MappingProxyType({"alarm": "bad", "warning": "warn"}).get})
 
 

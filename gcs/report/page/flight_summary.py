@@ -77,15 +77,15 @@ class VehicleRecord:
     runners_up: Counter[str] = field(default_factory=Counter)
     """Frames by who else it might have been."""
     named_us: int = 0
-    """How long its box had its name: from each such frame to the next one, ``LONGEST_STEP_US`` at most."""
+    """Time for which its box had its name: from each such frame to the next one, ``LONGEST_STEP_US`` at most."""
     first_us: int = 0
-    """When it was named first, 0 never."""
+    """Time at which it was named first, 0 never."""
     sure_us: int = 0
-    """When its name was confirmed first, 0 never."""
+    """Time at which its name was confirmed first, 0 never."""
     changes: list[tuple[int, int, int]] = field(default_factory=list)
     """Time, Unix µs, and the tracks that had its name before and after."""
     changed: int = 0
-    """How often another track got its name."""
+    """Number of times that another track got its name."""
     track_id: int = 0
 
     @classmethod
@@ -136,7 +136,7 @@ class FlightSummary:
         return (self.stop_us - self.start_us) * 1e-6
 
     def part_of(self, t_us: int) -> int:
-        """Which part of the flight's time a moment is in."""
+        """Index of the part of the flight's time that a moment is in."""
         share = (t_us - self.start_us) / (self.stop_us - self.start_us)
         return min(max(int(share * self.parts), 0), self.parts - 1)
 

@@ -1,4 +1,4 @@
-"""How right the names were, where the truth is known: the score, and whether confidences came true."""
+"""The names against the truth, where it is known: the score, and whether confidences came true."""
 
 from __future__ import annotations
 

@@ -160,6 +160,6 @@ def axis(first_s: float, last_s: float, y: float) -> str:
 
 
 def place(t_s: float, first_s: float, last_s: float) -> float:
-    """Where a time stands on an axis from the first to the last."""
+    """Place of a time on an axis from the first to the last."""
     share = min(max((t_s - first_s) / (last_s - first_s), 0.0), 1.0)
     return LEFT + share * (WIDTH - LEFT - RIGHT)

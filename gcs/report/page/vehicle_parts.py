@@ -13,7 +13,7 @@ from gcs.report.page.timeline import clock
 from gcs.report.rollcall import RollCallRow
 
 _STANDINGS: Final = MappingProxyType({"confirmed": "confirmed", "tentative": "tentative", "never named": "never"})
-"""How each looks."""
+"""Look of each standing."""
 
 
 def standing_of(record: FlightSummary, row: RollCallRow) -> str:

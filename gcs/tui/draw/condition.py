@@ -1,4 +1,4 @@
-"""How a vehicle is, in a few cells: battery, satellites, radio, filter, place from the UAV, with the colour of the
+"""A vehicle's condition in a few cells: battery, satellites, radio, filter, place from the UAV, with the colour of the
 mission's limits. Pure."""
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def battery(row: VehicleRow, limits: Limits) -> Cell:
 
 
 def satellites(row: VehicleRow, limits: Limits) -> Cell:
-    """How many are in use."""
+    """Number of satellites in use."""
     count = row.condition.satellites
     return (str(count), WARN if count < limits.satellites else INK) if count >= 0 else (UNKNOWN, FAINT)
 

@@ -23,7 +23,7 @@ class EventRow:
     event: Event
     """The newest of those that it stands for; its text has the numbers of all: ``reached waypoint 1–12``."""
     times: int
-    """How many."""
+    """Number of events."""
 
 
 def found_events(events: Iterable[Event], query: str, names: Mapping[int, str]) -> list[Event]:

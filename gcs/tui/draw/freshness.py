@@ -1,4 +1,4 @@
-"""How old a value may be before it is drawn as old, and before it is not shown at all. Pure; seconds in.
+"""Ages from which a value is drawn as old, and is not shown at all. Pure; seconds in.
 
 The one place for these bounds: tables, facts and marks on the map read it.
 """
@@ -25,7 +25,7 @@ UNKNOWN: Final = "–"
 
 
 def freshness(age_s: float, *, fresh_s: float = SILENT_S) -> Freshness:
-    """How a value of this age is shown.
+    """The style of a value of this age.
 
     Args:
         age_s: inf or NaN for what was never received.

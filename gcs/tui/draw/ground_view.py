@@ -1,4 +1,4 @@
-"""Where ENU metres fall on a field of braille dots. Pure."""
+"""Projection of ENU metres onto a field of braille dots. Pure."""
 
 from __future__ import annotations
 

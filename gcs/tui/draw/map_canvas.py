@@ -73,7 +73,7 @@ class MapExtras:
     ground: NDArray[np.int64] | None = None
     """(2 · rows, columns) 0xRRGGBB under everything, None: the background."""
     credit: str = ""
-    """Whose picture that is."""
+    """Attribution of that picture."""
 
 
 def chart_cells(
@@ -166,7 +166,7 @@ def map_labels(
     former: Labelling | None = None,
     extras: MapExtras | None = None,
 ) -> Labelling:
-    """Where ``chart_cells`` writes names; ``former`` is of the frame before, so that labels stay where they are."""
+    """Cells of ``chart_cells``' names; ``former`` is of the frame before, so that labels stay where they are."""
     extras = extras or MapExtras()
     rows = _placed_rows(snapshot, selected)
     state = {

@@ -58,7 +58,7 @@ def cell_of(t_us: int, start_us: int, stop_us: int, length: int) -> int:
 
 
 def times_of(kind: Moment, events: Sequence[Event], gaps: Sequence[Gap]) -> list[int]:
-    """When there was something of a kind, Unix µs: a gap when it began."""
+    """Times of what there was of a kind, Unix µs: of a gap its begin."""
     if kind == "gap":
         return [gap.start_us for gap in gaps]
     return [event.t_us for event in events if kind_of(event) == kind]

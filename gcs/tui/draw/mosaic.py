@@ -16,14 +16,14 @@ from gcs.tui.draw.xterm_palette import LUMA_BGR, dithered, in_four_greys
 from gcs.tui.themes import Depth
 
 Grain = Literal["halves", "sextants", "octants"]
-"""How a cell is divided."""
+"""Division of a cell into parts."""
 HALF: Final = ord("▀")
 ROWS_EACH: Final = 4
 """A row of the result is the mean of at least so many of a larger image."""
 FINER: Final = 2
 """It is sharpened at so many times the size that is shown."""
 SHARPER: Final = 0.7
-"""How much of what a blur takes away is added once more; raised, edges get halos."""
+"""Share of what a blur takes away that is added once more; raised, edges get halos."""
 LUMA_STEP: Final = 8
 CHROMA_STEP: Final = 12
 PLAIN_LEVELS: Final = 9
@@ -35,7 +35,7 @@ class PictureMode:
     """Mode of pictures that the terminal can show."""
 
     grain: Grain = "halves"
-    """How each cell is divided."""
+    """Division of each cell."""
     depth: Depth = "truecolor"
     """Images are dithered to 256 colours, and to the greys of the sixteen."""
 
@@ -56,7 +56,7 @@ class Mosaic:
 
 
 def fit(width: int, height: int, columns: int, rows: int) -> tuple[int, int, int, int]:
-    """Where an image goes in a field of cells that are twice as high as wide.
+    """Place of an image in a field of cells that are twice as high as wide.
 
     Args:
         width: Of the image, px, above 0.

@@ -1,4 +1,4 @@
-"""Which pane goes where: three layouts from 80×24 upward, in whole cells. Pure."""
+"""The place of each pane: three layouts from 80×24 upward, in whole cells. Pure."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class LayoutState:
     layout: int = 1
     """1 video first, 2 map first, 3 both beside each other."""
     chosen: bool = False
-    """By the operator; else a flight without a camera begins with the map."""
+    """True once the operator chose; else a flight without a camera begins with the map."""
     toggled: frozenset[str] = field(default=frozenset())
     """Panes switched against the layout's default."""
     maximised: str = ""

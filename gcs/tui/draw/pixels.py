@@ -43,7 +43,7 @@ QUALITY = 85
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pixels:
-    """How this terminal shows images."""
+    """The way this terminal shows images."""
 
     widget: Any
     """textual-image's widget class."""
@@ -114,7 +114,7 @@ def _textual_image(cell: tuple[int, int]) -> Any:  # noqa: ANN401  textual-image
 
 
 def picture_mode(graphics: Graphics, colours: str | None) -> PictureMode:
-    """How the picture is drawn in cells.
+    """The way the picture is drawn in cells.
 
     Args:
         graphics: as the user wants it; ``auto`` and ``pixels`` take the finest that the terminal is known to draw.
@@ -130,7 +130,7 @@ def picture_mode(graphics: Graphics, colours: str | None) -> PictureMode:
 
 
 def depth_of(colours: str | None) -> Depth:
-    """How many colours the terminal has.
+    """Number of colours that the terminal has.
 
     Args:
         colours: Rich's word for it; None for a terminal that it has no word for.

@@ -1,4 +1,4 @@
-"""Which terminal this is, and how finely it divides a cell: no terminal can be asked what its fonts have.
+"""The kind of terminal, and how finely it divides a cell: no terminal can be asked what its fonts have.
 
 Some draw sextants and octants themselves, without a font, as they draw boxes; those are known by name and version.
 """

@@ -95,7 +95,7 @@ def video_cells(
 def video_inset(
     snapshot: Snapshot, selected: int, columns: int, rows: int, track: int = 0, former: Inset | None = None
 ) -> Inset | None:
-    """Where ``video_cells`` shows the picked vehicle enlarged, None where that is not known or there is no room."""
+    """Area where ``video_cells`` enlarges the picked vehicle, None where that is not known or there is no room."""
     if snapshot.width <= 0 or snapshot.height <= 0 or columns < LEAST_FIELD[0] or rows < LEAST_FIELD[1]:
         return None
     boxes = boxes_in_order(snapshot, selected, track)
@@ -113,7 +113,7 @@ def video_labels(
     former: Labelling | None = None,
     inset: Inset | None = None,
 ) -> Labelling:
-    """Where ``video_cells`` writes; ``former`` is that of the frame before, so that labels stay where they are."""
+    """Cells that ``video_cells`` writes; ``former`` is that of the frame before, so that labels stay where they are."""
     if snapshot.width <= 0 or snapshot.height <= 0:
         return Labelling()
     boxes = boxes_in_order(snapshot, selected, track)
@@ -138,7 +138,7 @@ def _anchors(snapshot: Snapshot, boxes: Sequence[Box], columns: int, rows: int) 
 
 
 def _notice(snapshot: Snapshot, columns: int, rows: int) -> tuple[Cells, ...]:
-    """Where it is written that there is no video."""
+    """Cells in which it is written that there is no video."""
     if snapshot.image is not None and snapshot.width > 0 and snapshot.height > 0:
         return ()
     width = min(len(NO_VIDEO), columns)

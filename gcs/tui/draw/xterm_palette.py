@@ -19,9 +19,9 @@ _BAYER: Final = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 
 THRESHOLDS: Final = (_BAYER + 0.5) / 16
 """Thresholds of an ordered dither, 0..1."""
 HUE: Final = 1.6
-"""How much more a difference of hue counts than one of brightness: a meadow is dark or light green, and not red."""
+"""Weight of a difference of hue beside one of brightness: a meadow is dark or light green, and not red."""
 NOISE: Final = 30.0
-"""How far a colour is made brighter and darker, of 255: the cube's steps are 40, but for the darkest; more is noise."""
+"""Change of a colour to brighter and darker, of 255: the cube's steps are 40, but for the darkest; more is noise."""
 SIXTEEN: Final = np.array(
     [
         *((0, 0, 0), (205, 0, 0), (0, 205, 0), (205, 205, 0), (0, 0, 238), (205, 0, 205), (0, 205, 205)),

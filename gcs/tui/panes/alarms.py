@@ -58,7 +58,7 @@ def alarm_counts(alarms: Sequence[Alarm]) -> tuple[int, int]:
 
 
 class AlarmPane(Pane):
-    """Whose trouble and what, and what to do, each on as many rows as it needs."""
+    """Rows of a trouble: whose, what, and what to do, each on as many rows as it needs."""
 
     label: ClassVar[str] = "ALARMS"
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -112,7 +112,7 @@ class AlarmPane(Pane):
             self.post_message(AlarmsSeen(tuple(fresh)))
 
     def note(self) -> Sequence[Part]:
-        """How many, and how to acknowledge."""
+        """Number of alarms, and how to acknowledge them."""
         loud, quiet = alarm_counts(self.alarms)
         if not self.alarms:
             return [("none ", ink(GOOD, HEAD))]
@@ -240,6 +240,6 @@ def trouble_of(alarm: Alarm) -> str:
 
 
 def _parts(alarm: Alarm) -> tuple[str, str]:
-    """Whose alarm it is, and what."""
+    """Words of an alarm: whose it is, and what."""
     whose, _, what = alarm.text.partition(" says: " if alarm.kind == "text" else ": ")
     return whose, what

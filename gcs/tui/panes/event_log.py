@@ -193,7 +193,7 @@ class EventPane(Pane):
         return not self._live and now is not None and (now.provisional or not now.analysed)
 
     def _room(self, shown: Sequence[EventRow], width: int, height: int) -> int:
-        """How far the log can be scrolled: until the oldest event is on top."""
+        """Last row to which the log can be scrolled: the oldest event is on top."""
         used = 0
         for fit, row in enumerate(shown):
             used += len(self._rows_of(row, width))

@@ -64,7 +64,7 @@ class Column:
     """Content while that is fresh."""
     align: str = "left"
     age_s: Callable[[VehicleRow], float] | None = None
-    """How old that is, None for what does not age."""
+    """Age of that, None for what does not age."""
 
     def aged_cell(self, row: VehicleRow) -> Cell:
         """Content now."""
@@ -217,7 +217,7 @@ STANDINGS: Final = tuple(STANDING_MARKS)
 
 
 def condition_columns(snapshot: Snapshot) -> tuple[Column, ...]:
-    """How the vehicles are: what is known of any has a column."""
+    """Condition columns: each value that is known of any vehicle has one."""
     limits, rows = snapshot.limits, snapshot.vehicles
     columns = (
         Column(

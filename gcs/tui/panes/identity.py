@@ -92,7 +92,7 @@ class IdentityPane(Pane):
         self.redraw()
 
     def note(self) -> Sequence[Part]:
-        """Whose identity."""
+        """Title: whose identity it is."""
         if self.snapshot is None or not (self.selected or self.picked_track):
             return ()
         who = plain(self.snapshot.name_of(self.selected)) if self.selected else f"track {self.picked_track}"
@@ -159,7 +159,7 @@ def _since(snapshot: Snapshot, since_us: int) -> str:
 
 
 def _vehicle(snapshot: Snapshot, row: VehicleRow, box: Box | None, width: int) -> list[list[Part]]:
-    """How sure and since when, what speaks against it, where it should be, what to do; then who else its box may be, or
+    """Rows of a name: certainty, age, what speaks against it, its place, what to do; then who else its box may be, or
     which box it may be."""
     words = named(standing_word(row.standing), row.confidence, stated=row.stated)
     lines = _standing(f"{STANDING_MARKS[row.standing]} {words}", row.standing, row.standing_since_us, snapshot, width)
@@ -179,7 +179,7 @@ def _vehicle(snapshot: Snapshot, row: VehicleRow, box: Box | None, width: int) -
 
 
 def _standing(words: str, standing: Standing, since_us: int, snapshot: Snapshot, width: int) -> list[list[Part]]:
-    """How sure, and since when: on a row of its own where that is too long for one."""
+    """Certainty, and since when: on a row of its own where that is too long for one."""
     colour, since = standing_colour(standing), _since(snapshot, since_us)
     if len(words) + len(since) + NAME_CELLS + 2 <= width:
         return [_fact_parts(("standing", words + since, colour))]
@@ -266,7 +266,7 @@ def _likeliest_box(snapshot: Snapshot, system_id: int) -> tuple[Box, Candidate] 
 
 
 def expected_place(snapshot: Snapshot, row: VehicleRow) -> str:
-    """Where a vehicle without a box should be, by its report, and whether the picture shows that place."""
+    """The expected place of a vehicle without a box, by its report, and whether the picture shows that place."""
     if row.position_state not in ("ok", "stale"):
         return f"not known: {'it has no usable position' if is_heard(row) else NEVER_HEARD}"
     if row.system_id in snapshot.conflicts:

@@ -80,7 +80,7 @@ class MapPane(Pane):
         self._scale = 0.0
         self._labelling = Labelling()
         self._free: MapView | None = None
-        """Where the operator looks, None: what fits or is followed."""
+        """Place that the operator looks at, None: what fits or is followed."""
         self._view: MapView | None = None
         """View of what is on the screen."""
         self._origin: LocalFrame | None = None
@@ -109,7 +109,7 @@ class MapPane(Pane):
 
     @property
     def view(self) -> MapView | None:
-        """Which ground is on the screen."""
+        """The ground that is on the screen."""
         return self._view
 
     def zoom_by(self, steps: int) -> None:

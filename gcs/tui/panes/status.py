@@ -27,7 +27,7 @@ FORECAST_S = 3600.0
 
 
 class Room(IntEnum):
-    """How many words a bar has room for; it depends on its width alone, so that no word changes while it is read."""
+    """Detail for which a bar has room; it depends on its width alone, so that no word changes while it is read."""
 
     TIGHT = 0
     USUAL = 1
@@ -46,7 +46,7 @@ class StatusSlot:
     """Width that it takes, by room; 0 leaves it out."""
     parts: tuple[Part, ...] = ()
     pane: str = ""
-    """Which pane has more about it: a click brings it."""
+    """Pane that has more about it: a click brings it."""
 
     def at(self, room: Room) -> list[Part]:
         """Its parts, and what is left of its cells."""
@@ -125,7 +125,7 @@ def _words(colour: Colour, text: str) -> tuple[Part, ...]:
 
 
 def _alarms(snapshot: Snapshot) -> StatusSlot:
-    """How many alarms, and how many warnings beside them; empty while nothing is wrong."""
+    """Number of alarms, and of warnings beside them; empty while nothing is wrong."""
     loud, quiet = alarm_counts(snapshot.alarms)
     parts = _words(ALARM, f"{loud} alarm{'s' * (loud > 1)}" if loud else "")
     if quiet:
@@ -156,7 +156,7 @@ def _disk_trouble(health: Health) -> str:
 
 
 def _names(snapshot: Snapshot, room: Room, cells: tuple[int, int, int]) -> StatusSlot:
-    """How many are confirmed, how old that is where it is held for want of a frame, and no count once it is too old."""
+    """Number of confirmed names, with its age where it is held for want of a frame, and no count once it is too old."""
     if not snapshot.analysed:
         return StatusSlot(cells=cells, parts=_words(WARN, NOT_ANALYSED), pane="identity")
     named, total = named_count(snapshot)
@@ -177,7 +177,7 @@ def _names(snapshot: Snapshot, room: Room, cells: tuple[int, int, int]) -> Statu
 
 
 def _links(health: Health) -> StatusSlot:
-    """How many of the links bring something."""
+    """Number of links that bring something."""
     count = len(health.links)
     silent = sum(map(is_silent, health.links))
     colour = ALARM if silent or not count else INK

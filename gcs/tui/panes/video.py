@@ -78,7 +78,7 @@ class VideoPane(Pane):
         return [*parts, (f"#{self.snapshot.frame} ", ink(FAINT, HEAD))] if self.snapshot.frame >= 0 else parts
 
     def _frame_note(self, snapshot: Snapshot) -> str:
-        """How much closer than the whole picture it is, and how many boxes are beyond it."""
+        """Words for the magnification of the part on show, and for the number of boxes beyond it."""
         if self._frame is None or self._shown is None or self._frame.rect[2] >= snapshot.width:
             return ""
         beyond = len(snapshot.boxes) - len(self._shown.boxes)

@@ -1,4 +1,4 @@
-"""How much may be on its way to a terminal, so that what is written next is seen soon. Pure; times are given.
+"""A bound of what is on its way to a terminal, so that what is written next is seen soon. Pure; times are given.
 
 Behind a terminal lies a queue that nobody can look into: the kernel's, SSH's, the network's. So every chunk ends with
 a question (DSR, "are you well"), and its reply says that the terminal has shown the chunk. The quickest reply has the

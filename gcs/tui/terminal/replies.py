@@ -44,7 +44,7 @@ class Replies:
 
     @property
     def hold_s(self) -> float | None:
-        """How long to wait for the rest of what may be part of a reply, None when nothing is held."""
+        """Seconds to wait for the rest of what may be part of a reply, None when nothing is held."""
         if not self._held:
             return None
         return REPLY_HOLD_S if _NO_KEY.match(self._held) else KEY_HOLD_S
