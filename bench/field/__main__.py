@@ -16,7 +16,6 @@ def main() -> None:
     parser.add_argument("--family", type=int, action="append", default=[], choices=tuple(FAMILIES), help="repeatable")
     parser.add_argument("--hard", action="store_true", help="the hard version only")
     parser.add_argument("--standard", action="store_true", help="the standard version only")
-    parser.add_argument("--alone", action="store_true", help="the product without the others, in half the time")
     parser.add_argument("--workers", type=count, default=WORKERS)
     parser.add_argument("--seed", type=int, help="of the session to explain")
     parser.add_argument("--explain", action="store_true", help="list where the product was wrong in one session")
@@ -34,7 +33,6 @@ def main() -> None:
             split=options.seeds,
             families=options.family,
             versions=versions,
-            rivals=not options.alone,
             workers=options.workers,
             print_note=print_note,
             report=report,

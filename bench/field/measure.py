@@ -1,4 +1,4 @@
-"""What is counted of one method on one session, so that families can be added up exactly.
+"""What is counted on one session, so that families can be added up exactly.
 
 The words are those of :mod:`gcs.report.score`; beyond them: an appearance of a vehicle begins when it is first seen and
 after every two seconds unseen; its time to identity is how long it is seen before a right name that then holds for a
@@ -12,8 +12,6 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.field.scene import SessionFrames
-from bench.field.windows import UNANSWERED
 from gcs.report.score import Matched, right_answers, score
 
 FloatArray = NDArray[np.float64]
@@ -41,8 +39,6 @@ class BoxCounts:
     """Boxes said to be none of ours at confidence ≥ 0.9."""
     false_strangers: int
     """Boxes of ours among the strangers, those of vehicles that nothing can name included."""
-    answered: int
-    """Boxes of ours in windows in which the method answered at all."""
     switches: int
     """Changes of a vehicle's name from one id to another."""
     swaps: int
@@ -61,7 +57,7 @@ class BoxCounts:
 
 
 def tally(m: Matched, fps: float, nameless: frozenset[int] = frozenset()) -> BoxCounts:
-    """Count matched boxes; names below 0 are unanswered.
+    """Count matched boxes; those that the log lacks, named −1, are none of false targets.
 
     Args:
         m: The boxes.
@@ -74,7 +70,8 @@ def tally(m: Matched, fps: float, nameless: frozenset[int] = frozenset()) -> Box
     all_bins = _bins(m.confidence[answered], right_answers(m)[answered])
     m = _without_nameless(m, nameless)
     whole = score(m)
-    ours, false, named = m.truth > 0, (m.truth <= 0) & (m.named > UNANSWERED), m.named > 0
+    ours, named = m.truth > 0, m.named > 0
+    false = ~ours & (m.named >= 0)
     right = ours & (m.named == m.truth)
     first, again = _appearances(m, right, fps)
     return BoxCounts(
@@ -87,7 +84,6 @@ def tally(m: Matched, fps: float, nameless: frozenset[int] = frozenset()) -> Box
         false_named=int((false & named).sum()),
         strangers=int(strangers.sum()),
         false_strangers=false_strangers,
-        answered=int((ours & (m.named > UNANSWERED)).sum()),
         switches=whole.switches,
         swaps=_swaps(m),
         wrong_sure_s=float((named & ~right & (m.confidence >= SURE)).sum()) / fps,
@@ -108,20 +104,6 @@ def _without_nameless(m: Matched, nameless: frozenset[int]) -> Matched:
     kept = ~(unknowable & (m.named == m.truth))
     parts = {field.name: getattr(m, field.name)[kept] for field in fields(m)}
     return Matched(**(parts | {"truth": np.where(unknowable, 0, m.truth)[kept]}))
-
-
-def matched_names(scene: SessionFrames, answers: list[IntArray]) -> Matched:
-    """A competitor's answers as matched boxes; every box is its own true box."""
-    truth = np.concatenate([look.truth for look in scene.looks])
-    frame = np.repeat(np.arange(len(scene.looks)), [len(look.body) for look in scene.looks])
-    return Matched(
-        frame=frame.astype(np.int64),
-        time_us=frame / scene.fps * 1e6,
-        truth=truth,
-        named=np.concatenate(answers),
-        track=np.concatenate([look.body for look in scene.looks]) + 1,
-        confidence=np.full(len(truth), np.nan),
-    )
 
 
 def _swaps(m: Matched) -> int:

@@ -6,25 +6,18 @@ import multiprocessing
 import os
 import tempfile
 import time
-from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
-
 from bench.drawing import MISSING, pyplot, read_rows
 from bench.field.families import FAMILIES, Split, film_of, has_pixels, label_of, scenario_of, seeds_of
-from bench.field.measure import BoxCounts, matched_names, tally
+from bench.field.measure import tally
 from bench.field.product import identify
-from bench.field.scene import SessionFrame, SessionFrames, scene_of
 from bench.field.summary import Outcome
 from bench.field.tables import report as tables
 from bench.field.tables import write_reliability, write_sessions
-from bench.field.windows import by_windows
 from gcs.session.frame_tables import motion_row, read_detections
 from infra.session_format import DETECTIONS, MOTION
 from sim.render.film import Film
@@ -48,43 +41,6 @@ def write_motion(scenario: Scenario, session: Path) -> None:
     (session / MOTION.name).write_text("".join(rows), encoding="utf-8")
 
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-
-MEMORY_S = 2.0
-LIMIT_M = 6.0
-
-
-def mean_residual(scene: SessionFrames) -> list[IntArray]:
-    """Names of every frame's boxes: (m,) system ids, 0 none."""
-    memory: deque[SessionFrame] = deque(maxlen=max(1, round(MEMORY_S * scene.fps)))
-    answers = []
-    for look in scene.looks:
-        memory.append(look)
-        named = np.zeros(len(look.body), np.int64)
-        tracked = np.flatnonzero(look.body >= 0)
-        distance = _distances(memory, look.body[tracked], len(scene.ids))
-        rows, columns = linear_sum_assignment(np.minimum(distance, 1e3))
-        near = distance[rows, columns] <= LIMIT_M
-        named[tracked[rows[near]]] = scene.ids[columns[near]]
-        answers.append(named)
-    return answers
-
-
-def _distances(memory: deque[SessionFrame], bodies: IntArray, n: int) -> FloatArray:
-    """(k, n) metres; inf where the two were never known together."""
-    total, count = np.zeros((len(bodies), n, 2)), np.zeros((len(bodies), n, 1))
-    for look in memory:
-        _, mine, theirs = np.intersect1d(bodies, look.body, return_indices=True)
-        residual = look.on_ground[theirs, None] - look.p[None, :, :2]
-        known = np.isfinite(residual).all(axis=-1, keepdims=True)
-        total[mine] += np.where(known, residual, 0.0)
-        count[mine] += known
-    with np.errstate(invalid="ignore"):
-        mean = np.linalg.norm(total / count, axis=-1)
-    return np.asarray(np.where(np.isfinite(mean), mean, np.inf))
-
-
 WORKERS = 2
 QUICK_S = 20.0
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -99,12 +55,10 @@ class Task:
     seed: int
     duration_s: float | None = None
     """Shorter than the family has it."""
-    rivals: bool = True
-    """Whether the others play too; never where the film is of another flight."""
 
 
 def play(task: Task) -> Outcome:
-    """Generate one session, let the product and the others name it, count."""
+    """Generate one session, let the product name it, count."""
     scenario = scenario_of(task.family, task.hard, task.seed)
     if task.duration_s is not None:
         scenario = replace(scenario, duration_s=min(task.duration_s, scenario.duration_s))
@@ -120,11 +74,6 @@ def play(task: Task) -> Outcome:
     nameless = _nameless(scenario)
     # lost frames count for time as well
     fps = len(played.cpu_ms) / scenario.duration_s
-    rivals: dict[str, BoxCounts] = {}
-    if task.rivals and film is None:
-        scene = scene_of(scenario)
-        answers = [*by_windows(scene).items(), ("mean residual", mean_residual(scene))]
-        rivals = {name: tally(matched_names(scene, names), fps, nameless) for name, names in answers}
     return Outcome(
         family=task.family,
         hard=task.hard,
@@ -133,7 +82,6 @@ def play(task: Task) -> Outcome:
         vehicles=scenario.fleet_size,
         product=tally(played.matched, fps, nameless),
         afterwards=tally(played.afterwards, fps, nameless),
-        rivals=rivals,
         wall_ms=played.wall_ms,
         cpu_ms=played.cpu_ms,
         faulty=frozenset(FIRST_UGV_ID + fault.vehicle for fault in scenario.faults),
@@ -168,7 +116,6 @@ def tasks_of(
     quick: bool = False,
     families: Sequence[int] = (),
     versions: Sequence[bool] = (False, True),
-    rivals: bool = True,
 ) -> list[Task]:
     """The sessions of a run, the longest first.
 
@@ -177,11 +124,10 @@ def tasks_of(
         quick: one short session of each family and version.
         families: numbers; empty: all.
         versions: False standard, True hard.
-        rivals: whether the others play too.
     """
     most, duration_s = (1, QUICK_S) if quick else (None, None)
     tasks = [
-        Task(family=family, hard=hard, seed=seed, duration_s=duration_s, rivals=rivals)
+        Task(family=family, hard=hard, seed=seed, duration_s=duration_s)
         for family in (families or FAMILIES)
         for hard in versions
         for seed in seeds_of(family, hard, split, most)
@@ -196,7 +142,6 @@ def run(
     split: Split = "report",
     families: Sequence[int] = (),
     versions: Sequence[bool] = (False, True),
-    rivals: bool = True,
     workers: int = WORKERS,
     print_note: Callable[[str], None] = lambda _: None,
     report: Callable[[int, int], None] = lambda done, total: None,
@@ -209,7 +154,6 @@ def run(
         split: tuning or reporting seeds.
         families: numbers; empty: all.
         versions: False standard, True hard.
-        rivals: whether the others play too.
         workers: processes.
         print_note: called with messages about the run that are not part of its tables.
         report: called with the sessions that are played so far, and all there are.
@@ -218,7 +162,7 @@ def run(
         the text of ``field.md``.
     """
     began = time.monotonic()
-    tasks = tasks_of(split=split, quick=quick, families=families, versions=versions, rivals=rivals)
+    tasks = tasks_of(split=split, quick=quick, families=families, versions=versions)
     outcomes = sorted(_played(tasks, workers, report), key=lambda o: (o.family, o.hard, o.seed))
     title = f"{'quick look, ' if quick else ''}{'reporting' if split == 'report' else 'tuning'} seeds"
     text = tables(outcomes, title)

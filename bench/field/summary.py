@@ -14,13 +14,11 @@ from bench.field.measure import EDGES, BoxCounts
 FloatArray = NDArray[np.float64]
 
 NAN = float("nan")
-ANSWERS_AT_LEAST = 0.5
-"""Below this share of answered boxes a method counts as not applicable."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """One session and what every method made of it."""
+    """One session and what the product made of it."""
 
     family: int
     hard: bool
@@ -31,7 +29,6 @@ class Outcome:
     """Counts of the product's names as a screen would have shown them."""
     afterwards: BoxCounts
     """Counts of its names by hindsight, as ``gcs identify`` gives them."""
-    rivals: dict[str, BoxCounts]
     wall_ms: FloatArray
     cpu_ms: FloatArray
     faulty: frozenset[int]
@@ -50,7 +47,7 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
-    """One method on several sessions. Shares in percent; NaN where there is nothing to take a share of."""
+    """Several sessions. Shares in percent; NaN where there is nothing to take a share of."""
 
     sessions: int
     ours: int
@@ -60,7 +57,6 @@ class Summary:
     fper: float
     false_strangers: float
     """Boxes of ours among those called strangers at 0.9 or more, percent."""
-    answered: float
     switches: int
     swaps: int
     idf1: float
@@ -78,11 +74,6 @@ class Summary:
     again_median_s: float
     again_p90_s: float
 
-    @property
-    def applicable(self) -> bool:
-        """Whether the method answered often enough to be compared."""
-        return self.answered >= 100.0 * ANSWERS_AT_LEAST
-
 
 def summarise(tallies: Sequence[BoxCounts]) -> Summary:
     """Add up."""
@@ -99,7 +90,6 @@ def summarise(tallies: Sequence[BoxCounts]) -> Summary:
         coverage=_percent(total["ours_named"], total["ours"]),
         fper=_percent(total["false"] - total["false_named"], total["false"]),
         false_strangers=_percent(total["false_strangers"], total["strangers"]),
-        answered=_percent(total["answered"], total["ours"]),
         switches=total["switches"],
         swaps=total["swaps"],
         # 2 IDTP / (2 IDTP + IDFP + IDFN)
@@ -118,7 +108,7 @@ def summarise(tallies: Sequence[BoxCounts]) -> Summary:
 
 _COUNTS = (
     *("ours", "named", "right", "ours_named", "false", "false_named", "strangers", "false_strangers"),
-    *("answered", "switches", "swaps"),
+    *("switches", "swaps"),
 )
 
 

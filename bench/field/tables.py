@@ -157,7 +157,6 @@ GOALS: tuple[Goal, ...] = (
 goal for its ECE: it shows how far the others' figures rest on errors that behave as expected."""
 
 
-RIVALS = ("projection", "topology", "fused", "TTS", "mean residual")
 _HEAD = (
     *("family", "sessions", "precision", "right", "coverage", "FPER", "false strangers"),
     *("first s, median / p90", "again s, median / p90"),
@@ -174,8 +173,6 @@ def report(outcomes: Sequence[Outcome], title: str) -> str:
         if mine:
             parts += [f"## {'Hard' if hard else 'Standard'} ({len(mine)} sessions)", "### The product"]
             parts += [_product_table(mine), "### By hindsight", _hindsight_table(mine)]
-            if any(o.rivals for o in mine):
-                parts += ["### Beside the others: precision / right (FPER), %", _rival_table(mine)]
             if any(o.family == UNRELATED for o in mine):
                 parts += ["### Films of another flight", _unrelated_table(mine)]
     parts += ["## Goals not met", _missed(outcomes), "## Sessions with most boxes not named rightly", _worst(outcomes)]
@@ -190,11 +187,7 @@ is in view before a right name that then holds for a second; again: the same aft
 vehicle-seconds with a wrong name at confidence 0.9 or more. By hindsight: as `gcs identify` names recordings, which
 looks once more where the film proves to be dated wrongly. swaps: times a track went over from one target to another.
 slandered: vehicles said to contradict the video with nothing wrong in their telemetry. Milliseconds are processor time
-of one thread for everything that is done for a frame.
-
-The others have perfect tracks. projection, topology, fused (Chen, Du, Wu 2025, doi:10.3390/drones9090612) and TTS (Li
-et al. 2022, doi:10.3390/drones6050119) name windows of 10 + 2 frames; n/a: more than half the windows need over 50 000
-assignments. mean residual: the reported camera pose at face value, who has been nearest for two seconds."""
+of one thread for everything that is done for a frame."""
 
 
 def _grouped(outcomes: Sequence[Outcome]) -> list[tuple[str, list[Outcome]]]:
@@ -250,14 +243,6 @@ def _goals_of(group: Sequence[Outcome]) -> str:
     return "; ".join(missed) if missed else ("met" if known else "–")
 
 
-def _rival_table(outcomes: Sequence[Outcome]) -> str:
-    rows = []
-    for name, group in _grouped([o for o in outcomes if o.rivals]):
-        own = _three(summarise([o.product for o in group]))
-        rows.append([name, f"**{own}**", *(_three(summarise([o.rivals[r] for o in group])) for r in RIVALS)])
-    return markdown_table(("family", "the product", *RIVALS), rows)
-
-
 def _unrelated_table(outcomes: Sequence[Outcome]) -> str:
     """Nobody who is seen is ours: which share of all boxes is named all the same, and when that is noticed."""
     rows = []
@@ -265,13 +250,6 @@ def _unrelated_table(outcomes: Sequence[Outcome]) -> str:
         named = 100.0 * o.product.named / max(o.product.false, 1)
         rows.append([o.label, str(o.seed), number(named), number(o.product.wrong_sure_s, 1), number(o.mismatch_s, 1)])
     return markdown_table(("film", "seed", "boxes named, %", "at ≥ 0.9, s", "alarm after s"), rows)
-
-
-def _three(s: Summary) -> str:
-    if not s.applicable:
-        return "n/a"
-    text = f"{number(s.precision, 1)} / {number(s.right, 1)}"
-    return text if math.isnan(s.fper) else f"{text} ({number(s.fper, 1)})"
 
 
 def _missed(outcomes: Sequence[Outcome]) -> str:
@@ -309,9 +287,9 @@ def number(value: float, digits: int = 2) -> str:
 
 
 def write_sessions(outcomes: Sequence[Outcome], path: Path) -> None:
-    """One row per session and method; shares in percent."""
+    """One row per session, and one by hindsight; shares in percent."""
     names = (
-        *("precision", "right", "coverage", "fper", "answered", "switches", "swaps", "idf1", "track_idf1"),
+        *("precision", "right", "coverage", "fper", "switches", "swaps", "idf1", "track_idf1"),
         *("ece", "ece_all", "wrong_sure_s", "first_median_s", "first_p90_s", "again_median_s", "again_p90_s"),
     )
     times = ("cpu_mean_ms", "cpu_p95_ms", "wall_mean_ms", "wall_p95_ms")
@@ -320,7 +298,7 @@ def write_sessions(outcomes: Sequence[Outcome], path: Path) -> None:
         rows.writerow(("family", "version", "seed", "label", "method", *names, *times))
         for o in outcomes:
             head = (o.family, "hard" if o.hard else "standard", o.seed, o.label)
-            for method, one in (("product", o.product), ("by hindsight", o.afterwards), *o.rivals.items()):
+            for method, one in (("product", o.product), ("by hindsight", o.afterwards)):
                 s = summarise([one])
                 cells = [f"{getattr(s, name):.6g}" for name in names]
                 spent = [f"{f(ms):.3f}" for ms in (o.cpu_ms, o.wall_ms) for f in (np.mean, _p95)]
