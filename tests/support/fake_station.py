@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from contextlib import asynccontextmanager
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -52,6 +53,7 @@ FLEET: tuple[tuple[int, float, float, float, Standing, float, str, float], ...] 
 )
 
 
+@cache
 def texture() -> NDArray[np.uint8]:
     """(720, 1280, 3) dry ground with a road, the same on every machine."""
     rng = np.random.default_rng(7)
@@ -131,7 +133,7 @@ def vehicle(
 
 def make_snapshot(frame: int = 1234, *, live: bool = False, t_us: int | None = None) -> Snapshot:
     """Seven ground vehicles: sure, doubtful, coasting, unnamed, out of view, lost; one box that is nobody's."""
-    image = texture()
+    image = texture().copy()
     rows = [vehicle(*entry) for entry in FLEET]
     boxes = [
         box(row.system_id, row.track_id, *entry[1:4], row.confidence)
