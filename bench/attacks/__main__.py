@@ -27,7 +27,6 @@ from bench.attacks import (
     disclosure,
     disk,
     doors,
-    floods,
     quiet,
     signed,
     streams,
@@ -44,8 +43,6 @@ ATTACKS: Final[dict[str, Attack]] = {
     "late-links": contests.late_links,
     "jammed": contests.jammed,
     "first-position": takeover.first_position,
-    "spoofed-junk": floods.spoofed_junk,
-    "known-id": floods.known_id,
     "folders": folders.hostile_folders,
     "password": disclosure.video_password,
     "behind-out": disclosure.behind_an_output,
@@ -73,7 +70,6 @@ def _options(chosen: argparse.Namespace) -> Options:
         gcs=tuple(words),
         python=str(python) if python.exists() else sys.executable,
         quick=chosen.quick,
-        rate=chosen.rate,
         minutes=chosen.minutes,
         recording=chosen.recording,
     )
@@ -101,7 +97,6 @@ def _parser() -> argparse.ArgumentParser:
     add("--list", action="store_true", help="what there is")
     add("--gcs", default="", metavar="COMMAND", help="the station under test; that of this environment by default")
     add("--quick", action="store_true", help="shorter flights and fewer cases")
-    add("--rate", type=float, default=1.0, help="factor on the rates of floods, for a machine that is busy")
     add("--minutes", type=float, default=20.0, help="of the quiet flight")
     add("--recording", type=Path, default=Path("sitl_logs/ardupilot-swarm"), help="session that is played live")
     add("--rows", type=Path, help="keep the results in this file as well, for --before")
@@ -167,14 +162,14 @@ how long the alarm took from then. A case is held when nothing false is believed
 comes within two seconds, with one more granted to a busy machine. "Innocent" cases must raise no alarm. "Before" is the
 same case against an earlier build.
 
-Sender and station shared {cores} cores with other work: rates of floods are moderate ({rate:g} times those written in
-`bench/attacks/floods.py`), and shares are more meaningful than counts.
+Sender and station shared {cores} cores with other work. Floods that claim to be a vehicle are tried by
+`python -m bench.receiving.flood_claims`.
 """
 
 
 def _words(chosen: argparse.Namespace) -> str:
     options = [*chosen.names, *(["--quick"] if chosen.quick else []), f"--minutes {chosen.minutes:g}"]
-    return WORDS.format(words="".join(f" {word}" for word in options), cores=os.cpu_count(), rate=chosen.rate)
+    return WORDS.format(words="".join(f" {word}" for word in options), cores=os.cpu_count())
 
 
 if __name__ == "__main__":

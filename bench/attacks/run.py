@@ -36,8 +36,6 @@ class Options:
     python: str
     """Its interpreter."""
     quick: bool = False
-    rate: float = 1.0
-    """Factor on the rates of floods."""
     minutes: float = 20.0
     """Length of the quiet flight."""
     recording: Path = Path("sitl_logs/ardupilot-swarm")

@@ -3,7 +3,9 @@
     python -m bench.receiving.flood_claims --seconds 30 [--only "300 ports"] [--markdown bench/results/flood_claims.md]
 
 Twenty vehicles send from ports of their own; one of them, system 11, is imitated. The flight is the command that a user
-gives; what was recorded is read from its session, and distinguished by the bytes of the frames.
+gives; what was recorded is read from its session, and distinguished by the bytes of the frames. It fails where another
+vehicle loses a packet, where the imitated one is silent though something tells it from the flood, or where the flood
+is reported late or is said to be over before it is.
 """
 
 from __future__ import annotations
@@ -36,6 +38,11 @@ RATE = 2400.0
 FLOOD = 60_000.0
 BEFORE_S, AFTER_S = 3.0, 3.0
 """The fleet sends for so long before and after the flood."""
+ALARM_WITHIN_S, EARLY_S = 8.0, 1.5
+"""A flood is reported so soon after its process was started, which may take seconds, and is said to be over this much
+before its end at the earliest."""
+FAIR_SHARE = 0.5
+"""A vehicle whose id is flooded from elsewhere keeps at least this share of its packets: it is one of two senders."""
 _MESSAGES = 8
 _WRONG = bytes(range(100, 132))
 
@@ -78,6 +85,8 @@ class ClaimResult:
     reported: Sequence[tuple[float, str]]
     """Events of the link with the time since the flood began."""
     flood_s: float
+    silent: bool
+    """Whether a vehicle was said to send no heartbeat during the flood."""
 
 
 def run(case: ClaimCase, seconds: float, folder: Path) -> ClaimResult:
@@ -150,10 +159,33 @@ def _result(session: Path, sent: Sequence[int], flooded: int, began_us: int, flo
     counts = Counter(owner.get(_content(packet.raw), -1) for log in logs for packet in log.packets())
     rows = [json.loads(line) for line in (session / "events.jsonl").read_text().splitlines()]
     reported = [((row["time_us"] - began_us) * 1e-6, row["text"]) for row in rows if row["kind"] == "link"]
-    recorded = [counts[k] for k in range(VEHICLES)]
+    silent = any("no heartbeat" in row["text"] and 0.0 < row["time_us"] - began_us < 1e6 * flood_s for row in rows)
     return ClaimResult(
-        sent=sent, recorded=recorded, flooded=flooded, of_it=counts[-1], reported=reported, flood_s=flood_s
+        sent=sent,
+        recorded=[counts[k] for k in range(VEHICLES)],
+        flooded=flooded,
+        of_it=counts[-1],
+        reported=reported,
+        flood_s=flood_s,
+        silent=silent,
     )
+
+
+def faults(case: ClaimCase, r: ClaimResult) -> list[str]:
+    """What must not be, in words; empty where the attack was held."""
+    mine, kept = r.sent[CLAIMED - 1], r.recorded[CLAIMED - 1]
+    told_s = [at_s for at_s, text in r.reported if "flood" in text]
+    over_s = [at_s for at_s, text in r.reported if "is over" in text or "whole again" in text]
+    # only junk can be told from the frames of a vehicle whose very address it comes from
+    least = mine if "junk" in case.kinds else 0 if case.spoofed else FAIR_SHARE * mine
+    found = {
+        "others lost": sum(r.recorded) - kept < sum(r.sent) - mine,
+        "the imitated one lost": kept < least,
+        "false: no heartbeat": r.silent and least > 0,
+        "not reported in time": min(told_s, default=r.flood_s) > ALARM_WITHIN_S,
+        "said to be over": any(at_s < r.flood_s - EARLY_S for at_s in over_s),
+    }
+    return [words for words, wrong in found.items() if wrong]
 
 
 def table(rows: Sequence[tuple[ClaimCase, ClaimResult]]) -> str:
@@ -161,13 +193,13 @@ def table(rows: Sequence[tuple[ClaimCase, ClaimResult]]) -> str:
     about = (
         f"{VEHICLES} vehicles, {RATE:,.0f} packets/s in all, {os.cpu_count()} cores shared by fleet, flood and flight."
     )
-    head = ("attack", "flood sent", "of it recorded", "sent by the others", "lost", "sent by the one imitated", "lost")
+    head = ("attack", "flood sent", "of it recorded", "sent by the others", "lost", "sent by the imitated", "lost", "")
     counts = []
     for case, r in rows:
         mine, recorded = r.sent[CLAIMED - 1], r.recorded[CLAIMED - 1]
         others, kept = sum(r.sent) - mine, sum(r.recorded) - recorded
         numbers = (r.flooded, r.of_it, others, others - kept, mine, mine - recorded)
-        counts.append([case.name, *(f"{n:,}" for n in numbers)])
+        counts.append([case.name, *(f"{n:,}" for n in numbers), "; ".join(faults(case, r)) or "held"])
     lines = [
         about,
         "",
@@ -182,7 +214,7 @@ def table(rows: Sequence[tuple[ClaimCase, ClaimResult]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def main() -> None:
+def main() -> int:
     parser = argparse.ArgumentParser(
         prog="python -m bench.receiving.flood_claims", description=(__doc__ or "").split("\n")[0]
     )
@@ -198,7 +230,8 @@ def main() -> None:
             print(table(rows[-1:]), flush=True)
     if options.markdown:
         options.markdown.write_text(table(rows))
+    return int(any(faults(case, r) for case, r in rows))
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(main())
