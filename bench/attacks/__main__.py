@@ -34,8 +34,9 @@ from bench.attacks import (
     video_port,
 )
 from bench.attacks.handed import commands, files, folders
-from bench.attacks.report import AttackRow, page, read_rows, write_rows
+from bench.attacks.report import AttackRow, page
 from bench.attacks.run import Attack, Options
+from bench.rows import read, write
 
 ATTACKS: Final[dict[str, Attack]] = {
     "components": takeover.components,
@@ -127,7 +128,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _results(files: Sequence[Path]) -> list[AttackRow]:
     """Kept results; of a case that was played again, the last."""
-    rows = [row for file in files for row in read_rows(file)]
+    rows = [row for file in files for row in read(file, AttackRow)]
     return list({(row.attack, row.case): row for row in rows}.values())
 
 
@@ -140,7 +141,7 @@ def _played(chosen: argparse.Namespace) -> list[AttackRow]:
         for name in chosen.names or ATTACKS:
             rows += _play(name, options)
             if chosen.rows:
-                write_rows(chosen.rows, rows)
+                write(chosen.rows, AttackRow, rows)
     finally:
         if chosen.keep:
             print(f"sessions in {options.folder}", file=sys.stderr)

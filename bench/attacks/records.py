@@ -28,16 +28,27 @@ def frames(session: Path) -> Iterator[tuple[int, bytes]]:
         ValueError: a segment has bytes between records.
     """
     for path in sorted(session.glob("telemetry*.tlog")):
-        data, at = path.read_bytes(), 0
-        while at + 10 < len(data):
-            overhead = _OVERHEAD.get(data[at + 8], 0)
-            if not overhead:
-                raise ValueError(f"{path}: no record at byte {at}")
-            stop = at + 8 + overhead + data[at + 9] + (_SIGNATURE if overhead == 12 and data[at + 10] & 1 else 0)
-            if stop > len(data):
-                break
+        data = path.read_bytes()
+        for at, stop in records_in(data, path):
             yield int.from_bytes(data[at : at + 8], "big"), data[at + 8 : stop]
-            at = stop
+
+
+def records_in(data: bytes, path: Path) -> Iterator[tuple[int, int]]:
+    """Start and end of each whole record in what was read from a log, which begins with one.
+
+    Raises:
+        ValueError: there are bytes between records.
+    """
+    at = 0
+    while at + 10 < len(data):
+        overhead = _OVERHEAD.get(data[at + 8], 0)
+        if not overhead:
+            raise ValueError(f"{path}: no record at byte {at} of what was read")
+        stop = at + 8 + overhead + data[at + 9] + (_SIGNATURE if overhead == 12 and data[at + 10] & 1 else 0)
+        if stop > len(data):
+            break
+        yield at, stop
+        at = stop
 
 
 def sender_of(raw: bytes) -> int:

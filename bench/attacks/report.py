@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from pathlib import Path
+from dataclasses import dataclass
 
 from infra.markdown import markdown_table
 
@@ -102,31 +100,3 @@ def _count(number: int) -> str:
 
 def _seconds(value: float) -> str:
     return f"{value:.1f} s" if math.isfinite(value) else "–"
-
-
-def write_rows(path: Path, rows: Sequence[AttackRow]) -> None:
-    """Keep results for a later comparison."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file)
-        table.writerow([each.name for each in fields(AttackRow)])
-        table.writerows([getattr(row, each.name) for each in fields(AttackRow)] for row in rows)
-
-
-def read_rows(path: Path) -> list[AttackRow]:
-    """What :func:`write_rows` wrote."""
-    with path.open(newline="", encoding="utf-8") as file:
-        return [
-            AttackRow(
-                attack=row["attack"],
-                case=row["case"],
-                sent=int(row["sent"]),
-                lost=int(row["lost"]),
-                false_sent=int(row["false_sent"]),
-                false_recorded=int(row["false_recorded"]),
-                believed_s=float(row["believed_s"]),
-                alarm_s=float(row["alarm_s"]),
-                held=row["held"] == "True",
-                note=row["note"],
-            )
-            for row in csv.DictReader(file)
-        ]

@@ -5,7 +5,8 @@ from __future__ import annotations
 from bench.command_line import count, parser_of, print_results
 from bench.field.explain import explain
 from bench.field.families import FAMILIES
-from bench.field.suite import WORKERS, run
+from bench.field.suite import run
+from bench.workers import WORKERS
 from gcs.cli.output.console import print_note
 from gcs.cli.output.progress import progress
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,6 +16,7 @@ from bench.field.product import identify
 from bench.field.summary import Outcome
 from bench.field.tables import report as tables
 from bench.field.tables import write_reliability, write_sessions
+from bench.workers import WORKERS, one_threaded
 from gcs.session.frame_tables import motion_row, read_detections
 from infra.session_format import DETECTIONS, MOTION
 from sim.render.film import Film
@@ -41,9 +40,7 @@ def write_motion(scenario: Scenario, session: Path) -> None:
     (session / MOTION.name).write_text("".join(rows), encoding="utf-8")
 
 
-WORKERS = 2
 QUICK_S = 20.0
-ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -178,17 +175,10 @@ def run(
 
 def _played(tasks: Sequence[Task], workers: int, report: Callable[[int, int], None]) -> list[Outcome]:
     outcomes = []
-    before = {name: os.environ.get(name) for name in ONE_THREAD}
-    # numerical libraries read these when a worker loads them
-    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
-    try:
-        with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-            for done in as_completed([pool.submit(play, task) for task in tasks]):
-                outcomes.append(done.result())
-                report(len(outcomes), len(tasks))
-    finally:
-        for name, value in before.items():
-            os.environ.pop(name) if value is None else os.environ.update({name: value})
+    with one_threaded(workers) as pool:
+        for done in as_completed([pool.submit(play, task) for task in tasks]):
+            outcomes.append(done.result())
+            report(len(outcomes), len(tasks))
     return outcomes
 
 

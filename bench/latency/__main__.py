@@ -4,6 +4,7 @@ import os
 import platform
 
 from bench.command_line import parser_of, print_results
+from bench.workers import ONE_THREAD
 from gcs.cli.output.progress import progress
 
 
@@ -11,7 +12,7 @@ def main() -> None:
     parser = parser_of("latency", "Each association method beside its literal peer", "few calls, small sizes")
     options = parser.parse_args()
     # one thread of linear algebra, decided before numpy is loaded
-    os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
+    os.environ.update(ONE_THREAD)
     from bench.latency.report import measure
 
     with progress("latency") as report:

@@ -11,7 +11,7 @@ from bench.latency.methods import OURS, measure_methods
 from bench.latency.stream import FrameWait, measure_streams, measure_waits
 from bench.latency.stream import text_of as waits_text
 from bench.paper.published import LATENCY_MS
-from bench.paper.rows import write
+from bench.rows import write
 from infra.markdown import markdown_table
 
 TIMES = ("CPU mean", "CPU median", "CPU p95", "wall median", "wall p95")

@@ -10,8 +10,8 @@ from typing import Any
 
 from bench.paper import published
 from bench.paper.experiments import ROADS, Count
-from bench.paper.rows import read
 from bench.paper.tables import pooled, published_at
+from bench.rows import read
 
 MATPLOTLIB_MISSING = 'matplotlib is not installed; "pip install matplotlib", then "python -m bench.paper.figures"'
 Figure = Any

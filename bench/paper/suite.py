@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 
 from bench.paper.experiments import Condition, Count, Miss, conditions, evaluate
 from bench.paper.figures import MATPLOTLIB_MISSING, draw
 from bench.paper.occlusion import Kept, play
-from bench.paper.rows import write
 from bench.paper.tables import write_tables
+from bench.rows import write
+from bench.workers import one_threaded
 
-WORKERS = 2
 FLIGHTS, QUICK_FLIGHTS = 20, 1
-_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def run(out: Path, quick: bool, report: Callable[[int, int], None] = lambda done, total: None) -> str:
@@ -47,22 +43,12 @@ def _measure(
     plan: list[Condition], flights: range, report: Callable[[int, int], None]
 ) -> tuple[list[Count], list[Miss], list[Kept]]:
     """In processes of their own; the order of the results is the plan's."""
-    # children start afresh, so that linear algebra in them starts with one thread
-    before = {name: os.environ.get(name) for name in _ONE_THREAD}
-    os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
-    try:
-        with ProcessPoolExecutor(WORKERS, mp_context=get_context("spawn")) as pool:
-            walked = pool.map(play, flights)
-            results = []
-            for result in pool.map(evaluate, plan):
-                results.append(result)
-                report(len(results), len(plan))
-            kept = [one for flight in walked for one in flight]
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+    with one_threaded() as pool:
+        walked = pool.map(play, flights)
+        results = []
+        for result in pool.map(evaluate, plan):
+            results.append(result)
+            report(len(results), len(plan))
+        kept = [one for flight in walked for one in flight]
     counts = [count for some, _ in results for count in some]
     return counts, [miss for _, some in results for miss in some], kept

@@ -9,7 +9,7 @@ from bench.latency.measure import MethodTiming
 from bench.paper import published
 from bench.paper.experiments import CONTINUOUS, Count
 from bench.paper.occlusion import Kept
-from bench.paper.rows import read
+from bench.rows import read
 from infra.markdown import markdown_table
 
 SETTING = """\

@@ -19,7 +19,7 @@ from bench.field.measure import tally
 from bench.field.product import identify
 from bench.field.summary import summarise
 from bench.field.tables import number
-from bench.paper.rows import read, write
+from bench.rows import read, write
 from gcs.cli.output.console import print_note
 from gcs.cli.output.progress import progress
 from infra.markdown import markdown_table

@@ -29,6 +29,7 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.attacks.records import records_in, sender_of
 from bench.drawing import pyplot, read_rows
 from bench.ports import free_port
 from bench.station import CAMERA, FLY, FlyingStation, cost_of, mission_text
@@ -78,8 +79,6 @@ class VideoLoop:
 
 POLL_S = 0.05
 STALL_S = 0.2
-MAGICS = {0xFE: (8, 3), 0xFD: (12, 5)}
-"""Length of a frame without its payload, and the offset of the system id."""
 
 
 class LogWatch:
@@ -114,30 +113,18 @@ class LogWatch:
     def read(self) -> None:
         """Count what was recorded since the last call."""
         for path in sorted(self._folder.glob("telemetry*.tlog")):
-            at = self._read.get(path, 0)
+            begun = self._read.get(path, 0)
             with path.open("rb") as file:
-                file.seek(at)
+                file.seek(begun)
                 data = file.read()
-            self._read[path] = at + self._walk(data)
+            for at, stop in records_in(data, path):
+                self.recorded[sender_of(data[at + 8 : stop])] += 1
+                self._read[path] = begun + stop
 
     def close(self) -> None:
         """Stop watching."""
         self._stop.set()
         self._thread.join()
-
-    def _walk(self, data: bytes) -> int:
-        """Bytes of whole records."""
-        at, stop = 0, len(data)
-        while at + 22 <= stop:
-            bare, sender = MAGICS.get(data[at + 8], (0, 0))
-            if not bare:
-                raise ValueError(f"{self._folder}: no record at byte {at} of what was appended")
-            end = at + 8 + bare + data[at + 9] + (13 if bare == 12 and data[at + 10] & 1 else 0)
-            if end > stop:
-                break
-            self.recorded[data[at + 8 + sender]] += 1
-            at = end
-        return at
 
     def _watch(self) -> None:
         while not self._stop.wait(POLL_S):

@@ -18,10 +18,11 @@ from bench.attacks.__main__ import ATTACKS, main
 from bench.attacks.actors import rover
 from bench.attacks.handed import commands, files
 from bench.attacks.records import frames, read_events, recorded, sender_of
-from bench.attacks.report import AttackRow, page, read_rows, write_rows
+from bench.attacks.report import AttackRow, page
 from bench.attacks.run import Flown, Options, false_position_s, fly
 from bench.attacks.stage import TRUE, PacketSchedule, SenderFactory, StageCounts
 from bench.attacks.wire import ComponentEncoder, redated
+from bench.rows import read, write
 from tests.support.ports import free_port
 
 DEAF = """#!{python}
@@ -211,8 +212,8 @@ def test_results_are_kept_and_compared(tmp_path):
         AttackRow(attack="a", case="b|c", sent=10, lost=2, held=False, note="x"),
         AttackRow(attack="a", case="d", false_sent=5, alarm_s=1.25, held=True),
     ]
-    write_rows(tmp_path / "rows.csv", rows)
-    before = read_rows(tmp_path / "rows.csv")
+    write(tmp_path / "rows.csv", AttackRow, rows)
+    before = read(tmp_path / "rows.csv", AttackRow)
     assert [row.summary for row in before] == [row.summary for row in rows]
     text = page(rows, "T", "w", before)
     assert r"| b\|c | 10 | 2 | 0 | – | – | – | **not held** | x | not held; 2 lost; x |" in text

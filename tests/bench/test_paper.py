@@ -16,10 +16,10 @@ from bench.paper.films import dense_road, false_box_road, field, film, paper_roa
 from bench.paper.methods import METHODS, ConditionNoise
 from bench.paper.occlusion import KEEPERS, ByteTrack, Kept, hidden_at_turns, walk
 from bench.paper.projection import associate_by_projection
-from bench.paper.rows import read, write
 from bench.paper.tables import percent, pooled, published_at, write_tables
 from bench.paper.tts import associate_by_tts_once, tts_similarity
 from bench.paper.windows import windows
+from bench.rows import read, write
 from vision.detect.detections import Detections
 
 QUIET = ConditionNoise(position_m=0.0, topology=0.0)

@@ -2,8 +2,8 @@ import dataclasses
 
 import pytest
 
-from bench.paper.rows import read, write
 from bench.recorded.__main__ import SessionScore, measure, sessions_in, text_of
+from bench.rows import read, write
 from sim.session import write_session
 from sim.world.presets import nominal
 from sim.world.scenario import ScenarioDetector, ScenarioFlight, Targets
