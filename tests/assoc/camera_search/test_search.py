@@ -44,6 +44,7 @@ def test_mount_is_found_to_some_degrees():
     assert abs(np.rad2deg(best.yaw) - 90.0) < 3.0
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     ("scene", "known"),
     [
@@ -59,6 +60,7 @@ def test_what_is_known_is_kept(scene, known):
     check(scene, film, truth, found, focal_off=0.051 if "focal_known" in known else 0.08)
 
 
+@pytest.mark.slow
 def test_longer_look_at_the_same_camera_is_closer():
     scene = CameraFilm(seed=14, across_deg=50.0, pitch_deg=-40.0, bias_m=0.5)
     first = find_camera(scene.film()[0]).best

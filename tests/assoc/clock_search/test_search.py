@@ -24,7 +24,7 @@ def test_offset_is_found_in_an_hour_of_reports(ahead_s):
     assert found.runner_up.evidence < 0.65 * found.best.evidence
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fleet", "film", "path"),
     [
@@ -59,6 +59,7 @@ def test_vehicles_that_stand_all_the_time_are_refused():
     assert abs(found.best.offset_s - found.runner_up.offset_s) > 0.8
 
 
+@pytest.mark.slow
 def test_vehicles_that_do_the_same_again_and_again_are_refused_with_both_times():
     fleet = FilmedFleet(period_s=120.0, ahead_s=50.0)
     found = find_clock(fleet.film(), fleet.path(), fleet.log(), ANY)
@@ -67,7 +68,7 @@ def test_vehicles_that_do_the_same_again_and_again_are_refused_with_both_times()
         assert abs((fit.offset_s - 50.0 + 60.0) % 120.0 - 60.0) < 0.3
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
 def test_nothing_is_found_where_the_time_of_the_film_is_not_in_the_log(seed):
     fleet = FilmedFleet(seed=seed)
@@ -89,6 +90,7 @@ def test_bounds_in_which_the_log_has_nothing_are_told_apart():
     assert found.best is None
 
 
+@pytest.mark.slow
 def test_reports_of_years_apart_are_no_burden():
     fleet = FilmedFleet(ahead_s=40.0)
     log = fleet.log(-200.0, 300.0)

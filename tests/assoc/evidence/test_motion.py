@@ -101,6 +101,7 @@ def test_reports_in_small_batches_are_the_same_reports():
     assert whole.white_std_m == parts.white_std_m
 
 
+@pytest.mark.slow
 def test_reports_that_nobody_asks_for_do_not_pile_up():
     t, r = drive(0.3, seconds=200.0)
     log = ReportLog(3, 20.0)

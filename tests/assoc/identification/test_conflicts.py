@@ -83,7 +83,7 @@ def test_of_two_that_report_one_place_the_one_that_is_not_late_can_be_named():
     assert np.mean(named[40:]) > 0.25
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_neighbours_of_whom_one_is_not_detected_are_not_accused(seed):
     """Vehicle 1 drives 4 m from vehicle 2 and has no box for half of the time."""

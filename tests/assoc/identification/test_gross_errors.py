@@ -37,7 +37,7 @@ def test_a_mirrored_picture_is_found_and_named(seed):
     assert ((names == 0) | (names == IDS)).all()
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_no_other_picture_is_taken_for_a_mirrored_one(seed):
     fleet, other = Fleet(n=6, seed=seed), Fleet(n=6, seed=seed + 20)

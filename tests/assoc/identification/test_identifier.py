@@ -44,6 +44,7 @@ def test_strangers_stay_unnamed():
     assert np.all(np.isnan(last.residual_m[4:]) & np.isnan(last.fused[4:]))
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     "told",
     [
@@ -85,7 +86,7 @@ def test_swapped_tracks_are_found_out():
     assert np.all(said(answers, 8.0) == IDS)
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(1, 4))
 def test_tracks_that_come_out_of_the_dark_exchanged_are_not_trusted(seed):
     identifier, fleet = Identifier(IDS), Fleet(spacing_m=5.0, seed=seed)
@@ -164,6 +165,7 @@ def test_a_stranger_does_not_take_the_name_of_a_box_missed_for_a_moment(t, away_
     assert answer.system_id.tolist() == [*IDS, 0]
 
 
+@pytest.mark.slow
 def test_a_stranger_at_the_side_does_not_become_a_vehicle_that_is_hidden():
     identifier, fleet = Identifier(IDS), Fleet(bias_m=1.0)
     rng, heard = np.random.default_rng(5), -0.1
@@ -210,6 +212,7 @@ def test_a_follower_does_not_get_the_name_of_a_vehicle_that_left_the_image(gone_
     assert answer.system_id[:-1].tolist() == list(IDS[1:])
 
 
+@pytest.mark.slow
 def test_silence_keeps_the_name_of_an_unbroken_track():
     identifier, fleet = Identifier(IDS), Fleet()
     rng = np.random.default_rng(1)
@@ -268,6 +271,7 @@ def test_permuting_tracks_permutes_the_answer():
         np.testing.assert_allclose(a.confidence[order], b.confidence, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_permuting_vehicles_permutes_the_answer():
     order = [1, 3, 0, 2]
     straight = play(Identifier(IDS), Fleet(), 2.5)

@@ -42,6 +42,7 @@ class Filmed:
 PER_TRACK = ("track_id", "ray_cam", "front_cam", "gap_s", "score")
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_does_not_report_is_named_by_the_statement():
     filmed = Filmed(Fleet(n=3), silent=(1,))
     assert filmed.run(8)[-1] == {1: 11, 2: 0, 3: 13}
@@ -73,7 +74,7 @@ def test_a_right_statement_names_at_once():
     assert filmed.run(10)[-1] == {1: 11, 2: 12, 3: 13, 4: 14}
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize("seconds", [1.0, 12.0])
 def test_a_wrong_statement_costs_others_their_names_for_a_few_seconds_at_most(seconds):
     filmed = Filmed(Fleet(n=4))

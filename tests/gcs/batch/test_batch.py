@@ -33,6 +33,7 @@ def told(stdout):
     return [json.loads(line) for line in stdout.splitlines()]
 
 
+@pytest.mark.slow
 def test_a_flight_comes_out_alone_as_in_a_batch_and_as_identify_has_it(tmp_path):
     flights = short_flights(tmp_path / "flights", 3)
     code, stdout, stderr = run_gcs("batch", "run", tmp_path / "flights", "-o", tmp_path / "out", "-j", 2)

@@ -197,6 +197,7 @@ def test_a_port_in_use(tmp_path):
     assert stderr.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_truncated_log_still_names(tmp_path):
     folder = swarm_session(tmp_path, tlog=lambda b: b[: len(b) * 3 // 4 + 3])
     code, stdout, stderr = run_gcs("identify", folder, "-o", tmp_path / "o")
@@ -217,6 +218,7 @@ def test_without_the_uavs_attitude_it_says_so(tmp_path):
     assert code in (0, 4)
 
 
+@pytest.mark.slow
 def test_without_a_camera_nothing_is_said_of_the_uavs_attitude(tmp_path):
     (tmp_path / "mission.toml").write_text("[uav]\nsystem_id = 1\n[[ugv]]\nsystem_id = 2\n")
     mission = ("--mission", tmp_path / "mission.toml")

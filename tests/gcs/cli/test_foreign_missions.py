@@ -11,7 +11,7 @@ import pytest
 from gcs.errors import ConfigError
 from gcs.mission.mission import Links, SigningChoice, load_mission, unheeded_links
 from tests.support.bundled import SWARM, shortened
-from tests.support.command_line import MISSION, heartbeat, run_gcs, run_gcs_process
+from tests.support.command_line import MISSION, heartbeat, run_gcs
 from tests.support.ports import free_port
 
 RECORDED = '[session]\nformat = 1\nprogram = "x"\nstarted = 2026-01-01T00:00:00Z\n'
@@ -35,7 +35,7 @@ def fly(folder, name, outlet, *words, more="", port=None):
         path.write_text(path.read_text() + RECORDED)
     stop = feed(port)
     try:
-        code, _, stderr = run_gcs_process(
+        code, _, stderr = run_gcs(
             *("fly", path, "-l", f"udpin:127.0.0.1:{port}", "--headless", "--duration", 2),
             *("--sessions", folder / "sessions", *words),
         )

@@ -94,6 +94,7 @@ def web(tmp_path):
         thread.join()
 
 
+@pytest.mark.slow
 def test_a_signed_address_is_worked_on_and_kept_nowhere(tmp_path, web):
     (flight,) = short_flights(tmp_path / "web", 1)
     (flight / "telemetry.tlog").rename(tmp_path / "web" / "flown.tlog")

@@ -189,6 +189,7 @@ def test_an_empty_flight_makes_a_whole_file_and_one_broken_off_none(tmp_path, na
     assert path.read_bytes() == before
 
 
+@pytest.mark.slow
 def test_the_ending_names_the_format(tmp_path):
     code, _, err = run_gcs("export", shortened(SWARM, tmp_path / "flight", 20), "-o", tmp_path / "a.gpx", "--every", 2)
     assert code == 0, err

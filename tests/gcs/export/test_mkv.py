@@ -129,6 +129,7 @@ def test_clocks_that_stand_or_go_back_make_no_file_that_cannot_be_played(tmp_pat
     assert len(times_s) == N and (np.diff(times_s) > 0).all()
 
 
+@pytest.mark.slow
 def test_a_session_becomes_a_film_with_names(flight, tmp_path):
     code, _, err = run_gcs("export", flight, "-o", tmp_path / "a.mkv")
     assert code == 0, err

@@ -144,6 +144,7 @@ WISHES = {
 }
 
 
+@pytest.mark.slow
 def test_whatever_a_terminal_asks_for_the_flight_goes_on(begin, tmp_path):
     flight = begin(Terminal, tmp_path, "--headless", controls=False)
     flight.read_until(b"gcs fly --attach")

@@ -186,6 +186,7 @@ def test_a_fleet_that_has_long_been_driving_is_believed_at_once_and_after_a_kill
     assert counts == {(11, Auth.REPLAYED): 108, (11, Auth.GOOD): 12, (12, Auth.GOOD): 12, (12, Auth.REPLAYED): 60}
 
 
+@pytest.mark.slow
 def test_an_operator_believes_a_held_vehicle_by_a_key_and_a_second_one(tmp_path):
     for system_id in (1, 11, 12):
         write_key(tmp_path / "keys", system_id, secret_of(system_id))

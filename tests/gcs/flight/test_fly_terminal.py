@@ -93,6 +93,7 @@ def test_a_screen_that_breaks_ends_no_flight(tmp_path, monkeypatch, capsys, inte
     assert "ended" in (session / "session.toml").read_text()
 
 
+@pytest.mark.slow
 def test_a_signal_to_end_seals_what_the_screen_shows(begin):
     terminal = begin()
     terminal.read_until(b"NAME")
@@ -170,6 +171,7 @@ def test_signals_to_end_that_come_while_the_recording_is_sealed_interrupt_nothin
     assert signal.getsignal(signal.SIGINT) is before
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_that_comes_just_when_the_screens_have_ended_is_heeded(tmp_path, monkeypatch, capsys, number):
     def left(*_, **__):
@@ -182,6 +184,7 @@ def test_a_signal_that_comes_just_when_the_screens_have_ended_is_heeded(tmp_path
     assert "0 packets received" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_flight_whose_screen_was_left_goes_on_after_a_stop(begin):
     terminal = begin(controls=False)
     terminal.read_until(b"NAME")

@@ -76,7 +76,7 @@ def lying(shift_m):
     return scene, told
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize("shift_m", [15.0, 40.0])
 def test_it_is_over_when_the_report_fits_again_and_not_when_its_box_is_gone(shift_m):
     scene, told = lying(shift_m)

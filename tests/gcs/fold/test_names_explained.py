@@ -57,6 +57,7 @@ def test_a_box_that_is_nobody_has_candidates_too(scene):
     assert box.since_us > scene.t_us - 4 * S
 
 
+@pytest.mark.slow
 def test_an_old_report_speaks_against_a_vehicle_and_a_lost_position_leaves_its_place_open(scene):
     silent = next(vehicle for vehicle in scene.vehicles if vehicle.system_id == UGV)
     silent.sends = "ha"
@@ -77,6 +78,7 @@ def test_a_vehicle_says_where_the_picture_should_show_it(scene):
     assert scene.row(UGV).in_view is True and scene.row(UAV).expected_px is None
 
 
+@pytest.mark.slow
 def test_without_a_camera_pose_nobody_is_said_to_be_out_of_view(scene):
     next(vehicle for vehicle in scene.vehicles if vehicle.system_id == UAV).sends = "h"
     scene.run(6, filmed=True)
@@ -85,6 +87,7 @@ def test_without_a_camera_pose_nobody_is_said_to_be_out_of_view(scene):
     assert scene.lost(UGV) == scene.lost(OTHER) == ["the UAV's position is lost"]
 
 
+@pytest.mark.slow
 def test_a_name_that_goes_with_its_track_is_an_event(scene):
     scene.hidden = {UGV}
     scene.run(4, filmed=True)
@@ -100,6 +103,7 @@ def test_a_name_that_leaves_the_picture_is_an_event(scene):
     assert "it left the picture" in scene.lost(UGV)
 
 
+@pytest.mark.slow
 def test_a_name_whose_id_two_senders_use_goes_with_that_reason(scene):
     scene.vehicles.append(Vehicle(UGV, shift_m=40.0, peer=77))
     scene.run(8, filmed=True)

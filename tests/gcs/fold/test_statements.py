@@ -58,6 +58,7 @@ def sure():
     return filmed(6)
 
 
+@pytest.mark.slow
 def test_a_vehicle_without_reports_is_named_by_the_operator(silent):
     track = unnamed(silent).track_id
     stated(silent, track, OTHER).run(3, filmed=True)
@@ -93,6 +94,7 @@ def test_one_key_withdraws_it(silent):
     assert len(made(silent)) == 2
 
 
+@pytest.mark.slow
 def test_a_wrong_statement_is_contradicted_within_seconds_and_names_are_right_again(sure):
     track = sure.box(UGV).track_id
     stated(sure, track, OTHER)
@@ -123,6 +125,7 @@ def test_said_twice_it_counts_once(sure):
     assert len(made(sure)) == 1
 
 
+@pytest.mark.slow
 def test_none_of_ours_is_a_statement_too(sure):
     sure.stranger = STRANGER
     sure.run(2, filmed=True)
@@ -143,6 +146,7 @@ def test_none_of_ours_about_one_of_ours_is_contradicted(sure):
     assert any("none of ours; contradicted: by its reports it is UGV-11" in text for text in texts(sure))
 
 
+@pytest.mark.slow
 def test_a_statement_ends_with_its_track(silent):
     silent.hidden = {OTHER}
     track = unnamed(silent).track_id
@@ -153,6 +157,7 @@ def test_a_statement_ends_with_its_track(silent):
     assert unnamed(silent).track_id != track and not unnamed(silent).stated
 
 
+@pytest.mark.slow
 def test_a_track_that_is_not_shown_for_a_moment_ends_no_statement(silent):
     track = unnamed(silent).track_id
     stated(silent, track, OTHER).run(1, filmed=True)
@@ -182,6 +187,7 @@ def test_of_two_statements_about_one_vehicle_the_later_counts(silent):
     assert any(text.endswith(f"it ends: that is track {first} now") for text in texts(silent))
 
 
+@pytest.mark.slow
 def test_a_statement_can_be_corrected(silent):
     silent.stranger = STRANGER
     silent.run(1, filmed=True)
@@ -214,6 +220,7 @@ def test_only_ground_vehicles_of_the_mission_can_be_stated(sure):
             stated(sure, 1, system_id)
 
 
+@pytest.mark.slow
 def test_a_recorded_statement_finds_its_box_under_another_track(silent):
     """Detected again, or with another mission, a replay may number its tracks otherwise."""
     box = unnamed(silent)

@@ -66,6 +66,7 @@ def has_ink(image):
     return (np.abs(image[120:180, 110:210].astype(int) - ink).sum(axis=2) < 120).sum() > 60
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("scheme", ["udp", "rtp"])
 def test_a_receiver_sees_boxes_and_names_without_b_frames(scheme, tmp_path):
     url = parse_show(f"{scheme}://127.0.0.1:{free_port()}")

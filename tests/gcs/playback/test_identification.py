@@ -30,6 +30,7 @@ def test_it_writes_what_the_command_writes_and_prints_nothing(tmp_path, capfd):
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"identity.csv", "identity.jsonl", "events.jsonl"}
 
 
+@pytest.mark.slow
 def test_alarms_are_told_in_words(tmp_path):
     flown, notes = Scenario(seed=5, duration_s=14.0, fps=4.0), []
     other = replace(flown, seed=6, ground=replace(flown.ground, kind="curved", speed_mps=8.0, bend_deg=60.0))
@@ -145,6 +146,7 @@ def test_a_fleet_that_stands_shows_no_camera(tmp_path):
     assert "nothing describes the camera, and the fleet stands still" in events
 
 
+@pytest.mark.slow
 def test_a_direction_that_is_written_as_nan_is_unknown(tmp_path):
     """As numpy and pandas write it: the row has its box all the same."""
     flown = swarm_session(tmp_path, frames=20)

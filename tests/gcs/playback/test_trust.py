@@ -24,7 +24,7 @@ def identify(session, out):
     return out / "identity.csv"
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize("frames", [80, 300])
 def test_deranged_ids_take_the_names_with_them(frames, tmp_path):
     """Each of our vehicles speaks under the id of the next."""

@@ -38,6 +38,7 @@ def named(flight):
     return out, identify_session(open_session(flight), out, hindsight=False)
 
 
+@pytest.mark.slow
 def test_both_views_are_named(flight, named):
     out, calls = named
     (other,) = calls.other_views

@@ -113,6 +113,7 @@ def test_the_bundled_flight(frames, tmp_path):
     assert "never overwritten" in told
 
 
+@pytest.mark.slow
 def test_a_recording_without_video_and_truth(tmp_path):
     folder = swarm_session(tmp_path, frames=60, without=("truth.csv",))
     code, _, told = run_gcs("report", folder, "-o", tmp_path / "report.html")

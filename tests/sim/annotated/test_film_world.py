@@ -29,6 +29,7 @@ def made_of(tracks, times, motions, *, team=4, chosen=(), **camera):
     )
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("layout", ["csv", "mot"])
 @pytest.mark.parametrize("pitch", [-90.0, -50.0])
 def test_perfect_boxes_and_a_known_camera_give_the_ground_positions(pitch, layout, tmp_path):

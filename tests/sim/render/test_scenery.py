@@ -40,6 +40,7 @@ def test_nothing_of_it_is_a_vehicle(world):
     assert all(kind == OCCLUDER or kind >= FIRST_KIND for kind in dressing.bodies.kind.tolist())
 
 
+@pytest.mark.slow
 def test_scenery_is_in_the_image_only(world):
     bare = World(replace(curved_road(), scenery="bare"))
     assert np.array_equal(bare.bodies(3.0).x, world.bodies(3.0).x)

@@ -116,6 +116,7 @@ def test_geodetic_agrees_with_an_independent_oracle():
         np.testing.assert_allclose(to_geodetic(p, *origin), pymap3d.enu2geodetic(*p.T, *origin), rtol=0, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_the_detectors_noise_is_as_ordered():
     detector = ScenarioDetector(pixel_noise=1.5, angle_noise_deg=3.0, miss=0.1, flip=0.05)
     world = World(dataclasses.replace(nominal(), detector=detector))
@@ -232,6 +233,7 @@ def test_reported_altitudes_err_by_vehicle_and_from_report_to_report():
     assert (z - z.mean(axis=1, keepdims=True)).std() == pytest.approx(0.5, rel=0.15)
 
 
+@pytest.mark.slow
 def test_misses_come_in_runs_of_the_length_that_was_asked():
     world = World(dataclasses.replace(nominal(), detector=ScenarioDetector(miss=0.2, miss_run_s=0.5)))
     model = DetectorModel(world)

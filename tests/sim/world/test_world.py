@@ -94,6 +94,7 @@ def test_open_ground_has_reverse_legs_and_pivots():
     assert ((np.abs(speed) < 0.05) & (turn > 0.5)).any()
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_same_seed_gives_the_same_world_and_another_does_not(kind):
     world = world_of(kind)
@@ -166,6 +167,7 @@ def test_too_many_for_the_ground_is_refused():
         World(Scenario(ground=ScenarioGround(kind="parked", vehicles=60, area_m=(20.0, 10.0))))
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("tau_s", [0.15, 0.4])
 def test_a_fixed_camera_wobbles_smoothly_by_what_was_asked(tau_s):
     flight = ScenarioFlight(wobble_deg=2.5, wobble_tau_s=tau_s, tilt_sway_deg=0.0, yaw_sway_deg=0.0)

@@ -98,6 +98,7 @@ def test_a_silent_sender_is_told_and_taken_back(tmp_path):
     assert not (tmp_path / "video.1.mkv").exists()
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP], ids=lambda n: n.name)
 def test_a_process_that_dies_or_hangs_is_started_again(tmp_path, number):
     with Watched(tmp_path) as watched, Sender(watched.port, coded(CLIP)):

@@ -162,6 +162,7 @@ def test_jumps_of_twice_the_vehicles_size_break_no_track(seed):
     assert broken(shaken(seed, jump_px=1.1 * LENGTH)) <= 1
 
 
+@pytest.mark.slow
 @MODEST
 @given(SEED)
 def test_a_wrong_warp_is_left_out(seed):

@@ -102,6 +102,7 @@ async def test_what_the_desk_refuses_is_told():
         assert app.is_running
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("text", HOSTILE)
 async def test_names_are_never_markup(text):
     desk = FakeCommands(words=text.replace("{", "{{").replace("}", "}}"))

@@ -64,6 +64,7 @@ async def test_pages_fit_the_screen_and_turn_both_ways():
         assert "page 1 of " in screen_text(app), "less pages on a larger screen"
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("key", ["escape", "q", "enter"])
 async def test_the_help_is_left_by_its_keys(key):
     async with running() as (app, pilot, _):
