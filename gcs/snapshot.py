@@ -280,7 +280,6 @@ class LinkHealth:
 
     name: str
     packets: int
-    bytes: int
     bad: int
     """Damaged frames."""
     dropped: int
@@ -290,7 +289,6 @@ class LinkHealth:
     """Stray bytes that are no MAVLink."""
     packets_per_s: float = NAN
     """Lately, NaN unknown."""
-    bytes_per_s: float = NAN
     flooded: bool = False
     """True if a sender is rate-limited."""
 
@@ -313,7 +311,6 @@ class Health:
     video_rival: str = ""
     """Address of another that sends video to the same port, empty without one."""
     links: tuple[LinkHealth, ...] = ()
-    recorded_bytes: int = 0
     recording_since_us: int = 0
     """Start of the flight's recording, Unix µs; 0 without one."""
     free_bytes: int = 0
@@ -342,8 +339,6 @@ class Health:
     """Why, in the system's words."""
     write_stalled_s: float = 0.0
     """For how long the disk has not answered, 0 while it does."""
-    write_waiting: int = 0
-    """Packets in memory that wait for the disk."""
     write_lost: int = 0
     """Packets that were given up because too many waited."""
     ingest_restarts: int = 0

@@ -144,7 +144,6 @@ class VehicleStatus:
     heartbeat_age_s: float
     """inf never."""
     position_age_s: float
-    attitude_age_s: float
     position_state: PositionState
     period_s: float
     """Usual time between positions, NaN unknown."""

@@ -47,7 +47,6 @@ MONITOR_US = 500_000
 HEARTBEAT, GLOBAL_POSITION_INT = 0, 33
 IMPOSTOR_M, IMPOSTOR_PEER, IMPOSTOR_HZ = 120.0, 77, 5.0
 REBOOTED_PEERS = 100
-BYTES_A_PACKET = 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,7 +211,6 @@ class _ScreenedFlight:
             fps=script.fps if video == "ok" else 0.0,
             video=video,
             keys=0,
-            recorded_bytes=round(1e6 * max(at_s, 0.0)),
             free_bytes=52_400_000_000,
             write_failing_s=at_s - script.disk_fails[0] if failing and script.disk_fails else 0.0,
             write_reason="No space left on device" if failing else "",
@@ -231,9 +229,7 @@ def video_state(now_us: int, frames_us: Sequence[int]) -> str:
 
 
 def _link(name: str, packets: int, silent_s: float) -> LinkHealth:
-    return LinkHealth(
-        name=name, packets=packets, bytes=BYTES_A_PACKET * packets, bad=0, dropped=0, silent_s=max(silent_s, 0.0)
-    )
+    return LinkHealth(name=name, packets=packets, bad=0, dropped=0, silent_s=max(silent_s, 0.0))
 
 
 def _within(span: Span, at_s: float) -> bool:

@@ -240,9 +240,8 @@ class _Surroundings:
                 video=video_state(flight.t_us - LATENCY_US, self.frames_us),
                 fps=1.0,
                 keys=len(flight.scenario.ugv_ids) * flight.faults.signed,
-                recorded_bytes=1,
                 free_bytes=50_000_000_000,
-                links=(LinkHealth(name="first", packets=flight.packets, bytes=0, bad=0, dropped=0, silent_s=0.0),),
+                links=(LinkHealth(name="first", packets=flight.packets, bad=0, dropped=0, silent_s=0.0),),
             )
         while self.acts and flight.t_us >= flight.start_us + self.acts[0].at_s * S:
             self._act(flight, self.acts.pop(0))

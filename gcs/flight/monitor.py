@@ -87,14 +87,12 @@ class FlightMonitor:
         worst = max(states, key=lambda state: state.failing_s)
         health = Health(
             links=tuple(_link(link) for link in ingest.links if link.counts.packets or link.name not in self._spare),
-            recorded_bytes=recorder.bytes,
             recording_since_us=recorder.began_us,
             free_bytes=recorder.free_bytes,
             full_in_s=recorder.full_in_s,
             write_failing_s=worst.failing_s,
             write_reason=worst.reason if worst.failing_s else "",
             write_stalled_s=max(state.stalled_s for state in states),
-            write_waiting=sum(state.waiting for state in states),
             write_lost=sum(state.lost for state in states),
             keys=self._keys,
             ingest_restarts=ingest.restarts,
@@ -126,7 +124,6 @@ def _link(link: LinkReport) -> LinkHealth:
     return LinkHealth(
         name=link.name,
         packets=counts.packets,
-        bytes=counts.bytes,
         bad=counts.bad,
         dropped=counts.dropped,
         silent_s=counts.silent_s,

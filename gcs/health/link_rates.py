@@ -46,5 +46,4 @@ def _rated(link: LinkHealth, before: tuple[LinkHealth, ...], span_s: float) -> L
     return replace(
         link,
         packets_per_s=(link.packets - then.packets) / span_s,
-        bytes_per_s=(link.bytes - then.bytes) / span_s,
     )

@@ -453,7 +453,6 @@ class Vehicle:
             fix=fix_name(gps.fix_type) if gps else "none",
             heartbeat_age_s=max(0.0, (t_us - heartbeat.t_us) * 1e-6) if heartbeat else math.inf,
             position_age_s=estimate.age_s if estimate else math.inf,
-            attitude_age_s=pose.age_s if pose else math.inf,
             position_state=self.position_state(t_us, estimate),
             period_s=self.positions.period_s,
             loss=reception.loss,

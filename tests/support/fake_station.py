@@ -158,11 +158,11 @@ def make_snapshot(frame: int = 1234, *, live: bool = False, t_us: int | None = N
         p_enu=np.array([-2.0, -4.0, 40.0]),
     )
     health = Health(
-        fps=24.9, lag_s=0.12, frames=frame, skipped_frames=3, video="ok", recorded_bytes=184_000_000,
+        fps=24.9, lag_s=0.12, frames=frame, skipped_frames=3, video="ok",
         recording_since_us=START_US,
         free_bytes=52_400_000_000, links=(
-            LinkHealth(name="udpin:0.0.0.0:14550", packets=48_211, bytes=2_100_000, bad=4, dropped=0, silent_s=0.0),
-            LinkHealth(name="/dev/ttyUSB0", packets=911, bytes=40_000, bad=0, dropped=2, silent_s=6.2 if live else 0.1),
+            LinkHealth(name="udpin:0.0.0.0:14550", packets=48_211, bad=4, dropped=0, silent_s=0.0),
+            LinkHealth(name="/dev/ttyUSB0", packets=911, bad=0, dropped=2, silent_s=6.2 if live else 0.1),
         ),
     )  # fmt: skip
     return Snapshot(

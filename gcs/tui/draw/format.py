@@ -73,16 +73,6 @@ def degrees(angle: float) -> str:
     return f"{round(math.degrees(angle)) % 360:03d}°" if math.isfinite(angle) else "–"
 
 
-def bytes_text(count: int) -> str:
-    """``184 MB``, ``52.4 GB``."""
-    size = float(count)
-    for unit in ("B", "kB", "MB", "GB"):
-        if size < 1000:
-            return f"{size:.0f} {unit}" if unit != "GB" else f"{size:.1f} {unit}"
-        size /= 1000
-    return f"{size:.1f} TB"
-
-
 def duration(seconds: float) -> str:
     """``04:11``, ``1:02:03``, with a minus sign before the start."""
     whole = int(abs(seconds))

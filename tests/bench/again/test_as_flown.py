@@ -192,7 +192,7 @@ def test_every_alarm_is_known_again_by_its_event():
     """Those of a snapshot with all sorts of trouble: key and rule are found from the line in the event log."""
     base = make_snapshot(live=True)
     links = tuple(replace(link, silent_s=9.0, dropped=3) for link in base.health.links)
-    links += (LinkHealth(name="x: y", packets=0, bytes=0, bad=0, dropped=0, silent_s=9.0),)
+    links += (LinkHealth(name="x: y", packets=0, bad=0, dropped=0, silent_s=9.0),)
     troubles = {"video": "stalled", "behind_s": 9.0, "keys": 0, "clock_step_s": 5.0, "write_stalled_s": 4.0}
     health = replace(base.health, links=links, **troubles)
     rows = tuple(replace(row, heartbeat_age_s=30.0, position_state="lost") for row in base.vehicles)

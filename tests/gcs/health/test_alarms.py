@@ -11,7 +11,7 @@ from gcs.health.link_rates import LinkRates
 from gcs.snapshot import Event, Health, LinkHealth, VehicleCondition, VehicleRow
 from tests.support.fake_station import START_US, make_snapshot
 
-LINK = LinkHealth(name="udpin:0.0.0.0:14550", packets=100, bytes=4000, bad=0, dropped=0, silent_s=0.0)
+LINK = LinkHealth(name="udpin:0.0.0.0:14550", packets=100, bad=0, dropped=0, silent_s=0.0)
 WELL = Health(video="ok", links=(LINK,), free_bytes=50_000_000_000, keys=1)
 ROWS = tuple(
     VehicleRow(system_id=i, name=name, role=role, heartbeat_age_s=0.3, position_age_s=0.2, position_state="ok")
@@ -342,10 +342,9 @@ def test_one_flooding_vehicle_does_not_silence_another():
 def test_rates_of_the_links():
     rates = LinkRates()
     for second in range(90):
-        link = replace(LINK, packets=500 * second, bytes=30_000 * second)
+        link = replace(LINK, packets=500 * second)
         health = rates.with_rates(START_US + second * 1_000_000, replace(WELL, links=(link,)))
         if second == 0:
             assert math.isnan(health.links[0].packets_per_s)
     assert health.links[0].packets_per_s == pytest.approx(500.0)
-    assert health.links[0].bytes_per_s == pytest.approx(30_000.0)
     assert rates.with_rates(START_US, replace(WELL, links=())) == replace(WELL, links=())

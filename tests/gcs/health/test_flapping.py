@@ -8,7 +8,7 @@ from gcs.health.alarms import Alarms
 from gcs.snapshot import Health, LinkHealth, VehicleRow
 from tests.support.fake_station import START_US, make_snapshot
 
-LINK = LinkHealth(name="udp", packets=100, bytes=4000, bad=0, dropped=0, silent_s=0.0)
+LINK = LinkHealth(name="udp", packets=100, bad=0, dropped=0, silent_s=0.0)
 WELL = Health(video="ok", links=(LINK,), free_bytes=50_000_000_000, keys=1)
 ROWS = tuple(
     VehicleRow(system_id=i, name=name, role=role, heartbeat_age_s=0.3, position_age_s=0.2, position_state="ok")
