@@ -45,6 +45,9 @@ class Detections:
     """Detector's confidence, 0..1."""
     heading: NDArray[np.float64]
     """Clockwise from image up, rad, NaN when the front is unknown."""
+    looked: NDArray[np.float64] | None = None
+    """(r, 4) left, top, right, bottom, px, of the parts of the image in which a vehicle would have been found; None: in
+    all of it. Where nobody looked no box means nothing."""
     table: NDArray[np.float64] = field(init=False, repr=False)
     """All of them in one array (7, m), in this order; the arrays above are its rows."""
 
@@ -79,6 +82,7 @@ class Detections:
             chosen = chosen.astype(np.intp)
         # columns of a checked table need no second check
         taken = object.__new__(Detections)
+        object.__setattr__(taken, "looked", self.looked)
         taken._fill(self.table[:, chosen])
         return taken
 
@@ -95,6 +99,22 @@ class Detections:
         keep = self.score >= score
         keep[weak[np.argsort(-self.score[weak], kind="stable")[:MOST_WEAK]]] = True
         return self.select(keep)
+
+    def looked_at(self, xy: ArrayLike) -> NDArray[np.bool_]:
+        """(k,) which of some points (k, 2), px, lie where a vehicle would have been found."""
+        points = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
+        if self.looked is None:
+            return np.ones(len(points), dtype=bool)
+        low, high = self.looked[:, :2], self.looked[:, 2:]
+        inside = np.all((points[:, None] >= low) & (points[:, None] <= high), axis=2)
+        return np.asarray(np.any(inside, axis=1))
+
+    def looked_share(self, size: tuple[int, int]) -> float:
+        """About which share of an image of (width, height) px was looked at; where parts overlap it is less."""
+        if self.looked is None:
+            return 1.0
+        sides = self.looked[:, 2:] - self.looked[:, :2]
+        return min(float(np.sum(sides[:, 0] * sides[:, 1])) / (size[0] * size[1]), 1.0)
 
     def corners(self) -> NDArray[np.float64]:
         """Corners (m, 4, 2) px, clockwise on screen from the one that is top left at angle 0."""

@@ -7,7 +7,7 @@ the last seconds, l the logarithm of a track's size and v its mean over the conf
 picture, which are about as far away, a track gains
 
     max(SLOPE (x − u) + MARGIN, LEAST) − min(½ ((v − l − ALIKE) / SIZE_STD)², MOST_SMALL) n / (n + 1)     with each box,
-    −MISS     in each frame without one,
+    −MISS     in each frame without one in which it was looked for,
 
 and is reported from ``ENOUGH`` on: a sequential test in which u and v make up for what the detector cannot know. Where
 a vehicle reports to be, a box is reported at once: small vehicles of ours may drive among large ones.
@@ -77,7 +77,7 @@ class TrackEvidence:
         new = state.select(rows)
         usual = min(max(self._usual, RANGE[0]), RANGE[1])
         looks = np.maximum(SLOPE * (_logit(new.score) - self._least - usual) + MARGIN, LEAST)
-        gain = np.where(new.unseen, -MISS, looks - _too_small(new, state))
+        gain = np.where(new.unseen, -MISS * ~new.skipped, looks - _too_small(new, state))
         if reported_px is not None and len(reported_px):
             away = np.linalg.norm(new.x[:, None, :2] - reported_px, axis=2).min(axis=1)
             gain[~new.unseen & (away < np.maximum(REPORTED_REACH * new.length, reach_px))] = ENOUGH

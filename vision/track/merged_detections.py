@@ -50,7 +50,7 @@ def find_merged(state: TrackState, params: TrackerParams, boxes: Detections, apa
     Returns:
         The boxes and their tracks, None where there are none.
     """
-    settled = np.flatnonzero(state.confirmed & (state.gap_s <= params.short_s))
+    settled = np.flatnonzero(state.confirmed & (state.missed_s <= params.short_s))
     size = np.sqrt(boxes.w * boxes.h)
     large = np.flatnonzero(size > LARGER * np.min(state.length[settled], initial=np.inf))
     place, length = state.x[settled, :2].copy(), state.length[settled]
@@ -106,7 +106,7 @@ def find_shared(
         The boxes, which continue no track, and their tracks, which move on by themselves and stay in sight; None where
         there are none.
     """
-    recent = state.confirmed & (state.gap_s <= params.short_s) & (state.shared_s < params.coast_s)
+    recent = state.confirmed & (state.missed_s <= params.short_s) & (state.shared_s < params.coast_s)
     reach = REACH * state.length
     near = (apart < (reach * reach)[:, None]) & recent[:, None] & free
     bound = near & (np.count_nonzero(near, axis=1) == 1)[:, None]

@@ -162,4 +162,4 @@ def _replaced(boxes: Detections, width: Floats, pairs: list[tuple[int, int, floa
         table[2:5, i] = stop - start, max(width[i], width[j]), wrap(angle)
         table[5, i] = max(boxes.score[i], boxes.score[j])
         table[6, i] = (angle + 0.5 * np.pi) % (2 * np.pi) if np.isfinite(front) else np.nan
-    return Detections(**dict(zip(FIELDS, table, strict=True)))
+    return Detections(**dict(zip(FIELDS, table, strict=True)), looked=boxes.looked)

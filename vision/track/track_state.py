@@ -18,6 +18,8 @@ SIZE_TIME_S = 0.5
 """Time constant of the smoothed sides."""
 ENOUGH = 2.5
 """Evidence from which on a track is reported, nats. Raise → fewer tracks on nothing; lower → sooner ones."""
+MOST_SKIPPED_S = 1.0
+"""Time that nobody looks is no time out of sight, up to so much: by then a track may be anywhere."""
 CONFIRM_HITS = 2
 """Fewest frames that confirm: what looks most like a vehicle may still be none."""
 AXIS_TIME_S = 0.12
@@ -32,9 +34,9 @@ RATES = -1.0 / np.array([[SIZE_TIME_S], [SIZE_TIME_S], [AXIS_TIME_S]])
 X, SIDES, SHAPE, AGES, REPORTED, WHOLE, COVARIANCE, EXPECTED = (
     slice(*ends) for ends in ((0, 4), (4, 6), (4, 7), (10, 12), (0, 12), (12, 15), (15, 31), (31, 33))
 )
-SHARED, WAY, EVIDENCE = range(33, 36)
+SHARED, WAY, EVIDENCE, SKIPPED, SKIPPED_S = range(33, 38)
 W, H, AXIS, LENGTH, FRONT, SCORE, AGE, GAP, TRACK_ID, DETECTION, HITS = range(4, 15)
-ROWS = 36
+ROWS = 38
 """Rows of the table."""
 SPEED_VARIANCES = COVARIANCE.start + 10, COVARIANCE.start + 15
 BOX = np.array([0, 1, W, H, AXIS])
@@ -46,12 +48,13 @@ SEEN_SHAPE, SEEN_SCORE, SEEN_HEADING = slice(2, 5), 5, 6
 class TrackState:
     """k tracks in order of their ids.
 
-    The rows of its table (36, k): centre px and velocity px/s; sides px and axis, an angle without jumps; length
+    The rows of its table (38, k): centre px and velocity px/s; sides px and axis, an angle without jumps; length
     √(w h) px, at least one; votes for the front along the axis (positive) or against (0: none); score; seconds
     since first and since last seen; in whole numbers the id, the index into this frame's detections (-1 unseen) and
     the frames in which it was seen; the covariance of the first four; the centre expected in this frame, px, NaN where
     there was none; seconds for which it shared boxes since it last had one of its own; the way that it went along its
-    axis, lengths; evidence that it is of a vehicle, nats.
+    axis, lengths; evidence that it is of a vehicle, nats; whether nobody looked for it in this frame (1), and for how
+    long of the time since it was last seen nobody did, seconds.
     """
 
     __slots__ = ("table",)
@@ -112,6 +115,16 @@ class TrackState:
     def gap_s(self) -> Floats:
         """(k,) since last seen."""
         return self.table[GAP, :]
+
+    @property
+    def missed_s(self) -> Floats:
+        """(k,) how much of the time since it was last seen it was looked for."""
+        return np.asarray(self.table[GAP] - self.table[SKIPPED_S])
+
+    @property
+    def skipped(self) -> Flags:
+        """(k,) those that nobody looked for in this frame."""
+        return np.asarray(self.table[SKIPPED] > 0.0)
 
     @property
     def shared_s(self) -> Floats:
@@ -203,6 +216,12 @@ class TrackState:
         _move(self.table, *kalman.predict(self.x, self.P, dt, wander * self.length))
         self.table[AGES] += dt
         self.table[DETECTION] = -1.0
+        self.table[SKIPPED] = 0.0
+
+    def skip(self, rows: Flags, dt: float) -> None:
+        """Note that nobody looks for some tracks (k,) in this frame, ``dt`` seconds after the one before."""
+        self.table[SKIPPED, rows] = 1.0
+        self.table[SKIPPED_S, rows] = np.minimum(self.table[SKIPPED_S, rows] + dt, MOST_SKIPPED_S)
 
     def note_expected(self) -> None:
         """Keep where the tracks are now as where they are expected in this frame."""
@@ -271,7 +290,7 @@ def _measure(table: Floats) -> None:
 def _mark_seen(table: Floats, seen: Floats, index: Indices) -> None:
     """Note in a table that its tracks were seen as the detections ``index``."""
     table[SCORE], table[DETECTION], table[GAP] = seen[SEEN_SCORE], index, 0.0
-    table[SHARED] = 0.0
+    table[SHARED] = table[SKIPPED_S] = 0.0
     table[HITS] += 1.0
 
 

@@ -110,6 +110,8 @@ class Tracker:
         self._t_us = t_us
         self._pace(dt)
         self._advance(dt, warp)
+        if detections.looked is not None:
+            self._state.skip(self._unlooked(detections), dt)
         order, n = self._strong_first(detections.score)
         boxes = detections if order is None else detections.select(order)
         strong = boxes if n == len(boxes) else boxes.select(np.arange(n))
@@ -168,6 +170,12 @@ class Tracker:
             state.warp(np.asarray(warp, dtype=np.float64))
         state.note_expected()
 
+    def _unlooked(self, detections: Detections) -> Flags:
+        """(k,) tracks in the picture that nobody looked for."""
+        centre = self._state.x[:, :2]
+        inside = ((centre >= 0.0) & (centre <= (self.params.frame_size or np.inf))).all(axis=1)
+        return np.asarray(inside & ~detections.looked_at(centre))
+
     def _match(self, boxes: Detections, free: Flags, high: Flags, dt: float, known: Collection[int]) -> Flags:
         """Both rounds on the boxes (m,) that are free; which are free afterwards; those around several never are."""
         params, state = self.params, self._state
@@ -195,7 +203,7 @@ class Tracker:
     def _extend(self, boxes: Detections, n: int, known: Collection[int]) -> None:
         """ByteTrack's second round: boxes (m,) from the n-th on are weak, and only continue confirmed tracks."""
         state, params = self._state, self.params
-        lost = state.confirmed & state.unseen & (state.gap_s <= self._paced.short_s) & ~self._inside
+        lost = state.confirmed & state.unseen & (state.missed_s <= self._paced.short_s) & ~self._inside
         if len(known):
             lost &= ~self._owned(known)
         if not np.count_nonzero(lost):
@@ -208,7 +216,7 @@ class Tracker:
 
     def _owned(self, known: Collection[int]) -> Flags:
         """Tracks (k,) out of sight that are continued by their vehicles' reports only."""
-        owned = self._state.gap_s > self._recent_s
+        owned = self._state.missed_s > self._recent_s
         if np.count_nonzero(owned):
             owned &= np.isin(self._state.track_id, list(known))
         return owned
@@ -289,7 +297,7 @@ class Tracker:
         if np.count_nonzero(first) == len(first):
             return self._settle(boxes, pairs, limit)
         # boxes of low score only continue tracks that were seen a moment ago
-        then = ~first & free[pairs.column] & (self._state.gap_s <= self._paced.short_s)[pairs.row]
+        then = ~first & free[pairs.column] & (self._state.missed_s <= self._paced.short_s)[pairs.row]
         both = pairs.where(first | then)
         if both.undisputed(limit - self.params.overlap_weight):
             return both.row, both.column
@@ -329,7 +337,7 @@ class Tracker:
     def _drop(self) -> None:
         """End tracks that were not seen for too long."""
         params, state = self._paced, self._state
-        gap = state.gap_s
+        gap = state.missed_s
         if not len(gap) or gap.max() <= min(params.tentative_s, params.short_s, params.coast_s):
             return
         patience = np.minimum(np.maximum(state.age_s - gap, params.short_s), params.coast_s)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -390,3 +391,14 @@ def test_where_frames_are_far_apart_a_missed_box_makes_nobody_take_his_neighbour
         seen = at[1:] if k == 6 else at[:1] if k == 7 else at
         tracks = tracker.update(boxes(seen), k * step_us, stitch=lambda ids, _: np.empty((0, 2), int), known=(1, 2))
     assert tracks.track_id[tracks.detection == 0].tolist() == [1]
+
+
+@pytest.mark.parametrize(("looked", "lives"), [(None, False), ([[0, 0, 90, 90]], True), ([[0, 0, 900, 900]], False)])
+def test_a_track_where_nobody_looks_is_not_missed(looked, lives):
+    tracker = Tracker(TrackerParams(frame_size=(1000, 1000)))
+    for k in range(2):
+        tracker.update(boxes([[500.0, 500.0]]), k * STEP)
+    nothing = replace(Detections.empty(), looked=None if looked is None else np.array(looked, float))
+    for k in range(2, 13):
+        tracker.update(nothing, k * STEP)
+    assert bool(tracker.living) == lives
