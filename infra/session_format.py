@@ -44,6 +44,7 @@ REFUSED = TableFormat("refused.csv", "record,t_us,link,peer,auth")
 CLOCK = TableFormat("clock.csv", "record,t_us,offset_us,step_us")
 FRAMES = TableFormat("frames.csv", "frame,time_us")
 DETECTIONS = TableFormat("detections.csv", "frame,cx,cy,w,h,angle,score,heading", frozenset({"heading"}))
+LOOKS = TableFormat("looks.csv", "frame,left,top,right,bottom")
 MOTION = TableFormat("motion.csv", "frame,h11,h12,h13,h21,h22,h23,h31,h32,std_px,inliers,share")
 FOLDS = TableFormat(
     "folds.csv",

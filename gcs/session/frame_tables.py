@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from gcs.errors import SessionError
 from gcs.session.tables import Table, read_table
-from infra.session_format import DETECTIONS, FRAMES, MOTION, TRUTH
+from infra.files.segment import segments
+from infra.session_format import DETECTIONS, FRAMES, LOOKS, MOTION, TRUTH
 from mavlink.tlog.timestamps import times_ok
 from vision.detect.detections import Detections
 from vision.motion.image_motion import ImageMotion
@@ -79,19 +80,33 @@ def detection_rows(frame: int, detections: Detections) -> str:
     return "".join(f"{frame},{','.join(box)}\n" for box in cells)
 
 
-class FrameDetections:
-    """The rows of ``detections.csv`` by frame, in the order of the file."""
+def look_rows(frame: int, detections: Detections) -> str:
+    """Lines of ``looks.csv``, to the last digit: the parts of a frame that were looked at; none where all of it was."""
+    parts = () if detections.looked is None else detections.looked.tolist()
+    return "".join(f"{frame},{','.join(map(repr, part))}\n" for part in parts)
 
-    def __init__(self, table: Table) -> None:
+
+class FrameDetections:
+    """The rows of ``detections.csv`` by frame, in the order of the file.
+
+    Args:
+        looks: the rows of ``looks.csv``; None: all frames were looked at as a whole.
+    """
+
+    def __init__(self, table: Table, looks: Table | None = None) -> None:
         order = np.argsort(table["frame"], kind="stable")
         self._frame = table["frame"][order].astype(np.int64)
         self._columns = {k: v[order] for k, v in table.columns.items() if k != "frame"}
-        self.skipped = table.skipped
+        self.skipped = table.skipped + (looks.skipped if looks else 0)
+        self._looked: dict[int, list[list[float]]] = {}
+        for index, *part in zip(*(looks[name].tolist() for name in LOOKS.columns), strict=True) if looks else ():
+            self._looked.setdefault(int(index), []).append(part)
 
     def at(self, frame: int) -> Detections:
         """Boxes seen in a frame, perhaps nothing."""
         start, stop = np.searchsorted(self._frame, (frame, frame + 1))
-        return Detections(**{name: column[start:stop] for name, column in self._columns.items()})
+        looked = np.array(self._looked[frame]) if frame in self._looked else None
+        return Detections(**{name: column[start:stop] for name, column in self._columns.items()}, looked=looked)
 
     @property
     def extent(self) -> tuple[float, float]:
@@ -106,8 +121,12 @@ class FrameDetections:
 
 
 def read_detections(path: Path) -> FrameDetections:
-    """Read ``detections.csv``: oriented boxes in pixels and radians, heading empty where the front is unknown."""
-    return FrameDetections(read_table(path, DETECTIONS))
+    """Read ``detections.csv``: oriented boxes in pixels and radians, heading empty where the front is unknown.
+
+    ``looks.csv`` beside it, where there is one, has which parts of frames were looked at.
+    """
+    looks = path.with_name(LOOKS.name)
+    return FrameDetections(read_table(path, DETECTIONS), read_table(looks, LOOKS) if segments(looks) else None)
 
 
 def motion_row(frame: int, motion: ImageMotion) -> str:

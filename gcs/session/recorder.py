@@ -24,7 +24,7 @@ from gcs.health.station_alarms import STALLED_S
 from gcs.mission.mission import Mission
 from gcs.session.event_log import EventLog
 from gcs.session.fold_order import FoldTurn, unfolded_row
-from gcs.session.frame_tables import detection_rows, frame_row, motion_row
+from gcs.session.frame_tables import detection_rows, frame_row, look_rows, motion_row
 from gcs.session.identity_log import IdentityLog
 from gcs.session.line_file import LineFile
 from gcs.session.metadata import SessionFile
@@ -41,6 +41,7 @@ from infra.session_format import (
     FOLDS,
     FRAMES,
     LOG,
+    LOOKS,
     MOTION,
     PROGRAM_LOG,
     UNFOLDED,
@@ -121,6 +122,7 @@ class ViewRecorder:
         self._events = EventLog(folder / EVENTS, make, whose=whose, uav_id=uav_id)
         self._frames, self._detections, self._motion = table(FRAMES), table(DETECTIONS), table(MOTION)
         self._folds, self._unfolded = table(FOLDS), table(UNFOLDED, lazy=True)
+        self._looks = table(LOOKS, lazy=True)
 
     def frame_time(self, index: int, t_us: int) -> None:
         """Note when a frame of the recorded video was taken."""
@@ -131,6 +133,8 @@ class ViewRecorder:
         """Append what the detector saw in a frame, to the last digit: a replay folds the very same numbers."""
         if self._detections:
             self._detections.write(detection_rows(frame, detections))
+        if self._looks and detections.looked is not None:
+            self._looks.write(look_rows(frame, detections))
 
     def motion(self, frame: int, motion: ImageMotion) -> None:
         """Append how the camera moved from the last frame that was looked at to this one."""

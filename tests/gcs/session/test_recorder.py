@@ -32,14 +32,15 @@ from vision.motion.image_motion import ImageMotion
 MISSION = Mission(
     uav=MissionVehicle(system_id=1), ugv=(MissionVehicle(system_id=2, name="Alpha"), MissionVehicle(system_id=3))
 )
-TABLES = ("identity.csv", "frames.csv", "detections.csv", "motion.csv", "folds.csv", "unfolded.csv")
+TABLES = ("identity.csv", "frames.csv", "detections.csv", "looks.csv", "motion.csv", "folds.csv", "unfolded.csv")
 TEXTS = (*TABLES, "identity.jsonl", "events.jsonl")
 
 
 def boxes(frame):
     column = np.full(2, 0.5)
     names = ("cx", "cy", "w", "h", "angle", "score", "heading")
-    return Detections(**{name: column + k + frame for k, name in enumerate(names)})
+    looked = np.array([[0.0, 0.0, 4.0 + frame / 3, 8.0]])
+    return Detections(**{name: column + k + frame for k, name in enumerate(names)}, looked=looked)
 
 
 def snapshot(frame):
@@ -89,6 +90,7 @@ def complete(folder, frames):
     assert read_times(folder / "frames.csv").times_us.tolist() == [T0 + 100_000 * k for k in range(frames)]
     seen = read_detections(folder / "detections.csv")
     assert [seen.at(k).cx.tolist() for k in range(frames)] == [[k + 0.5] * 2 for k in range(frames)]
+    assert [seen.at(k).looked.tolist() for k in range(frames)] == [boxes(k).looked.tolist() for k in range(frames)]
     motions = read_motions(folder / "motion.csv")
     assert [motions.at(k).H[0, 1] for k in range(frames)] == [1e-3 * k for k in range(frames)]
     folds = FoldOrder.read(folder)
