@@ -303,6 +303,8 @@ class Health:
     behind_s: float = 0.0
     """Delay of the telemetry that was taken in: a computer that cannot keep up. Ages are given without it."""
     frames: int = 0
+    looked_share: float = 1.0
+    """Share of the last frame in which it was looked for vehicles, less than 1 where it is gone through in turns."""
     skipped_frames: int = 0
     video: str = "none"
     """``waiting`` for the first frame, ``ok``, ``stalled``, ``ended``, ``none``."""

@@ -96,6 +96,8 @@ class Estimator:
         self.by_place, self._other_errors = by_place, OtherErrors(by_place=not by_place)
         self._history, self._log, self._params, self._stated = history, log, params, stated
         self._state = initial_state(0, log.n_vehicles)
+        self.unlooked = np.zeros(log.n_vehicles, np.bool_)
+        """(n,) vehicles where nobody looks just now: whether they are in view cannot be seen."""
         self._first_block: int | None = None
         self._updates = 0
         self._thetas: list[FloatArray] = []
@@ -434,7 +436,7 @@ class Estimator:
         """(n,) probability of each vehicle to be in view."""
         p, age = self._log.extrapolated(t - self.time_offset_s)
         chance = chance_in_view(p, age, self._bias_std + self._log.white_std_m, camera, self.theta)
-        return np.where(self._log.too_uncertain, _UNKNOWN_VIEW, chance)
+        return np.where(self._log.too_uncertain | self.unlooked, _UNKNOWN_VIEW, chance)
 
     def _search(self, context: UpdateContext, camera: CameraState) -> list[Hypothesis]:
         """Best joint hypotheses: from the last pose alone when locked, else from several starting poses."""

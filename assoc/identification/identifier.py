@@ -135,7 +135,12 @@ class Identifier:
         self._begin_anew()
 
     def update(
-        self, observation: Observation, camera: CameraState, reports: VehicleReports | None = None
+        self,
+        observation: Observation,
+        camera: CameraState,
+        reports: VehicleReports | None = None,
+        *,
+        unlooked: Sequence[int] = (),
     ) -> Identities:
         """Name the tracks of one frame.
 
@@ -143,6 +148,7 @@ class Identifier:
             observation: Its tracks.
             camera: Where the camera was.
             reports: Positions that arrived since the last call, unless they were added already.
+            unlooked: System ids of vehicles where nobody looks: that they have no box says nothing.
 
         Returns:
             The names, in the order of the observation.
@@ -153,6 +159,7 @@ class Identifier:
         if reports is not None:
             self.add_reports(reports)
         camera = self._as_seen(camera)
+        self._estimator.unlooked = np.isin(self._ids, unlooked)
         if t > self._t:
             self._add_frame(t, observation, camera)
         beliefs = self._beliefs.for_tracks(observation.track_id)

@@ -59,6 +59,8 @@ WAIT_US, MOST_WAIT_US = 150_000, 1_000_000
 by as much are better than names by a pose that is extrapolated."""
 NEXT_US = 100_000
 """Time from one report of the UAV's position to the next, usually."""
+UNLOOKED_US = 500_000
+"""Where a vehicle reports to be nobody looks for so long, at most, if a picture is looked at in turns."""
 CLOCK_SET_US = 10_000_000
 """A frame may come so late; one that is earlier still was dated by a clock that had been set back."""
 
@@ -111,6 +113,8 @@ class Pipeline:
         self._elsewhere = {view.system_id for view in mission.view}
         self._crowded, self._score = False, mission.detector.score
         self._tracker: Tracker | None = None
+        self._looked_us: dict[int, int] = {}
+        """When somebody looked last where a vehicle reports to be, while not all of the picture is looked at."""
         self._parts = Parts()
         self._params = IdentifierParams(threshold=mission.identity.threshold)
         if auto := mission.clock.video_offset_s == "auto":
@@ -203,6 +207,18 @@ class Pipeline:
             return None
         return ground_sampling(view.intrinsics, view.pose, view.ground_z)
 
+    def reported_px(self, t_us: int, image: NDArray[np.uint8]) -> dict[int, tuple[float, float, float]]:
+        """Where the vehicles' reports put them in a frame (H, W, 3), by system id: x, y and the 1σ of both, px."""
+        state = self.fleet.at(self.telemetry_time(t_us))
+        view = self._frame_camera(state, _size_of(image))
+        if view is None:
+            return {}
+        std_m = np.hypot(view.place_std_m(state.p_enu), np.nan_to_num(state.std_m))
+        away_m = np.linalg.norm(state.p_enu - view.pose.p_enu, axis=1)
+        std_px = dict(zip(state.system_id.tolist(), (std_m / away_m * view.intrinsics.fx).tolist(), strict=True))
+        expected = self._expected_px(state, view) or {}
+        return {i: (*uv, std_px[i]) for i, uv in expected.items() if np.isfinite((*uv, std_px[i])).all()}
+
     def expected_pixels(self, t_us: int) -> tuple[tuple[int, int], FloatArray] | None:
         """Places in the frame where the vehicles' reports put them, at a time of the video's clock.
 
@@ -268,7 +284,8 @@ class Pipeline:
         if self._tracker is None:
             self._tracker = Tracker(TrackerParams(new_score=self._score, frame_size=self._cameras.size))
         stitch, known, focal_px = self._stitch(t_us, view), self._known(state), view.intrinsics.fx if view else None
-        expected_px = np.array(list((self._expected_px(state, view) or {}).values())).reshape(-1, 2)
+        expected = self._expected_px(state, view) or {}
+        expected_px = np.array(list(expected.values())).reshape(-1, 2)
         tracks = self._tracker.update(
             *(wholes.boxes, t_us), warp=warp, stitch=stitch, known=known, focal_px=focal_px, reported_px=expected_px
         )
@@ -285,7 +302,7 @@ class Pipeline:
             detections=detections,
             wholes=wholes,
             tracks=tracks,
-            found=self._identify(t_us, wholes.boxes, tracks, view),
+            found=self._identify(t_us, wholes.boxes, tracks, view, self._unlooked(t_us, expected, detections)),
             view=view,
             uv=reported_pixels(state, view),
         )
@@ -402,13 +419,21 @@ class Pipeline:
         positioned = set(state.system_id[state.valid].tolist())
         return [track for track, vehicle in self._names.by_track.items() if vehicle in positioned]
 
+    def _unlooked(self, t_us: int, expected: dict[int, tuple[float, float]], detections: Detections) -> list[int]:
+        """Vehicles where nobody looked for so long that one without a box says nothing."""
+        if detections.looked is None:
+            return []
+        looked = detections.looked_at(list(expected.values())).tolist()
+        self._looked_us |= dict.fromkeys((i for i, seen in zip(expected, looked, strict=True) if seen), t_us)
+        return [i for i in expected if t_us - self._looked_us.get(i, 0) > UNLOOKED_US]
+
     def _identify(
-        self, t_us: int, detections: Detections, tracks: Tracks, view: FrameCamera | None
+        self, t_us: int, detections: Detections, tracks: Tracks, view: FrameCamera | None, unlooked: Sequence[int]
     ) -> Identities | None:
         if view is None:
             return None
         observation = observation_of(self.telemetry_time(t_us), detections, tracks, view.intrinsics, view)
-        found = self._identifier.update(observation, self._camera(view))
+        found = self._identifier.update(observation, self._camera(view), unlooked=unlooked)
         if self._identifier.height_error is not None:
             self._cameras.hear_film(*self._identifier.height_error)
         return found
@@ -440,6 +465,7 @@ class Pipeline:
             )
         expected_px = self._expected_px(state, view)
         width, height = self._cameras.size or (0, 0)
+        looked_share = look.detections.looked_share((width, height)) if look and width else 1.0
         self._fences.set_origin(self.fleet.origin)
         lapsed = bool(self._frame_us) and t_us - self._frame_us > HELD_US
         suspected = self._contradictions.suspected
@@ -459,7 +485,7 @@ class Pipeline:
             uav_enu=state.uav.p_enu,
             uav_heading=state.uav.yaw,
             health=with_camera_errors(
-                self._link_rates.with_rates(t_us, health or Health()),
+                replace(self._link_rates.with_rates(t_us, health or Health()), looked_share=looked_share),
                 *(self._identifier, self._offset_s),
                 guessed=self._cameras.guessed,
             ),
