@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from gcs.flight.monitor import Throughput
 from gcs.fold.pipeline import HELD_US, Pipeline
@@ -18,6 +19,7 @@ from mavlink.protocol.packet import Packet
 from vision.detect.detections import Detections
 from vision.detect.detector import Detector
 from vision.detect.scale_finder import ScaleFinder
+from vision.detect.turns import LookInTurns
 from vision.motion.estimator import MotionEstimator
 from vision.motion.image_motion import ImageMotion
 from vision.video.video import Frame
@@ -68,7 +70,9 @@ class FrameLoop:
     ) -> None:
         self._pipeline, self._detector, self._recorder = pipeline, detector, recorder
         self._scale = ScaleFinder(detector)
+        self._turns = LookInTurns(detector, pipeline.mission.detector.score) if detector else None
         self._motions = MotionEstimator()
+        self._moved: ImageMotion | None = None
         self._faults, self._on_snapshot = faults, on_snapshot
         self._now_us = now_us
         self._waiting: deque[Packet] = deque(maxlen=MOST_WAITING)
@@ -225,10 +229,14 @@ class FrameLoop:
 
     def _detect(self, frame: Frame) -> Detections | None:
         """Boxes, recorded; None where the detector failed, so that the fleet goes on without it."""
-        assert self._detector is not None
+        assert self._turns is not None
         try:
             known_m = self._pipeline.gsd_m(frame.t_us, frame.image)
-            boxes = self._detector.detect(frame.image, gsd_m=self._scale.gsd_m(frame.image, frame.t_us, known_m))
+            boxes = self._turns.look(
+                *(frame.image, frame.t_us, self._scale.gsd_m(frame.image, frame.t_us, known_m)),
+                moved=self._moved.H if self._moved else None,
+                reported=partial(self._pipeline.reported_px, frame.t_us, frame.image),
+            )
         except Exception as error:  # noqa: BLE001 - a detector that fails must not cost the fleet's table
             self._faults.turn_failed("detecting", error)
             return None
@@ -240,12 +248,14 @@ class FrameLoop:
 
     def _compare(self, frame: Frame, boxes: Detections) -> ImageMotion | None:
         """How the camera moved since the last frame that was looked at, recorded; None where that cannot be told."""
+        self._moved = None
         try:
             motion = self._motions.update(frame.image, boxes.at_least(self._pipeline.mission.detector.score))
         except Exception as error:  # noqa: BLE001 - names do without it
             self._faults.turn_failed("comparing images", error)
             return None
         self._faults.turn_succeeded("comparing images")
+        self._moved = motion
         if motion is not None:
             self._recorder.motion(frame.index, motion)
         return motion

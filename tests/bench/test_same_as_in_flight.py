@@ -5,6 +5,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bench.again import scripted
@@ -68,6 +69,26 @@ def test_every_row_is_the_same_again(flown, tmp_path):
         assert again == live
     named = sum(row["system_id"] != "" for row in rows(folder / "identity.csv"))
     assert named > 80, "a flight that names nobody is no test"
+
+
+class InTurns(scripted.ScriptedDetector):
+    """Sees the script's boxes in the parts that it is asked for, of pictures too large to be looked at as a whole."""
+
+    def scale(self, gsd_m):
+        return 4.0
+
+    def detect_in(self, image, parts, *, gsd_m):
+        kept = replace(self.boxes, looked=np.array([part.kept for part in parts]))
+        return self.boxes.select(kept.looked_at(kept.centre))
+
+
+def test_a_flight_that_looks_in_turns_is_the_same_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(scripted, "ScriptedDetector", InTurns)
+    folder = fly(tmp_path / "flown", replace(SCENARIO, duration_s=6.0), InjectedFaults())
+    identify_into(open_session(folder), tmp_path / "again")
+    live, again = ((place / "identity.csv").read_text() for place in (folder, tmp_path / "again"))
+    assert again == live and sum(row["system_id"] != "" for row in rows(folder / "identity.csv")) > 40
+    assert len(rows(folder / "looks.csv")) > len({row["frame"] for row in rows(folder / "frames.csv")}) / 2
 
 
 def test_the_troubles_came(flown):

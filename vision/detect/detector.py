@@ -13,6 +13,7 @@ from vision.detect.apparent_length import ApparentLength
 from vision.detect.detections import Detections
 from vision.detect.heatmap_detector import HeatmapDetector
 from vision.detect.onnx_model import metadata, open_session
+from vision.detect.tiles import Tile
 from vision.detect.yolo_detector import YoloDetector
 from vision.errors import ModelError
 
@@ -56,6 +57,17 @@ class MeasuringDetector(Detector, Protocol):
             image: (H, W, 3) any frame.
             length_px: how long vehicles are in it, None unknown.
         """
+
+
+@runtime_checkable
+class PartialDetector(Detector, Protocol):
+    """A detector that can look at parts of an image, at the scale of the whole."""
+
+    def scale(self, gsd_m: float) -> float:
+        """How an image of a ground resolution, m per px, is scaled to be looked at."""
+
+    def detect_in(self, image: NDArray[np.uint8], parts: Sequence[Tile], *, gsd_m: float) -> Detections:
+        """Vehicles in some parts of an image, in pixels of the image; one that two parts show counts once."""
 
 
 def open_detector(

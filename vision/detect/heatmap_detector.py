@@ -8,7 +8,7 @@ many pixels.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -20,7 +20,7 @@ from vision.detect.apparent_length import CAR_M, FLOOR, ApparentLength, examine,
 from vision.detect.detections import Detections
 from vision.detect.letterbox import letterbox, undo
 from vision.detect.onnx_model import RUN_ERRORS, described, metadata, why
-from vision.detect.tiles import detect_in_tiles, tile_grid
+from vision.detect.tiles import Tile, detect_in_tiles, tile_grid
 from vision.errors import ModelError
 
 Image = NDArray[np.uint8]
@@ -71,7 +71,7 @@ class HeatmapDetector:
         """See ``vision.detect.detector.Detector``."""
         height, width = image.shape[:2]
         known = gsd_m is not None and np.isfinite(gsd_m) and gsd_m > 0.0
-        scale = min(gsd_m * self._px_per_m, MOST_SCALE) if known and gsd_m else self._scale_of_still(image)
+        scale = self.scale(gsd_m) if known and gsd_m else self._scale_of_still(image)
         if max(width, height) * scale <= MOST_SIDE:
             return self._detect_at_scale(image, scale, self._score)
         side = int(MOST_SIDE / scale)
@@ -79,6 +79,20 @@ class HeatmapDetector:
         return detect_in_tiles(
             image, tiles, lambda parts: [self._detect_at_scale(part, scale, self._score) for part in parts]
         )
+
+    def scale(self, gsd_m: float) -> float:
+        """See ``vision.detect.detector.PartialDetector``."""
+        return min(gsd_m * self._px_per_m, MOST_SCALE)
+
+    def detect_in(self, image: Image, parts: Sequence[Tile], *, gsd_m: float) -> Detections:
+        """See ``vision.detect.detector.PartialDetector``; sides that are whole steps of a canvas are seen at once."""
+        scale = self.scale(gsd_m)
+
+        def look(part: Image) -> Detections:
+            columns, rows = (max(round(side * scale / SIDE_STEP), 1) for side in (part.shape[1], part.shape[0]))
+            return self._detect_on(part, (columns * SIDE_STEP, rows * SIDE_STEP), self._score)
+
+        return detect_in_tiles(image, parts, lambda images: [look(part) for part in images])
 
     def examine(self, image: Image, most_px: int = FILM_PX) -> Generator[None, None, ApparentLength | None]:
         """How long vehicles are in an image, see ``vision.detect.apparent_length.examine``."""
@@ -99,7 +113,11 @@ class HeatmapDetector:
         return float(min(CAR_M / found.px * self._px_per_m, MOST_SCALE))
 
     def _detect_at_scale(self, image: Image, scale: float, score: float) -> Detections:
-        canvas, fit = letterbox(image, _canvas(image.shape[1], image.shape[0], scale))
+        return self._detect_on(image, _canvas(image.shape[1], image.shape[0], scale), score)
+
+    def _detect_on(self, image: Image, size: tuple[int, int], score: float) -> Detections:
+        """Look at an image on a canvas of some width and height."""
+        canvas, fit = letterbox(image, size)
         try:
             (cells,) = self._session.run(None, {"image": canvas[None]})
         except RUN_ERRORS as error:

@@ -72,6 +72,8 @@ class VideoPane(Pane):
         elif health.video == "ok":
             late = WARN if health.lag_s > 0.5 else FAINT
             parts += [(f"{health.fps:.0f} fps ", ink(FAINT, HEAD))] if health.fps > 0 else []
+            share = f"{health.looked_share:3.0%} looked at " if health.looked_share < 1.0 else ""
+            parts += [(share, ink(FAINT, HEAD))] if share else []
             parts += [(f"lag {health.lag_s:.1f}s ", ink(late, HEAD))] if health.lag_s >= LAG_SHOWN_S else []
             parts += [(f"{health.undecoded} undecoded ", ink(WARN, HEAD))] if health.undecoded else []
         parts = [(self._frame_note(self.snapshot), ink(INK, HEAD)), *parts]
