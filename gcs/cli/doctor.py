@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import shutil
 import tempfile
@@ -22,7 +21,8 @@ from gcs.errors import GcsError
 from gcs.flight.flight import Flight
 from gcs.flight.plan import FlightPlan
 from gcs.fold.detector_factory import open_mission_detector
-from gcs.health.machine import GSD_M, PORTS, checks
+from gcs.health.detector_speed import ground_sampling
+from gcs.health.machine import PORTS, checks
 from gcs.health.preflight import Check, of_its_camera, preflight
 from gcs.mission.mission import Mission, load_mission
 from gcs.station import Station
@@ -93,14 +93,12 @@ def _with_links(mission: Mission, link: list[str] | None, video: str | None) -> 
     return replace(mission, links=links)
 
 
-def _gsd_m(mission: Mission | None, height_m: float | None) -> float:
-    """Ground metres a pixel straight below, at the planned height; that of 40 m and a usual lens where it is not
-    known."""
-    if height_m is None:
-        return GSD_M
+def _gsd_m(mission: Mission | None, height_m: float | None) -> float | None:
+    """Ground metres a pixel straight below, at the planned height, None unknown."""
     camera = mission.camera.intrinsics if mission and mission.camera else None
-    # half a frame of a usual lens, 65° across, where the mission describes none
-    return height_m / (camera.fx if camera else 960.0 / math.tan(math.radians(32.5)))
+    if height_m is None or camera is None:
+        return None if height_m is None else ground_sampling(height_m)
+    return height_m / camera.fx
 
 
 def _listen(mission: Mission, listen_s: float, *, command: bool) -> tuple[Check, ...]:

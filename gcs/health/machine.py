@@ -7,16 +7,15 @@ import os
 import platform
 import shutil
 import sys
-import time
 from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
 
 import av
-import numpy as np
 import onnxruntime as ort
 
+from gcs.health.detector_speed import FRAME_SIZE, HEIGHTS_M, ground_sampling, looks_in_turns, seconds_a_frame
 from gcs.health.preflight import Check, Verdict
 from gcs.health.station_alarms import FULL_BYTES, LOW_BYTES
 from mavlink.errors import LinkError
@@ -30,10 +29,6 @@ PORTS = (14550, 14551)
 """Ports that ground stations listen on by custom, and that this one forwards to in the examples."""
 SLOW_FPS, LIVE_FPS = 5.0, 15.0
 """Frames a second: below the first, names come late; from the second on most cameras are kept up with."""
-FRAME_SIZE = (1920, 1080)
-MEASURED_S = 1.5
-GSD_M = 0.033
-"""Metres per pixel 40 m up with a usual lens: decides at which scale the detector looks."""
 CAMERA_DELAY = "not measured here, see docs/operations.md; a flight shows its estimate from 0.1 s on"
 _TIME_ERROR = 5
 """Answer of adjtimex(2) while the clock is not synchronised."""
@@ -45,14 +40,14 @@ def checks(
     sessions: Path,
     ports: Sequence[int] = PORTS,
     *,
-    gsd_m: float = GSD_M,
+    gsd_m: float | None = None,
     open_detector: Callable[[], Detector] | None = None,
 ) -> Iterator[Check]:
     """Look at everything but the terminal; takes some two seconds, for the detector is measured.
 
     Args:
         sessions: where flights are recorded; it need not exist yet.
-        gsd_m: ground metres a pixel at the planned height.
+        gsd_m: ground metres a pixel at the planned height; None: those of a usual lens at several.
         open_detector: loads the mission's networks; None: the bundled one.
     """
     yield _versions()
@@ -89,30 +84,26 @@ def _system() -> Check:
     )
 
 
-def _detector(gsd_m: float, opened: Callable[[], Detector] | None) -> Iterator[Check]:
+def _detector(gsd_m: float | None, opened: Callable[[], Detector] | None) -> Iterator[Check]:
     providers = ort.get_available_providers()
     yield Check(name="detector providers", verdict="ok", found=", ".join(providers))
     detector = opened() if opened else open_detector(threads=os.cpu_count() or 1)
-    fps = _frames_a_second(detector, gsd_m)
+    scales = {"": gsd_m} if gsd_m else {f" {height_m:g} m up": ground_sampling(height_m) for height_m in HEIGHTS_M}
+    rates = {where: 1.0 / seconds_a_frame(detector, scale) for where, scale in scales.items()}
+    found = ", ".join(
+        f"{rates[where]:.1f} frames/s{where}{' in turns' * looks_in_turns(detector, scale)}"
+        f" ({scale * 100:.1f} cm a pixel)"
+        for where, scale in scales.items()
+    )
+    fps = min(rates.values())
     which = "the mission's" if opened else "the bundled"
     advice = "" if fps >= LIVE_FPS else "close other programs, or choose a smaller stream"
     yield Check(
         name="detector speed",
         verdict="short" if advice else "ok",
         advice=advice + ("; names will be late" if fps < SLOW_FPS else ""),
-        found=f"{fps:.1f} frames/s at {FRAME_SIZE[0]}×{FRAME_SIZE[1]}, {gsd_m * 100:.1f} cm a pixel, with {which} "
-        "detector",
+        found=f"{found} at {FRAME_SIZE[0]}×{FRAME_SIZE[1]}, with {which} detector",
     )
-
-
-def _frames_a_second(detector: Detector, gsd_m: float) -> float:
-    image = np.full((FRAME_SIZE[1], FRAME_SIZE[0], 3), 96, dtype=np.uint8)
-    detector.detect(image, gsd_m=gsd_m)  # the first one also sets the network up
-    frames, start_s = 0, time.perf_counter()
-    while (elapsed_s := time.perf_counter() - start_s) < MEASURED_S:
-        detector.detect(image, gsd_m=gsd_m)
-        frames += 1
-    return frames / elapsed_s
 
 
 def _codecs(name: str, wanted: Sequence[str], mode: Literal["r", "w"]) -> Check:

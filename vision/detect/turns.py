@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,20 +29,21 @@ Floats = NDArray[np.float64]
 Point = tuple[float, float]
 Rect = tuple[float, float, float, float]
 
-FRAME_PX = 400_000
-"""Pixels of the network's canvas that are looked at in a frame: 50 ms of a thread of a server. A picture that has no
-more is looked at as a whole."""
+WHOLE_PX, FRAME_PX = 400_000, 320_000
+"""Pixels of the network's canvas that 50 ms of a server's thread are enough for. A picture that has no more than the
+first is looked at as a whole; in parts, which cost a fifth more a pixel, a frame has the second."""
 STEP_PX = 32
 """Sides of parts are multiples of this, px of the canvas."""
-PART_PX, BORDER_PX = 192, 56
-"""Side of the part round one vehicle, and its border, in which no centre counts, px of the canvas: with 96 px of the
-picture on each side boxes are as good as in the whole picture, with 64 px AP50 is lower by 0.02."""
-COARSE, PROPOSES = 0.6, 0.15
-"""Scale of the rounds, of the full one, and the score from which a box there is looked at again: on photographs 0.98
-of the vehicles have one, as at the full scale, and seven in ten of such boxes are vehicles."""
+BORDER_PX = 48
+"""Border of a part, in which no centre counts, px of the canvas: with 80 px of the picture on each side AP50 is lower
+by 0.006 than in the whole picture, with 64 by 0.02 (known scale, photographs of towns and streets)."""
+ROUND_PX, COARSEST, PROPOSES = 750_000, 0.5, 0.15
+"""Pixels of the canvas for the rounds, the least scale for that, of the full one, and the score from which a box there
+is looked at again: on photographs 0.98 of the vehicles have one at half the scale, as many as at the full one, and six
+in ten of such boxes are vehicles."""
 TILE_PX, OVERLAP_PX = 320, 48
 """Side of a tile of the rounds, at most, and the overlap of two, px of the canvas."""
-ROUND_S = 0.8
+ROUND_S = 0.9
 """Time in which the whole picture is gone through."""
 MOST_ROUND = 0.5
 """Share of a frame's pixels for the rounds at most, however slow frames come."""
@@ -52,7 +54,7 @@ KEPT_US, FORGOTTEN_US, AGAIN_US = 1_000_000, 3_000_000, 1_500_000
 only proposed, and is empty, may be proposed again."""
 MOST_PLACES = 300
 """Places that are followed, at most."""
-REACH_PX, MOST_REACH_PX = 40.0, 130.0
+REACH_PX, MOST_REACH_PX = 32.0, 130.0
 """A box is the vehicle of a place, and a report that of one, within so many px of the canvas and σ of the report; of a
 report no more is looked at."""
 FOLLOWS = 0.5
@@ -101,8 +103,9 @@ class LookInTurns:
         self._detector, self._score = detector, score
         self._places: list[_Place] = []
         self._reported_us: dict[int, int] = {}
-        self._tiles: tuple[Tile, ...] = ()
         self._tiles_us: list[int] = []
+        self._due = 0.0
+        """Tiles that are due."""
         self._t_us = 0
 
     def look(
@@ -126,8 +129,8 @@ class LookInTurns:
         detector, height, width = self._detector, *image.shape[:2]
         dt = min(max(t_us - self._t_us, 0) * 1e-6, ROUND_S) if self._t_us else 0.0
         self._t_us = t_us
-        if not (gsd_m is not None and isinstance(detector, PartialDetector) and in_turns(detector, image, gsd_m)):
-            self._places, self._tiles = [], ()
+        if gsd_m is None or not in_turns(detector, (width, height), gsd_m):
+            self._places, self._tiles_us = [], []
             return detector.detect(image, gsd_m=gsd_m)
         scale = detector.scale(gsd_m)
         places = [_moved(place, moved, dt) for place in self._places]
@@ -151,19 +154,25 @@ class LookInTurns:
     def _go_round(self, detector: PartialDetector, image: Image, gsd_m: float, dt: float) -> tuple[Detections, float]:
         """Look at the tiles that were not looked at for longest, coarsely: what is proposed, and its price in px."""
         height, width = image.shape[:2]
-        scale = detector.scale(COARSE * gsd_m)
+        full = detector.scale(gsd_m)
+        coarse = min(max(math.sqrt(ROUND_PX / (width * height)) / full, COARSEST), 1.0)
+        scale = detector.scale(coarse * gsd_m)
         side = math.ceil(TILE_PX / scale)
         tiles = tile_grid((width, height), (side, side), OVERLAP_PX / scale)
-        if len(tiles) != len(self._tiles):
-            self._tiles_us = [0] * len(tiles)
-        self._tiles = tiles
-        each_px = width * height * scale**2 / len(tiles) * (TILE_PX / (TILE_PX - OVERLAP_PX)) ** 2
-        room = max(int(MOST_ROUND * FRAME_PX / each_px), 1)
-        count = min(math.ceil(len(tiles) * dt / ROUND_S - 1e-6) if dt else room, room, len(tiles))
-        chosen = sorted(range(len(tiles)), key=lambda k: self._tiles_us[k])[: max(count, 1)]
+        each_px = (tiles[0].right - tiles[0].left) * (tiles[0].bottom - tiles[0].top) * scale**2
+        room = min(max(int(MOST_ROUND * FRAME_PX / each_px), 1), len(tiles))
+        if len(tiles) != len(self._tiles_us):
+            self._tiles_us, self._due = [0] * len(tiles), float(room)
+        self._due = min(self._due + len(tiles) * dt / ROUND_S, len(tiles))
+        # what was not looked at for longest
+        order = sorted(range(len(tiles)), key=self._tiles_us.__getitem__)
+        chosen = order[: min(int(self._due + 1e-6), room)]
+        if not chosen:
+            return Detections.empty(), 0.0
+        self._due -= len(chosen)
         for k in chosen:
             self._tiles_us[k] = self._t_us
-        found = detector.detect_in(image, [tiles[k] for k in chosen], gsd_m=COARSE * gsd_m)
+        found = detector.detect_in(image, [tiles[k] for k in chosen], gsd_m=coarse * gsd_m)
         return found.at_least(PROPOSES), each_px * len(chosen)
 
     def _reports_alone(
@@ -210,9 +219,11 @@ class LookInTurns:
         return sorted(kept, key=lambda place: -place.seen_us)[:MOST_PLACES]
 
 
-def in_turns(detector: PartialDetector, image: Image, gsd_m: float) -> bool:
-    """Tell whether the whole of an image (H, W, 3) takes longer than a frame may."""
-    return bool(image.shape[0] * image.shape[1] * detector.scale(gsd_m) ** 2 > FRAME_PX)
+def in_turns(detector: Detector, size: tuple[int, int], gsd_m: float | None) -> TypeGuard[PartialDetector]:
+    """Tell whether an image of a width and height, px, is looked at in turns."""
+    if gsd_m is None or not isinstance(detector, PartialDetector):
+        return False
+    return size[0] * size[1] * detector.scale(gsd_m) ** 2 > WHOLE_PX
 
 
 def _moved(place: _Place, H: Floats | None, dt: float) -> _Place:

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from gcs.cli.app import app
 from gcs.cli.doctor import _of_all_cameras
-from gcs.health import machine
+from gcs.health import detector_speed, machine
 from mavlink.protocol.encoder import COPTER, ROVER
 from tests.support.fake_station import FakeStation
 from tests.support.fake_vehicles import FakeVehicle
@@ -20,8 +20,7 @@ from tests.support.ports import free_port
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch):
-    monkeypatch.setattr(machine, "MEASURED_S", 0.0)
-    monkeypatch.setattr(machine, "FRAME_SIZE", (320, 192))
+    monkeypatch.setattr(detector_speed, "MEASURED_S", 0.0)
 
 
 def found(tmp_path, **options):
@@ -64,6 +63,8 @@ def test_whatever_falls_short_comes_with_advice_and_programs_get_the_same(tmp_pa
     assert {"versions", "system", "detector speed", "clock", "receive buffer", "terminal"} <= {
         c["name"] for c in checks
     }
+    speed = next(check["found"] for check in checks if check["name"] == "detector speed")
+    assert [word in speed for word in ("30 m up (", "60 m up in turns (", "120 m up in turns (")] == [True] * 3
     for check in checks:
         assert check["found"]
         assert check["verdict"] == "ok" or check["advice"], check
@@ -90,7 +91,7 @@ def test_with_a_mission_every_vehicle_is_listened_to_and_nothing_is_kept(tmp_pat
             each.close()
     checks = json.loads(told.stdout)["checks"]
     by_name = {check["name"]: check for check in checks}
-    assert told.exit_code == 2 and "cm a pixel, with the mission's detector" in by_name["detector speed"]["found"]
+    assert told.exit_code == 2 and "with the mission's detector" in by_name["detector speed"]["found"]
     assert by_name["UGV-12"]["found"] == "system id 12 is not heard" and by_name["video"]["verdict"] == "short"
     assert by_name["UGV-11"]["found"] != "system id 11 is not heard"
     assert [each.name for each in tmp_path.iterdir()] == ["m.toml"]

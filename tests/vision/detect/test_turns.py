@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tests.support.snapshots import boxes
-from vision.detect.turns import FRAME_PX, REACH_PX, LookInTurns
+from vision.detect.turns import REACH_PX, WHOLE_PX, LookInTurns
 
-WIDTH, HEIGHT, STEP_US = 1600, 900, 100_000
+WIDTH, HEIGHT, T0, STEP_US = 1600, 900, 10**15, 100_000
 PICTURE = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
 LOW, HIGH = 0.4, 1.3
 """Scales at which the whole picture is within a frame's price, and four times as much."""
@@ -46,7 +46,7 @@ def film(truth, frames, move=(0.0, 0.0), reported=NOBODY, score=0.3, moved=None)
     look, found = LookInTurns(truth, score), []
     for k in range(frames):
         truth.spent_px = 0.0
-        found.append((look.look(PICTURE, (k + 1) * STEP_US, HIGH, moved=moved, reported=reported), truth.spent_px))
+        found.append((look.look(PICTURE, T0 + k * STEP_US, HIGH, moved=moved, reported=reported), truth.spent_px))
         truth.centres = truth.centres + move
     return found
 
@@ -66,7 +66,7 @@ def test_a_picture_that_is_cheap_is_looked_at_as_a_whole(gsd_m, turns):
 @pytest.mark.parametrize("n", [0, 1, 12, 60])
 def test_no_frame_costs_more_than_its_price(n):
     # sides are rounded to whole pixels of the picture
-    assert max(price for _, price in film(Truth(scattered(n)), 15)) < 1.03 * FRAME_PX
+    assert max(price for _, price in film(Truth(scattered(n)), 15)) < 1.03 * WHOLE_PX
 
 
 @pytest.mark.parametrize(("move", "n"), [((0.0, 0.0), 12), ((9.0, -4.0), 6)])

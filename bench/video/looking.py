@@ -1,0 +1,44 @@
+"""Processor time of a look by height: at the whole picture, and as a flight looks, in turns where the whole takes too long.
+
+``python -m bench.video.looking``: one thread, the bundled detector, a usual lens that looks straight down (65° across).
+"""
+
+from __future__ import annotations
+
+import csv
+import time
+
+from bench.command_line import parser_of, print_results
+from gcs.health.detector_speed import ground_sampling, looks_in_turns, seconds_a_frame
+from vision.detect.detector import open_detector
+
+HEIGHTS_M = (30.0, 60.0, 90.0, 120.0, 150.0)
+SIZES = ((1920, 1080), (3840, 2160))
+HEADING = ("width", "height_m", "whole_ms", "flight_ms", "in_turns")
+
+
+def main() -> None:
+    """Measure and print."""
+    args = parser_of("looking", __doc__ or "", "1080p alone").parse_args()
+    detector = open_detector()
+    rows = []
+    for size in SIZES[:1] if args.quick else SIZES:
+        for height_m in HEIGHTS_M:
+            gsd_m = ground_sampling(height_m, size[0])
+            whole_s = seconds_a_frame(detector, gsd_m, size, whole=True, clock=time.process_time)
+            flight_s = seconds_a_frame(detector, gsd_m, size, clock=time.process_time)
+            turns = looks_in_turns(detector, gsd_m, size)
+            rows.append((size[0], height_m, round(whole_s * 1e3, 1), round(flight_s * 1e3, 1), int(turns)))
+    args.out.mkdir(parents=True, exist_ok=True)
+    path = args.out / "looking.csv"
+    with path.open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerows([HEADING, *rows])
+    text = "| picture | height, m | whole, ms | in flight, ms | ratio |\n|---|---|---|---|---|\n" + "".join(
+        f"| {width} | {height_m:g} | {whole:g} | {flight:g}{' in turns' * turns} | {flight / whole:.2f} |\n"
+        for width, height_m, whole, flight, turns in rows
+    )
+    print_results(text, path, as_json=args.json)
+
+
+if __name__ == "__main__":
+    main()
