@@ -1,4 +1,4 @@
-"""Processor time of a look by height: at the whole picture, and as a flight looks, in turns where the whole takes too long.
+"""Processor time of a look by height: at the whole picture, and as a flight looks, in turns where that takes too long.
 
 ``python -m bench.video.looking``: one thread, the bundled detector, a usual lens that looks straight down (65° across).
 """
