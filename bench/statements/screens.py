@@ -17,7 +17,10 @@ from gcs.tui import RollcallApp
 
 SIZE = (160, 48)
 AGE = r"(?: for [\d.]+[smh])?"
-STANDING = r"(?:confirmed|tentative|coasting|unknown|out of view|no position|misplaced|no new frame)(?: \d+%)?"
+STANDING = (
+    r"(?:confirmed|tentative|coasting|unknown|out of view|no position|never heard|refused|misplaced|no new frame)"
+    r"(?: \d+%)?"
+)
 ANY = re.compile(".+")
 FACTS = dict.fromkeys(
     (

@@ -9,7 +9,8 @@ from typing import Final
 
 from rich.cells import cell_len
 
-from gcs.snapshot import Reported, Standing
+from gcs.health.heard import is_heard, refused_because
+from gcs.snapshot import Reported, Standing, VehicleRow
 from infra.plain_text import plain
 
 NOT_ANALYSED: Final = "not analysed yet"
@@ -44,6 +45,16 @@ def position(state: str, age_s: float) -> str:
 def standing_word(standing: Standing) -> str:
     """A standing in at most eleven letters."""
     return "unknown" if standing == "unidentified" else plain(standing)
+
+
+def standing_of_row(row: VehicleRow) -> str:
+    """A vehicle's standing in at most eleven letters; without a position, whether it was heard at all."""
+    if row.standing == "no position" and row.role == "ugv":
+        if refused_because(row):
+            return "refused"
+        if not is_heard(row):
+            return "never heard"
+    return standing_word(row.standing)
 
 
 def name_or_id(name: str, system_id: int, width: int) -> str:

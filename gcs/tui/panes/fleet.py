@@ -16,7 +16,7 @@ from textual.strip import Strip
 from gcs.certainty import certainty, named
 from gcs.snapshot import NAMED, Snapshot, VehicleRow
 from gcs.tui.draw.condition import battery, from_uav, hdop, radio, satellites
-from gcs.tui.draw.format import NOT_ANALYSED, age, name_or_id, number, percent, position, standing_word
+from gcs.tui.draw.format import NOT_ANALYSED, age, name_or_id, number, percent, position, standing_of_row
 from gcs.tui.draw.freshness import UNKNOWN, aged, fix_age_s, spread
 from gcs.tui.draw.map_canvas import STANDING_MARKS, UAV_MARK
 from gcs.tui.draw.strips import Part, fitted, line, split_line
@@ -162,7 +162,7 @@ def _identity(row: VehicleRow) -> Cell:
     """Standing of a vehicle as a mark and a word; of one that another camera shows alone, which one does."""
     if row.elsewhere and row.standing not in NAMED:
         return f"{STANDING_MARKS[row.standing]} in {plain(row.elsewhere[0])}", INK
-    words = named(standing_word(row.standing), row.confidence, stated=row.stated)
+    words = named(standing_of_row(row), row.confidence, stated=row.stated)
     return f"{STANDING_MARKS[row.standing]} {words}", standing_colour(row.standing)
 
 

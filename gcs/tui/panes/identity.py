@@ -20,7 +20,18 @@ from gcs.report.box_shapes import drawable
 from gcs.report.overlay import named_count, standing_of
 from gcs.snapshot import HELD_SHOWN_S, NAMED, Box, Candidate, Snapshot, Standing, VehicleRow
 from gcs.tui.draw.condition import condition_facts
-from gcs.tui.draw.format import NOT_ANALYSED, age, degrees, metres, name_or_id, number, percent, position, standing_word
+from gcs.tui.draw.format import (
+    NOT_ANALYSED,
+    age,
+    degrees,
+    metres,
+    name_or_id,
+    number,
+    percent,
+    position,
+    standing_of_row,
+    standing_word,
+)
 from gcs.tui.draw.freshness import UNKNOWN, aged, fix_age_s, spread
 from gcs.tui.draw.map_canvas import BOX_MARK, STANDING_MARKS
 from gcs.tui.draw.strips import Part, bar, fitted, folded, line, width_of
@@ -161,7 +172,7 @@ def _since(snapshot: Snapshot, since_us: int) -> str:
 def _vehicle(snapshot: Snapshot, row: VehicleRow, box: Box | None, width: int) -> list[list[Part]]:
     """Rows of a name: certainty, age, what speaks against it, its place, what to do; then who else its box may be, or
     which box it may be."""
-    words = named(standing_word(row.standing), row.confidence, stated=row.stated)
+    words = named(standing_of_row(row), row.confidence, stated=row.stated)
     lines = _standing(f"{STANDING_MARKS[row.standing]} {words}", row.standing, row.standing_since_us, snapshot, width)
     if row.elsewhere:
         too = " too" if row.standing in NAMED else ""

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gcs.snapshot import Candidate
+from gcs.tui.draw.format import standing_of_row
 from gcs.tui.draw.mosaic import fit
 from gcs.tui.framing import frame_for
 from gcs.tui.panes.advice import UNHEARD, what_to_do
@@ -137,6 +138,9 @@ def test_a_vehicle_that_was_never_heard_says_so_and_not_that_its_receiver_fails(
     row = row_of(15, standing="no position", position_state="never", **silent)
     assert expected_place(SNAPSHOT, row) == "not known: never heard"
     assert what_to_do(replace(SNAPSHOT, alarms=()), row) == UNHEARD
+    assert standing_of_row(row) == "never heard"
+    assert standing_of_row(replace(row, bad_signature=3)) == "refused"
+    assert standing_of_row(replace(row, heartbeat_age_s=0.5)) == "no position"
 
 
 def test_the_nearest_camera_is_to_turn_to_a_vehicle_that_none_shows():
