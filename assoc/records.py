@@ -197,3 +197,29 @@ class Identities:
     """Who each track may be, also of those that have no name."""
     doubt: IntArray
     """(m,) ``assoc.identification.doubts.AnswerDoubt``: what took most from the answer, 0 nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sighting:
+    """What a view has of its tracks in one frame by itself, as it tells views of other cameras."""
+
+    t_us: int
+    """Unix µs on telemetry's clock, what the video's clock was found to be off taken out."""
+    track_id: IntArray
+    """(m,) tracks that are seen."""
+    place: FloatArray
+    """(m, 2) where they are on the ground, by the pose that the view found, ENU metres; NaN unknown."""
+    std_m: FloatArray
+    """(m,) 1σ of that per axis, beyond what all of the frame share."""
+    common_std_m: float
+    """1σ per axis of what they share: the pose is off."""
+    p: FloatArray
+    """(m, n + 1) probability of each vehicle by this view alone, the last column "none of ours"."""
+    fit: float
+    """Probability that the view's film and telemetry belong together, 0 unknown."""
+
+    def __post_init__(self) -> None:
+        m = len(self.track_id)
+        _need("place", self.place, (m, 2))
+        _need("std_m", self.std_m, (m,))
+        _need("p", self.p[:, :0], (m, 0))

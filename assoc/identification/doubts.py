@@ -40,13 +40,15 @@ class AnswerDoubt(IntEnum):
     """It has not been as probable for two seconds yet."""
     COMMON_BOX = 8
     """The box is probably round two vehicles."""
-    COASTING = 9
+    ELSEWHERE = 9
+    """Another camera sees the same object and names it differently."""
+    COASTING = 10
     """The track is predicted, and one that is seen has the name."""
-    OWN_WORD = 10
+    OWN_WORD = 11
     """The vehicle doubts its own position."""
-    CONTESTED = 11
+    CONTESTED = 12
     """Several senders use the vehicle's id, or the UAV's."""
-    CONTRADICTED = 12
+    CONTRADICTED = 13
     """The vehicle reports to be elsewhere."""
 
 

@@ -7,7 +7,7 @@ See ``docs/identity.md``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,7 +25,7 @@ from assoc.identification.output import Beliefs, CandidateCache, MassCache, comp
 from assoc.identification.stated_tracks import NONE_OF_OURS, StatedTracks
 from assoc.methods.reattach import reattach_gated
 from assoc.params import MANY_PAIRS, IdentifierParams
-from assoc.records import CameraState, Identities, Observation, VehicleReports
+from assoc.records import CameraState, Identities, Observation, Sighting, VehicleReports
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -36,6 +36,10 @@ _HEADING_KNOWN = 0.35
 """1σ of the estimated heading, radians, below which it stands for one that is not reported."""
 _BY_PLACES_EVERY_S = 5.0
 """Time between two looks at places on the ground, seconds, while vehicles are named by their directions."""
+_PLACE_STD_M, _PLACE_STD_RAD = 0.4, 0.004
+"""1σ of a box's place on the ground, metres, and of its angle, radians: a box is not round quite the same points."""
+_COMMON_STD_M, _UNFIT_STD_M = 1.5, 5.0
+"""1σ of what the places of a frame share, metres, with the pose found, and before."""
 _ROUNDING_S = 1e-6
 """Tolerance of due times, seconds: time stamps are whole microseconds."""
 
@@ -141,6 +145,7 @@ class Identifier:
         reports: VehicleReports | None = None,
         *,
         unlooked: Sequence[int] = (),
+        heard: Callable[[Sighting], FloatArray] | None = None,
     ) -> Identities:
         """Name the tracks of one frame.
 
@@ -149,6 +154,8 @@ class Identifier:
             camera: Where the camera was.
             reports: Positions that arrived since the last call, unless they were added already.
             unlooked: System ids of vehicles where nobody looks: that they have no box says nothing.
+            heard: From what this view alone has of the tracks that it sees, their probabilities by what is known
+                elsewhere, too; they change the names of this frame, and nothing that is learnt.
 
         Returns:
             The names, in the order of the observation.
@@ -166,6 +173,11 @@ class Identifier:
         stated = self._stated.among(observation.track_id)
         p = self._common_boxes.limited(t, observation, beliefs.p, stated)
         doubt = lowered(AnswerDoubt.COMMON_BOX, beliefs.p, p, beliefs.doubt)
+        if heard is not None:
+            own, seen = p, np.flatnonzero((observation.gap_s <= 0.0) & ~stated)
+            p = own.copy()
+            p[seen] = heard(self._sighting(observation, camera, seen, own[seen]))
+            doubt = lowered(AnswerDoubt.ELSEWHERE, own, p, doubt)
         answer = compose_identities(
             self._ids,
             replace(beliefs, p=p, doubt=doubt),
@@ -180,6 +192,27 @@ class Identifier:
         )
         self._watch_residuals(t, answer)
         return answer
+
+    def _sighting(self, observation: Observation, camera: CameraState, rows: IntArray, p: FloatArray) -> Sighting:
+        """What this view has of some tracks of a frame, as it is told to others; p: (k, n + 1)."""
+        usable, estimator = _complete_state(camera), self._estimator
+        place, std_m = np.full((len(rows), 2), np.nan), np.full(len(rows), np.nan)
+        if usable is not None:
+            at = usable.R_enu_cam, usable.p_enu, usable.ground_z
+            place = rays_to_ground(observation.ray_cam[rows], *at, estimator.theta)
+            height = max(float(usable.p_enu[2]) - usable.ground_z, 1.0)
+            away = np.sum((place - usable.p_enu[:2]) ** 2, axis=1) + height**2
+            std_m = _PLACE_STD_M + _PLACE_STD_RAD * away / height
+        fit = np.nan_to_num(self.fit_probability)
+        return Sighting(
+            t_us=observation.t_us - round(estimator.time_offset_s * 1e6),
+            track_id=observation.track_id[rows],
+            place=place,
+            std_m=std_m,
+            common_std_m=_COMMON_STD_M if fit > 0.5 else _UNFIT_STD_M,
+            p=p,
+            fit=float(fit),
+        )
 
     def state(self, track_id: int, system_id: int) -> None:
         """Take an operator's statement as evidence: strong, and overcome by reports that contradict it for seconds.

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from gcs.flight.frame_loop import MOST_EVENTS
 from gcs.flight.view import FlightView
+from gcs.fold.meeting import Meeting
 from gcs.health.alarms import urgency
 from gcs.snapshot import NAMED, Event, Snapshot, VehicleRow
 from mavlink.protocol.packet import Packet
@@ -45,6 +46,7 @@ class FlightViews:
     def __init__(self, on_snapshot: Callable[[int, Snapshot], None]) -> None:
         self._on_snapshot = on_snapshot
         self._views: dict[int, FlightView] = {}
+        self._meeting = Meeting()
         self._looked_s: dict[int, float] = {}
         self._last = -1
         self._told: deque[Event] = deque(maxlen=MOST_EVENTS)
@@ -55,6 +57,9 @@ class FlightViews:
         if not self._views:
             self.shown = view
         self._views[place], self._looked_s[place] = view, -math.inf
+        if self.several:
+            for each in self._views.values():
+                each.pipeline.seat = self._meeting.seat(each.uav_id, each.recorder.heard)
 
     @property
     def first(self) -> FlightView:

@@ -24,6 +24,7 @@ from gcs.fold.evidence import camera_of, observation_of, reports_of
 from gcs.fold.fences import Fences
 from gcs.fold.fleet_changes import FleetChanges
 from gcs.fold.ground.contact import pixel_lengths
+from gcs.fold.meeting import Seat
 from gcs.fold.name_changes import NameChanges
 from gcs.fold.notice_events import NoticeEvents
 from gcs.fold.quarantine import limit_doubted, withhold_names
@@ -90,7 +91,12 @@ class Pipeline:
         links: names of the links by index.
         address: of a link's index and a sender's number, in words; empty where it is not known.
         sized: whether frames of unknown size are of the size that the camera is described for.
+
+    Attributes:
+        seat: where it meets the folds of the flight's other cameras; None: it is by itself.
     """
+
+    seat: Seat | None = None
 
     def __init__(
         self,
@@ -302,7 +308,7 @@ class Pipeline:
             detections=detections,
             wholes=wholes,
             tracks=tracks,
-            found=self._identify(t_us, wholes.boxes, tracks, view, self._unlooked(t_us, expected, detections)),
+            found=self._identify(index, t_us, wholes.boxes, tracks, view, self._unlooked(t_us, expected, detections)),
             view=view,
             uv=reported_pixels(state, view),
         )
@@ -428,12 +434,21 @@ class Pipeline:
         return [i for i in expected if t_us - self._looked_us.get(i, 0) > UNLOOKED_US]
 
     def _identify(
-        self, t_us: int, detections: Detections, tracks: Tracks, view: FrameCamera | None, unlooked: Sequence[int]
+        self,
+        index: int,
+        t_us: int,
+        detections: Detections,
+        tracks: Tracks,
+        view: FrameCamera | None,
+        unlooked: Sequence[int],
     ) -> Identities | None:
         if view is None:
             return None
         observation = observation_of(self.telemetry_time(t_us), detections, tracks, view.intrinsics, view)
-        found = self._identifier.update(observation, self._camera(view), unlooked=unlooked)
+        heard = None
+        if self.seat and self.fleet.origin:
+            heard = partial(self.seat.answers, index, self.fleet.origin, tuple(self.mission.ugv_ids))
+        found = self._identifier.update(observation, self._camera(view), heard=heard, unlooked=unlooked)
         if self._identifier.height_error is not None:
             self._cameras.hear_film(*self._identifier.height_error)
         return found

@@ -9,12 +9,15 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import chain
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs.errors import GcsError
+from gcs.fold.meeting import Seat
 from gcs.fold.pipeline import Pipeline
+from gcs.playback.in_step import InStep
 from gcs.playback.looked_frames import LookedFrame, look_again, recorded_frames
 from gcs.playback.moments import moments_between
 from gcs.playback.opened_session import OpenedSession
@@ -24,8 +27,10 @@ from gcs.session.event_log import read_statements, video_awaited_us
 from gcs.session.fold_order import NO_FRAME, FoldTurn
 from gcs.session.session import Session
 from gcs.snapshot import Event, Health, Snapshot
+from mavlink.errors import MavlinkError
 from mavlink.protocol.packet import Packet
 from vision.detect.detections import Detections
+from vision.errors import VisionError
 from vision.stream.pace import stall_after_s
 
 if TYPE_CHECKING:
@@ -62,6 +67,8 @@ class Analysis:
         looking_threads: int = 2,
         video_offset_s: float | None = None,
         camera: Camera | None = None,
+        company: InStep | None = None,
+        followed: bool = False,
     ) -> None:
         """Open all files of a session.
 
@@ -72,6 +79,9 @@ class Analysis:
             looking_threads: which look at the next frames meanwhile; 0: the one that folds looks, too.
             video_offset_s: Video time minus telemetry time, s, instead of the mission's; None: as it says.
             camera: Instead of the mission's; None: as it says.
+            company: The flight's cameras that are folded in step, which this one joins; None: the others are opened
+                and folded for this one's sake.
+            followed: It is such another one.
 
         Raises:
             SessionError, TlogError, VideoError, ModelError: a part that cannot be used.
@@ -91,6 +101,24 @@ class Analysis:
         self._stall_s = stall_after_s(self._frames_order_us)
         self._awaited_us = video_awaited_us(session.folder)
         self.warnings = tuple(session_warnings(opened))
+        self._company = company or InStep()
+        self._company.join(self, followed=followed)
+        if company is None:
+            self._open_others()
+
+    def _open_others(self) -> None:
+        """Open what the flight's other cameras recorded; what cannot be used is left out, with a warning."""
+        shared: Any = {"open_detector": self._open_detector, "looking_threads": self._looking_threads}
+        try:
+            for session in self.opened.session.other_views:
+                Analysis(session, **shared, company=self._company, followed=True)
+        except (GcsError, MavlinkError, VisionError) as error:
+            self.warnings += (f"what the flight's other cameras saw does not count here: {error}",)
+
+    @property
+    def uav_id(self) -> int:
+        """System id of the aircraft that carries the camera."""
+        return self.mission.uav.system_id
 
     @property
     def as_flown(self) -> bool:
@@ -115,7 +143,7 @@ class Analysis:
         Args:
             images: Put each frame's image into its snapshot; frames of a video that cannot be decoded are left out.
         """
-        pipeline = self._pipeline()
+        pipeline = self._pipeline(self._company.begin(self.uav_id))
         if self._turns is None:
             yield from self._by_time(pipeline, images)
             return
@@ -144,23 +172,40 @@ class Analysis:
             provisional_from_us: Begin some seconds before this time, with provisional names and no alarms. None:
                 from the start.
 
-        Yields:
-            Time on the recording's time line, Unix µs, and what is known then.
+        Returns:
+            An iterator over times on the recording's time line, Unix µs, and what is known then.
         """
-        flown_us = np.array([event.t_us for event in flown], dtype=np.int64)
-        received_us = np.sort(np.concatenate([self.opened.known_us, flown_us]))
-        if provisional_from_us is None:
-            seen = deque(event for event in flown if event.acknowledges)
-            pipeline, start_us = self._pipeline(), int(received_us[0])
-            for at_us, snapshot in self._moments(pipeline, received_us, start_us, None):
-                yield at_us, snapshot
-                while seen and seen[0].t_us <= at_us:
-                    pipeline.add_event(seen.popleft())
-            return
-        looks_us = provisional_from_us - LOOKED_US
-        for at_us, snapshot in self._moments(self._pipeline(), received_us, provisional_from_us - WARM_UP_US, looks_us):
+        if provisional_from_us is not None:
+            return self._provisional(flown, provisional_from_us)
+        return self._company.shown(self.uav_id, self.folded(self._company.begin(self.uav_id), flown))
+
+    def folded(self, seat: Seat | None, flown: Sequence[Event] = ()) -> Iterator[tuple[int, Snapshot]]:
+        """Moments from the start.
+
+        Args:
+            seat: Where it meets the folds of the flight's other cameras.
+            flown: As of :meth:`moments`.
+        """
+        seen = deque(event for event in flown if event.acknowledges)
+        received_us = self._received_us(flown)
+        pipeline, start_us = self._pipeline(seat), int(received_us[0])
+        for at_us, snapshot in self._moments(pipeline, received_us, start_us, None):
+            yield at_us, snapshot
+            while seen and seen[0].t_us <= at_us:
+                pipeline.add_event(seen.popleft())
+
+    def _provisional(self, flown: Sequence[Event], from_us: int) -> Iterator[tuple[int, Snapshot]]:
+        """Moments from some seconds before a time on, by this camera alone."""
+        looks_us = from_us - LOOKED_US
+        pipeline, received_us = self._pipeline(None), self._received_us(flown)
+        for at_us, snapshot in self._moments(pipeline, received_us, from_us - WARM_UP_US, looks_us):
             if at_us > looks_us:
                 yield at_us, replace(snapshot, provisional=True, alarms=(), events=())
+
+    def _received_us(self, flown: Sequence[Event]) -> Times:
+        """(m,) when anything is known of the recording, in order."""
+        flown_us = np.array([event.t_us for event in flown], dtype=np.int64)
+        return np.sort(np.concatenate([self.opened.known_us, flown_us]))
 
     def with_images(self, moments: Iterator[tuple[int, Snapshot]]) -> Iterator[tuple[int, Snapshot]]:
         """The same moments, those at which a frame came with its image, where there is one that can be decoded."""
@@ -175,12 +220,12 @@ class Analysis:
             else:
                 yield at_us, snapshot
 
-    def _pipeline(self) -> Pipeline:
+    def _pipeline(self, seat: Seat | None) -> Pipeline:
         senders, session, mission = self._log.senders, self.opened.session, self.mission
         if session.began is not None:
             mission = replace(mission, uav=session.began.uav, ugv=session.began.ugv)
         pipeline = Pipeline(mission, links=senders.names, address=senders.address, sized=self.opened.size.known)
-        self._folded = pipeline
+        self._folded, pipeline.seat = pipeline, seat
         for statement in read_statements(session.folder, self.mission.ugv_ids):
             pipeline.state_name(statement)
         for change in session.changes:
@@ -342,6 +387,7 @@ class Analysis:
     def close(self) -> None:
         """Close the video."""
         self.opened.close()
+        self._company.close()
 
 
 def _without_boxes(near: Snapshot, index: int, t_us: int, image: Image | None) -> Snapshot:

@@ -6,16 +6,18 @@ import contextlib
 import math
 import os
 import shutil
-from collections.abc import Callable, Iterable, Iterator
+import sys
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gcs.errors import SessionError
 from gcs.health.alarm_history import AlarmSpan
 from gcs.playback.analysis import Analysis
 from gcs.playback.as_flown import FlownReports
 from gcs.playback.hindsight import by_hindsight
+from gcs.playback.in_step import InStep
 from gcs.report.rollcall import WITHOUT_POSITION, RollCall
 from gcs.session.event_log import EventLog, read_marks
 from gcs.session.identity_log import IdentityLog
@@ -32,6 +34,8 @@ AGAIN_S = 0.3
 """Offset from which on the names of the first seconds wait until the video's clock is found, s."""
 SURE_S, SURE_FIT = 0.1, 0.99
 """Largest 1σ of the offset, s, and least probability that film and telemetry belong together, with which it counts."""
+_ENDED_US = sys.maxsize
+"""In place of the time of the next frame: there is none."""
 _ALARMS_TOLD = 5
 """Alarms that are told one by one; the page about the flight has all."""
 _FILES = (IDENTITY.name, IDENTITY_EVIDENCE, EVENTS)
@@ -55,8 +59,8 @@ def identify_session(
     Where the video's clock proves to be far off, or a camera that nothing describes was found by the film, it is done
     again with that known from the first frame on.
 
-    A flight's further cameras are named after the first, each by itself; their files come into the folders ``view-2``,
-    … in ``out``.
+    A flight's further cameras are named beside the first, each with what the others know; their files come into the
+    folders ``view-2``, … in ``out``.
 
     The files are there when they are whole: what is broken off leaves none.
 
@@ -67,7 +71,7 @@ def identify_session(
         hindsight: name each box by what is known of its track 15 s later, not as a screen would have shown it. None:
             unless the recording kept the order in which a flight took it in; then the names are as they were seen.
         further: name what the flight's further cameras saw, too.
-        report: called after every frame with the frames of a camera that are done, and all there are.
+        report: called after every frame with the frames that are done, and all there are, of all cameras.
         note: called with each line that a user should read: what the recording lacks, what the camera's stream did,
             what was not known in the end.
         open_detector: loads a mission's networks, for those who name many recordings; None: they are loaded anew.
@@ -86,38 +90,67 @@ def identify_session(
         if os.path.lexists(path):
             raise SessionError(f"{path}: {_NEVER_OVERWRITTEN}")
     opening = partial(Analysis, redetect=detect, open_detector=open_detector, looking_threads=looking_threads)
-    views = list[RollCall]()
     with contextlib.ExitStack() as stack:
         folders = [stack.enter_context(_aside(each)) for each in outs]
-        for view, folder in zip(sessions, folders, strict=True):
-            calls, notes = _identify_view(partial(opening, view), folder, report, hindsight)
-            views.append(calls)
-            for text in notes:
-                note(f"{calls.films}: {text}" if len(sessions) > 1 else text)
-    views[0].other_views = tuple(views[1:])
-    return views[0]
+        views = _identify_views([partial(opening, view) for view in sessions], folders, report, hindsight)
+    for view in views:
+        for text in view.notes:
+            note(f"{view.calls.films}: {text}" if len(views) > 1 else text)
+    first, *others = (view.calls for view in views)
+    first.other_views = tuple(others)
+    return first
 
 
-def _identify_view(
-    opened: Callable[..., Analysis], folder: Path, report: Callable[[int, int], None], hindsight: bool | None
-) -> tuple[RollCall, list[str]]:
-    """Name the boxes of one camera; again, with what was found of it, where that leaves fewer without a name."""
-    analysis, notes = opened(), list[str]()
-    hindsight = not analysis.as_flown if hindsight is None else hindsight
-    calls, last = _identify(analysis, folder, report, notes.append, hindsight=hindsight)
-    offset_s, camera = _clock_found(analysis, last), _camera_found(analysis)
-    if offset_s is not None or camera is not None:
-        again = folder / "again"
-        again.mkdir()
-        second, told = opened(video_offset_s=offset_s, camera=camera), list(_why_again(offset_s, camera))
-        calls_again, _ = _identify(second, again, report, told.append, hindsight=hindsight)
-        # vehicles that are late each by its own have no common clock: there the first look names more
-        if calls_again.unnamed <= calls.unnamed:
-            calls, notes = calls_again, told
-            for name in _FILES:
-                (again / name).replace(folder / name)
+def _identify_views(
+    opened: Sequence[Callable[..., Analysis]],
+    folders: Sequence[Path],
+    report: Callable[[int, int], None],
+    hindsight: bool | None,
+) -> list[_View]:
+    """Name the boxes of all cameras; again, with what was found of them, where that leaves fewer without a name."""
+    views = _identify_in_step(opened, folders, report, hindsight)
+    found = [view.found() for view in views]
+    if not any(found):
+        return views
+    folders_again = [folder / "again" for folder in folders]
+    for folder in folders_again:
+        folder.mkdir()
+    opened_again = [partial(opening, **each) for opening, each in zip(opened, found, strict=True)]
+    second = _identify_in_step(opened_again, folders_again, report, hindsight)
+    for view, each in zip(second, found, strict=True):
+        view.notes[:0] = _why_again(**each)
+    # vehicles that are late each by its own have no common clock: there the first look names more
+    better = sum(view.calls.unnamed for view in second) <= sum(view.calls.unnamed for view in views)
+    for folder, again in zip(folders, folders_again, strict=True):
+        for name in _FILES if better else ():
+            (again / name).replace(folder / name)
         shutil.rmtree(again)
-    return calls, notes
+    return second if better else views
+
+
+def _identify_in_step(
+    opened: Sequence[Callable[..., Analysis]],
+    folders: Sequence[Path],
+    report: Callable[[int, int], None],
+    hindsight: bool | None,
+) -> list[_View]:
+    """Name the boxes of all cameras once, side by side: that of the earliest frame goes on first."""
+    company = InStep() if len(opened) > 1 else None
+    with contextlib.ExitStack() as stack:
+        views = list[_View]()
+        for opening, folder in zip(opened, folders, strict=True):
+            view = _View(opening(company=company), folder, hindsight)
+            stack.callback(view.analysis.close)
+            views.append(view)
+        ways = [stack.enter_context(contextlib.closing(view.identify())) for view in views]
+        at_us = [next(way) for way in ways]
+        total = sum(len(view.analysis.times_us) for view in views)
+        while (earliest := min(at_us)) < _ENDED_US:
+            k = at_us.index(earliest)
+            at_us[k] = next(ways[k], _ENDED_US)
+            if at_us[k] < _ENDED_US:
+                report(sum(view.done for view in views), total)
+    return views
 
 
 @contextlib.contextmanager
@@ -143,25 +176,70 @@ def _as_session_error(out: Path) -> Iterator[None]:
         raise SessionError(f"{out}: cannot be written: {error.strerror}; choose another place") from error
 
 
-def _clock_found(analysis: Analysis, last: Snapshot) -> float | None:
-    """Video time minus telemetry time in the end, s, where it was so far off that names had to wait for it.
+class _View:
+    """A camera whose boxes are named.
 
-    None where it was not, and for a flight that kept its order: that is named as it was seen.
+    Args:
+        analysis: folds what it saw.
+        folder: of the files.
+        hindsight: as of :func:`identify_session`.
+
+    Attributes:
+        calls: who was named.
+        notes: lines that a user should read.
+        done: how many frames are named.
     """
-    health, declared = last.health, analysis.mission.clock.video_offset_s
-    off_s = health.time_offset_s - (0.0 if declared == "auto" else float(declared))
-    known = health.fit > SURE_FIT and health.time_offset_std_s < SURE_S
-    return health.time_offset_s if known and abs(off_s) > AGAIN_S and not analysis.as_flown else None
+
+    def __init__(self, analysis: Analysis, folder: Path, hindsight: bool | None) -> None:
+        self.analysis, self._folder = analysis, folder
+        self._hindsight = not analysis.as_flown if hindsight is None else hindsight
+        self.calls, self.notes, self.done = RollCall(analysis.mission), list(analysis.warnings), 0
+        self._last: Snapshot | None = None
+
+    def identify(self) -> Generator[int, None, None]:
+        """Name all frames; yields once before, and then the time of each."""
+        analysis, calls, blind = self.analysis, self.calls, False
+        with IdentityLog(self._folder) as log, contextlib.closing(EventLog(self._folder / EVENTS)) as events:
+            reports, trouble = FlownReports.of(analysis.opened)
+            if trouble:
+                self.notes.append(trouble)
+            moments = analysis.moments(reports.flown)
+            yield 0
+            snapshots = _frames(moments, reports, calls, events, self.notes.append)
+            if self._hindsight:
+                snapshots = by_hindsight(snapshots, analysis.mission)
+            for last in snapshots:
+                log.write(last)
+                calls.look(last)
+                blind |= last.pose == "no attitude"
+                self._last, self.done = last, last.frame + 1
+                yield last.t_us
+        if self._last is None:
+            raise SessionError(f"{analysis.opened.session.path}: not one frame in it")
+        calls.end(analysis.frames)
+        marks = read_marks(analysis.opened.session.path, reports.start_us)
+        calls.tell(reports.spans(), (*reports.flown, *marks))
+        seen = analysis.opened.video is not None or analysis.opened.looks is not None
+        self.notes += _alarms(reports.spans(), int(analysis.times_us[0]))
+        self.notes += _doubts(self._last, calls, blind=blind, seen=seen)
+
+    def found(self) -> dict[str, Any]:
+        """What names had to wait for, as :class:`Analysis` takes it: the video's offset where it was far off, and the
+        camera by the film; nothing for a flight that kept its order, which is named as it was seen.
+        """
+        if self.analysis.as_flown or self._last is None:
+            return {}
+        health, declared = self._last.health, self.analysis.mission.clock.video_offset_s
+        off_s = health.time_offset_s - (0.0 if declared == "auto" else float(declared))
+        known = health.fit > SURE_FIT and health.time_offset_std_s < SURE_S
+        offset = {"video_offset_s": health.time_offset_s} if known and abs(off_s) > AGAIN_S else {}
+        camera = self.analysis.found_camera
+        return offset if camera is None else {**offset, "camera": camera}
 
 
-def _camera_found(analysis: Analysis) -> Camera | None:
-    """The camera by the film, where names had to wait for it; None for a flight that kept its order, as above."""
-    return None if analysis.as_flown else analysis.found_camera
-
-
-def _why_again(offset_s: float | None, camera: Camera | None) -> Iterator[str]:
-    if offset_s is not None:
-        yield f"the video's clock is {_late(offset_s)} by the whole recording: named again with that taken out"
+def _why_again(video_offset_s: float | None = None, camera: Camera | None = None) -> Iterator[str]:
+    if video_offset_s is not None:
+        yield f"the video's clock is {_late(video_offset_s)} by the whole recording: named again with that taken out"
     if camera is not None and camera.intrinsics is not None:
         across = math.degrees(camera.intrinsics.hfov)
         yield (
@@ -174,46 +252,6 @@ def _late(offset_s: float) -> str:
     return f"{abs(offset_s):.1f} s {'late' if offset_s > 0.0 else 'early'}"
 
 
-def _identify(
-    analysis: Analysis,
-    out: Path,
-    report: Callable[[int, int], None],
-    note: Callable[[str], None],
-    *,
-    hindsight: bool,
-) -> tuple[RollCall, Snapshot]:
-    """Name all frames; also what was known after the last one."""
-    for text in analysis.warnings:
-        note(text)
-    calls = RollCall(analysis.mission)
-    last: Snapshot | None = None
-    blind = False
-    try:
-        with IdentityLog(out) as log, contextlib.closing(EventLog(out / EVENTS)) as events:
-            reports, trouble = FlownReports.of(analysis.opened)
-            if trouble:
-                note(trouble)
-            snapshots = _frames(analysis, reports, calls, events, note)
-            if hindsight:
-                snapshots = by_hindsight(snapshots, analysis.mission)
-            for last in snapshots:
-                log.write(last)
-                calls.look(last)
-                report(last.frame + 1, len(analysis.times_us))
-                blind |= last.pose == "no attitude"
-    finally:
-        analysis.close()
-    if last is None:
-        raise SessionError(f"{analysis.opened.session.path}: not one frame in it")
-    calls.end(analysis.frames)
-    marks = read_marks(analysis.opened.session.path, reports.start_us)
-    calls.tell(reports.spans(), (*reports.flown, *marks))
-    seen = analysis.opened.video is not None or analysis.opened.looks is not None
-    for text in (*_alarms(reports.spans(), int(analysis.times_us[0])), *_doubts(last, calls, blind=blind, seen=seen)):
-        note(text)
-    return calls, last
-
-
 def _alarms(spans: Iterable[AlarmSpan], start_us: int) -> list[str]:
     """Alarms in words, the first few; names are not to be read without them."""
     told = [span.alarm for span in spans if span.alarm.level == "alarm"]
@@ -222,11 +260,15 @@ def _alarms(spans: Iterable[AlarmSpan], start_us: int) -> list[str]:
 
 
 def _frames(
-    analysis: Analysis, reports: FlownReports, calls: RollCall, events: EventLog, note: Callable[[str], None]
+    moments: Iterator[tuple[int, Snapshot]],
+    reports: FlownReports,
+    calls: RollCall,
+    events: EventLog,
+    note: Callable[[str], None],
 ) -> Iterator[Snapshot]:
     """The frames of a recording; what happened in it, with frames and without, is taken in on the way."""
     frame = -1
-    for at_us, snapshot in analysis.moments(reports.flown):
+    for at_us, snapshot in moments:
         reports.add(at_us, snapshot.events, snapshot.alarms)
         calls.watch(snapshot, at_us)
         events.write(snapshot.events)

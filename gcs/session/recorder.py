@@ -37,6 +37,7 @@ from infra.program_log import LogFile, least_level
 from infra.reporting import ReportGrowth
 from infra.session_format import (
     DETECTIONS,
+    ELSEWHERE,
     EVENTS,
     FOLDS,
     FRAMES,
@@ -123,6 +124,7 @@ class ViewRecorder:
         self._frames, self._detections, self._motion = table(FRAMES), table(DETECTIONS), table(MOTION)
         self._folds, self._unfolded = table(FOLDS), table(UNFOLDED, lazy=True)
         self._looks = table(LOOKS, lazy=True)
+        self._elsewhere = table(ELSEWHERE, lazy=True)
 
     def frame_time(self, index: int, t_us: int) -> None:
         """Note when a frame of the recorded video was taken."""
@@ -145,6 +147,11 @@ class ViewRecorder:
         """Append a turn of the fold."""
         if self._folds:
             self._folds.write(turn.row)
+
+    def heard(self, frame: int, system_id: int, of_frame: int) -> None:
+        """Note which frame of another aircraft's camera was the last that a frame's names heard of."""
+        if self._elsewhere:
+            self._elsewhere.write(f"{frame},{system_id},{of_frame}\n")
 
     def unfolded(self, record: int, count: int) -> None:
         """Note records of the log that the fold has not taken in and never will.

@@ -39,7 +39,7 @@ def a_view(system_id, name, snapshot=None):
     view = FlightView.__new__(FlightView)
     mission = SimpleNamespace(uav=SimpleNamespace(system_id=system_id), name_of=lambda _: name, ugv_ids=MISSION.ugv_ids)
     view.pipeline = SimpleNamespace(mission=mission)
-    view.loop = SimpleNamespace(latest=snapshot)
+    view.loop, view.recorder = SimpleNamespace(latest=snapshot), SimpleNamespace(heard=None)
     return view
 
 
@@ -209,3 +209,5 @@ def test_both_cameras_of_a_flight_are_recorded_and_named_again_alike(tmp_path, m
         )
         assert live_rows == again
         assert any(json.loads(row)["system_id"] for row in live_rows)
+    heard = [path for path in flight.folder.rglob("elsewhere.csv") if len(path.read_text().splitlines()) > 1]
+    assert heard, "who is looked at later has heard of the other one"

@@ -1,0 +1,225 @@
+"""Which tracks of two views are one object, by where both have them on the ground.
+
+Each view has its places by a pose of its own, which is off by something that all its boxes share. With
+d_ij = g_i − g'_j between track i of one view and j of the other at one time, and s the shift between the two poses,
+
+    d_ij = s + noise,   s ~ N(0, σ_c² + σ_c'²),   noise ~ N(0, σ_i² + σ_j'²)
+
+where i and j are one, and anywhere in the area A that an object has for itself where they are not. What both views
+answer by themselves counts, too, by ln (n + 1) Σ p_i p'_j, ±2 at most. Every d_ij is a shift to be tried;
+probabilities that i is j are the marginals of the assignment, averaged over shifts by what these are worth, and over
+the last second. A shift that was sure is where the next one is looked for. A regular formation, of which both views
+see another part, has several shifts that are worth much: then nothing is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.hypotheses.marginals import marginals
+from assoc.records import Sighting
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+REACH_S = 0.5
+"""A track goes on straight for so long after it was seen last, seconds: from one picture into another one."""
+_COURSE_S, _LEAST_COURSE_S = 1.0, 0.25
+"""Time over which the course of a track is measured, at most and at least, seconds."""
+_AREA_M2 = 60.0
+"""Ground that an object has for itself, m²."""
+_GATE = 3.0
+"""Shifts beyond so many σ are not tried."""
+_APART_M = 1.0
+"""Shifts that are closer are one."""
+_MOST_SHIFTS, _NEGLIGIBLE = 4, 7.0
+"""Most shifts that are weighed, and by how many nats less one is worth that is not."""
+_MOST_BY_NAME = 2.0
+"""Most that what both answer counts, nats."""
+_SURE, _WANDER_M2_S = 0.9, 0.5
+"""A shift is remembered from this probability on, and its variance grows so fast then, m²/s."""
+_AGAIN_S = 0.2
+"""Time between two comparisons while the tracks stay, seconds."""
+_MEAN_S = 1.0
+"""Time over which probabilities are averaged, seconds."""
+_FORGET_S = 10.0
+"""Pairs that were not compared for so long are forgotten, seconds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shift:
+    """What the places of one view are off against those of another one, metres."""
+
+    mean: FloatArray
+    """(2,)."""
+    var: float
+    """Per axis, m²."""
+    t: float = 0.0
+    """When, seconds."""
+
+    def after(self, t: float, var: float) -> Shift:
+        """What is known of it at a later time: it wanders, until it is as unknown as before, m²."""
+        grown = self.var + _WANDER_M2_S * abs(t - self.t)
+        return Shift(self.mean, grown, t) if grown < var else Shift(np.zeros(2), var, t)
+
+
+class SameBoxes:
+    """Follows which tracks of one view are which of another's."""
+
+    def __init__(self) -> None:
+        self._p: dict[tuple[int, int], tuple[float, float]] = {}
+        """When a pair was compared last, seconds, and the mean probability that it is one object."""
+        self._shift = Shift(np.zeros(2), np.inf)
+        self._last: tuple[float, IntArray, IntArray, FloatArray] | None = None
+
+    def update(self, mine: Sighting, theirs: Sequence[Sighting]) -> tuple[IntArray, FloatArray]:
+        """Compare with what the other view saw about the same time.
+
+        Args:
+            mine: The tracks of one frame.
+            theirs: The other view's last frames, in order, in the same world.
+
+        Returns:
+            (k,) tracks of the other view that are somewhere at that time; (m, k) probability of each pair to be one.
+        """
+        track_id, place, var = places_at(mine.t_us, theirs)
+        if not len(track_id) or not len(mine.track_id):
+            return track_id, np.zeros((len(mine.track_id), len(track_id)))
+        t = 1e-6 * mine.t_us
+        if self._last is not None:
+            last_s, own, others, known = self._last
+            same = np.array_equal(own, mine.track_id) and np.array_equal(others, track_id)
+            if same and 0.0 <= t - last_s < _AGAIN_S:
+                return track_id, known
+        both = mine.std_m[:, None] ** 2 + var[None], log_agreement(mine.p, newest_answers(track_id, theirs))
+        before = self._shift.after(t, mine.common_std_m**2 + max(each.common_std_m for each in theirs) ** 2)
+        now, found = compared(mine.place[:, None] - place[None], both[0], before, both[1])
+        self._shift = replace(found, t=t)
+        mean = self._mean(t, mine.track_id, track_id, now)
+        self._last = t, mine.track_id, track_id, mean
+        return track_id, mean
+
+    def _mean(self, t: float, mine: IntArray, theirs: IntArray, now: FloatArray) -> FloatArray:
+        mean = now.copy()
+        for i, own in enumerate(mine.tolist()):
+            for j, other in enumerate(theirs.tolist()):
+                before_s, before = self._p.get((own, other), (t, now[i, j]))
+                mean[i, j] += (before - now[i, j]) * np.exp(-abs(t - before_s) / _MEAN_S)
+                self._p[own, other] = t, float(mean[i, j])
+        self._p = {pair: known for pair, known in self._p.items() if abs(t - known[0]) < _FORGET_S}
+        return mean
+
+
+def newest_answers(track_id: IntArray, sightings: Sequence[Sighting]) -> FloatArray:
+    """(k, n + 1) what a view answered last on each of some of its tracks."""
+    newest = {key: p for each in sightings for key, p in zip(each.track_id.tolist(), each.p, strict=True)}
+    return np.array([newest[key] for key in track_id.tolist()]).reshape(len(track_id), sightings[-1].p.shape[1])
+
+
+def places_at(t_us: int, sightings: Sequence[Sighting]) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Where the tracks of a view are at a time, by straight lines through their places of about a second.
+
+    Args:
+        t_us: Unix µs.
+        sightings: Its last frames, in order.
+
+    Returns:
+        (k,) track ids, (k, 2) places, metres, and (k,) their variance per axis, m²; of tracks seen within ``REACH_S``.
+    """
+    rows: dict[int, list[tuple[float, float, float, float]]] = {}
+    for sighting in sightings:
+        t = 1e-6 * (sighting.t_us - t_us)
+        if abs(t) > REACH_S + _COURSE_S:
+            continue
+        for track, (x, y), std in zip(sighting.track_id.tolist(), sighting.place, sighting.std_m.tolist(), strict=True):
+            if np.isfinite(x):
+                rows.setdefault(track, []).append((t, x, y, std))
+    found = {track: line for track, seen in rows.items() if (line := _at_zero(np.array(seen))) is not None}
+    values = np.array(list(found.values())).reshape(-1, 3)
+    return np.array(list(found), np.int64), values[:, :2], values[:, 2]
+
+
+def _at_zero(seen: FloatArray) -> tuple[float, float, float] | None:
+    """Place (x, y) and variance at time 0 of a track with rows (k, 4) of time, place, 1σ; None: seen too long ago."""
+    nearest = int(np.argmin(np.abs(seen[:, 0])))
+    away = seen[nearest, 0]
+    if abs(away) > REACH_S:
+        return None
+    near = seen[np.abs(seen[:, 0] - away) <= _COURSE_S]
+    t = near[:, 0] - away
+    velocity = np.zeros(2)
+    if np.ptp(t) >= _LEAST_COURSE_S:
+        t = t - np.mean(t)
+        velocity = t @ near[:, 1:3] / (t @ t)
+    x, y = seen[nearest, 1:3] - away * velocity
+    # what turns and brakes is elsewhere: 2 m/s² from the middle of the course on
+    return float(x), float(y), float(seen[nearest, 3] ** 2 + (abs(away) * (0.3 + abs(away))) ** 2)
+
+
+def log_agreement(mine: FloatArray, theirs: FloatArray) -> FloatArray:
+    """(m, k) nats by which answers (m, n + 1) and (k, n + 1) of two views speak for one object, bounded."""
+    nats = np.log(np.maximum(mine.shape[1] * (mine @ theirs.T), 1e-9))
+    return np.asarray(np.clip(nats, -_MOST_BY_NAME, _MOST_BY_NAME))
+
+
+def compared(
+    d: FloatArray, var: FloatArray, shift: Shift, agreement: FloatArray | float = 0.0
+) -> tuple[FloatArray, Shift]:
+    """Compare the places that two views have of their tracks at one time.
+
+    A shift is worth Σ gains − |s − s₀|²/2σ_s² − ln (σ_s²/σ²) by the pairs that it explains, with
+    σ⁻² = σ_s⁻² + Σ 1/(σ_i² + σ_j²): less what it costs to fit it to them. That nothing is the same is worth 0.
+
+    Args:
+        d: (m, k, 2) place of a track of the one view less that of one of the other, metres, NaN unknown.
+        var: (m, k) variance of that per axis, m².
+        shift: What is known of the shift between both views' poses.
+        agreement: (m, k) nats by which else they are one, or are not.
+
+    Returns:
+        (m, k) probability that they are one object; the shift by that.
+    """
+    d = d - shift.mean
+    with np.errstate(invalid="ignore"):
+        near = np.sum(d**2, axis=2) <= _GATE**2 * (shift.var + var)
+    shifts = d[near]
+    for _ in range(2):  # each moved to the middle of the pairs that it explains
+        weight = np.where(_nearest(_gains(d, var, shifts, agreement)), 1.0 / var, 0.0)
+        precision = np.sum(weight, axis=(1, 2)) + 1.0 / shift.var
+        shifts = np.einsum("smk,mkx->sx", weight, np.nan_to_num(d)) / precision[:, None]
+    gains = _gains(d, var, shifts, agreement)
+    values = np.sum(gains, axis=(1, 2), where=_nearest(gains)) - 0.5 * np.sum(shifts**2, axis=1) / shift.var
+    values -= np.log(precision * shift.var) if len(shifts) else 0.0
+    best = list[int]()
+    for row in np.argsort(-values, kind="stable").tolist():
+        far = np.sum((shifts[best] - shifts[row]) ** 2, axis=1) > _APART_M**2
+        if np.all(far) and values[row] > max(values[best[0]] if best else 0.0, 0.0) - _NEGLIGIBLE:
+            best.append(row)
+    best = best[:_MOST_SHIFTS]
+    if not best:
+        return np.zeros(d.shape[:2]), shift
+    share = np.exp(values[best] - max(values[best[0]], 0.0))
+    share /= np.sum(share) + np.exp(-max(values[best[0]], 0.0))
+    parts = np.array([marginals(gains[row])[:, :-1] for row in best])
+    found = shift
+    if share[0] > _SURE:
+        found = Shift(shift.mean + shifts[best[0]], float(1.0 / precision[best[0]]))
+    return np.asarray(np.tensordot(share, parts, axes=1)), found
+
+
+def _gains(d: FloatArray, var: FloatArray, shifts: FloatArray, agreement: FloatArray | float) -> FloatArray:
+    """(s, m, k) ln of how much likelier each pair is one than two under each shift; −23 where a place is unknown."""
+    away = np.sum((d - shifts[:, None, None]) ** 2, axis=3)
+    gains = np.log(_AREA_M2 / (2.0 * np.pi * var)) - 0.5 * away / var + agreement
+    return np.asarray(np.nan_to_num(gains, nan=-23.0))
+
+
+def _nearest(gains: FloatArray) -> BoolArray:
+    """(s, m, k) pairs that are likelier one than two, and likeliest for both of them."""
+    likeliest = (gains >= np.max(gains, axis=1, keepdims=True)) & (gains >= np.max(gains, axis=2, keepdims=True))
+    return np.asarray(likeliest & (gains > 0.0))

@@ -1,0 +1,126 @@
+"""Where the folds of a flight's cameras meet: each leaves what it has by itself, and hears what the others left.
+
+Which frames of the others a frame heard is up to who folds: in flight the newest that are folded, and these are
+recorded; of a recording the same ones again.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import dropwhile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.other_views.hearing import Hearing
+from assoc.records import Sighting
+from mavlink.geodesy import LocalFrame
+
+FloatArray = NDArray[np.float64]
+
+_MOST_KEPT = 256
+"""Frames of a view that are kept for the others: some seconds."""
+_LAST_US = 2_500_000
+"""Time of a view's last frames that is told, µs."""
+_SIDE_M = 1000.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Left:
+    """What a view left of a frame."""
+
+    frame: int
+    sighting: Sighting
+    origin: LocalFrame
+    system_ids: tuple[int, ...]
+
+
+class Meeting:
+    """The views of a flight, by the system id of the aircraft that carries each.
+
+    Args:
+        heard: which frame of each other view counts for a frame of one: system id and frame in, frames by system id
+            out. None: the newest.
+    """
+
+    def __init__(self, heard: Callable[[int, int], Mapping[int, int]] | None = None) -> None:
+        self._heard = heard
+        self._left: dict[int, deque[_Left]] = {}
+
+    def seat(self, system_id: int, note: Callable[[int, int, int], None] = lambda *heard: None) -> Seat:
+        """The place of a view among the others.
+
+        Args:
+            system_id: of its aircraft.
+            note: called with a frame, the aircraft of another view and the frame of that one that it heard.
+        """
+        return Seat(self, system_id, note)
+
+    def newest(self, system_id: int) -> int:
+        """The last frame that a view left; -1: none."""
+        left = self._left.get(system_id)
+        return left[-1].frame if left else -1
+
+    def leave(self, system_id: int, left: _Left) -> None:
+        """Keep what a view has of a frame."""
+        self._left.setdefault(system_id, deque(maxlen=_MOST_KEPT)).append(left)
+
+    def told(self, system_id: int, frame: int) -> Mapping[int, Sequence[_Left]]:
+        """The last frames of each other view that a view hears at a frame."""
+        others = [other for other in self._left if other != system_id]
+        until = (
+            {other: self.newest(other) for other in others} if self._heard is None else self._heard(system_id, frame)
+        )
+        return {other: last for other, newest in until.items() if (last := self._until(other, newest))}
+
+    def _until(self, system_id: int, frame: int) -> list[_Left]:
+        left = [each for each in self._left.get(system_id, ()) if each.frame <= frame]
+        return list(dropwhile(lambda each: each.sighting.t_us < left[-1].sighting.t_us - _LAST_US, left))
+
+
+class Seat:
+    """What one view tells the others and hears of them.
+
+    Args:
+        meeting: of all.
+        system_id: of the view's aircraft.
+        note: as of :meth:`Meeting.seat`.
+    """
+
+    def __init__(self, meeting: Meeting, system_id: int, note: Callable[[int, int, int], None]) -> None:
+        self._meeting, self._system_id, self._note = meeting, system_id, note
+        self._hearing = Hearing()
+        self._moves: dict[LocalFrame, tuple[LocalFrame, FloatArray, FloatArray]] = {}
+
+    def answers(self, frame: int, origin: LocalFrame, system_ids: tuple[int, ...], mine: Sighting) -> FloatArray:
+        """(m, n + 1) what the tracks of a frame are by all that views know; the others hear what this one has.
+
+        Args:
+            frame: its index.
+            origin: of the world in which its places are.
+            system_ids: who can be named.
+            mine: what the view has by itself.
+        """
+        told = self._meeting.told(self._system_id, frame)
+        for other, left in told.items():
+            self._note(frame, other, left[-1].frame)
+        self._meeting.leave(self._system_id, _Left(frame=frame, sighting=mine, origin=origin, system_ids=system_ids))
+        usable = {
+            other: [self._moved(each, origin) for each in left if each.system_ids == system_ids]
+            for other, left in told.items()
+        }
+        return self._hearing.answers(mine, {other: sightings for other, sightings in usable.items() if sightings})
+
+    def _moved(self, left: _Left, origin: LocalFrame) -> Sighting:
+        """What another view left, with its places in this one's world."""
+        if left.origin == origin:
+            return left.sighting
+        into, R, t = self._moves.get(left.origin, (None, None, None))
+        if into is not origin or R is None or t is None:
+            corners = np.array([[0.0, 0.0, 0.0], [_SIDE_M, 0.0, 0.0], [0.0, _SIDE_M, 0.0]])
+            moved = origin.to_enu(*left.origin.to_geodetic(corners))[:, :2]
+            t, R = moved[0], (moved[1:] - moved[0]).T / _SIDE_M
+            self._moves = {left.origin: (origin, R, t)}
+        return replace(left.sighting, place=left.sighting.place @ R.T + t)

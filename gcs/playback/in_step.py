@@ -1,0 +1,151 @@
+"""The cameras of a recorded flight folded in step: each hears of the others what it heard in flight.
+
+A flight kept which frames those were (``elsewhere.csv``). Of other recordings it is all that the others took before.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gcs.fold.meeting import Meeting, Seat
+from gcs.session.tables import read_table
+from gcs.snapshot import Snapshot
+from infra.files.segment import segments
+from infra.session_format import ELSEWHERE
+
+if TYPE_CHECKING:
+    from gcs.playback.analysis import Analysis
+
+Moment = tuple[int, Snapshot]
+Heard = Mapping[int, Mapping[int, int]]
+
+
+class _Course:
+    """A camera's recording on its way.
+
+    Args:
+        analysis: folds it.
+        followed: it is folded for others' sake, and not shown.
+    """
+
+    def __init__(self, analysis: Analysis, *, followed: bool) -> None:
+        self.analysis, self.followed = analysis, followed
+        # a flight that kept its order is as it was, also where it heard nothing
+        self.heard = _heard_in(analysis.opened.session.folder) if analysis.as_flown else None
+        self._moments: Iterator[Moment] = iter(())
+        self._kept = deque[Moment]()
+        self._frame, self._moves = -1, False
+
+    def begin(self, moments: Iterator[Moment]) -> None:
+        """Begin at the start."""
+        self._moments, self._frame = moments, -1
+
+    def shown(self) -> Iterator[Moment]:
+        """All moments in order, those first that others had folded."""
+        while self._kept or self.advance():
+            yield self._kept.popleft()
+
+    def advance(self) -> bool:
+        """Fold one moment more; false at the end, and while one is being folded."""
+        if self._moves:
+            return False
+        self._moves = True
+        try:
+            moment = next(self._moments, None)
+        finally:
+            self._moves = False
+        if moment is None:
+            return False
+        self._frame = max(self._frame, moment[1].frame)
+        if not self.followed:
+            self._kept.append(moment)
+        return True
+
+    def advance_before(self, t_us: int) -> None:
+        """Fold all frames that were taken before a time."""
+        while self.taken_us(self._frame + 1) < t_us and self.advance():
+            pass
+
+    def taken_us(self, frame: int) -> int:
+        """When a frame was taken, Unix µs by the offset that the mission declares; past the last: never."""
+        if frame >= len(self.analysis.times_us):
+            return int(np.iinfo(np.int64).max)
+        offset = self.analysis.mission.clock.video_offset_s
+        return int(self.analysis.times_us[frame]) - round(0.0 if offset == "auto" else 1e6 * float(offset))
+
+
+class InStep:
+    """Cameras of a flight, each folded as far as another one needs it."""
+
+    def __init__(self) -> None:
+        self._courses: dict[int, _Course] = {}
+        self._meeting = Meeting(self._heard)
+
+    def join(self, analysis: Analysis, *, followed: bool) -> None:
+        """Add a camera.
+
+        Args:
+            analysis: folds it.
+            followed: it is folded for others' sake, and not shown.
+        """
+        self._courses[analysis.uav_id] = _Course(analysis, followed=followed)
+
+    def begin(self, uav_id: int) -> Seat | None:
+        """Where a fold that begins at the start meets the others; those that are not shown begin anew, too.
+
+        Args:
+            uav_id: of the aircraft whose camera it is.
+        """
+        if len(self._courses) == 1:
+            return None
+        followed = {other: course for other, course in self._courses.items() if course.followed}
+        if followed:
+            self._meeting = Meeting(self._heard)
+        for other, course in followed.items():
+            course.begin(course.analysis.folded(self._meeting.seat(other)))
+        return self._meeting.seat(uav_id)
+
+    def shown(self, uav_id: int, moments: Iterator[Moment]) -> Iterator[Moment]:
+        """The moments of a camera, which others may have folded before they are wanted."""
+        course = self._courses[uav_id]
+        course.begin(moments)
+        return course.shown()
+
+    def _heard(self, uav_id: int, frame: int) -> Mapping[int, int]:
+        """The last frame of each other camera that one hears at a frame, once they are folded so far."""
+        own, others = self._courses[uav_id], {k: each for k, each in self._courses.items() if k != uav_id}
+        if own.heard is not None:
+            heard = {other: of for other, of in own.heard.get(frame, {}).items() if other in others}
+            for other, of_frame in heard.items():
+                while self._meeting.newest(other) < of_frame and others[other].advance():
+                    pass
+            return heard
+        t_us, before = own.taken_us(frame), {}
+        for other, course in others.items():
+            course.advance_before(t_us)
+            before[other] = self._meeting.newest(other)
+            while before[other] >= 0 and course.taken_us(before[other]) >= t_us:
+                before[other] -= 1
+        return before
+
+    def close(self) -> None:
+        """Close those that are not shown."""
+        for course in self._courses.values():
+            if course.followed:
+                course.analysis.opened.close()
+
+
+def _heard_in(folder: Path) -> Heard:
+    """By frame of a flight the last frame of each other camera, by its aircraft, that it heard; of older ones none."""
+    heard: dict[int, dict[int, int]] = {}
+    if segments(folder / ELSEWHERE.name):
+        table = read_table(folder / ELSEWHERE.name, ELSEWHERE)
+        columns = (table[name].astype(np.int64).tolist() for name in ELSEWHERE.columns)
+        for frame, uav_id, of_frame in zip(*columns, strict=True):
+            heard.setdefault(frame, {})[uav_id] = of_frame
+    return heard
