@@ -195,6 +195,7 @@ def test_a_killed_export_is_held_only_if_it_left_something_behind(tmp_path, monk
     assert held == leaves, note
 
 
+@pytest.mark.slow
 def test_what_a_door_lets_through_is_seen(station, monkeypatch):
     held, note = doors._ended_often(station)
     assert held and note.endswith(", sealed")

@@ -412,7 +412,7 @@ def test_an_alarm_is_raised_by_what_comes_in(case, request):
         assert any(rule.text in alarm.text and alarm.advice == rule.advice for alarm in found), (key, sorted(came))
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize(("ppm", "wrong"), [(200.0, False), (350.0, True), (-2000.0, True), (5000.0, True)])
 def test_a_clock_that_drifts_is_an_alarm_and_its_positions_are_dated_right_all_the_same(ppm, wrong):
     scene = Scene(Vehicle(UGV, drift_ppm=ppm)).run(100)

@@ -96,6 +96,7 @@ def test_vehicles_that_stand_are_refused_with_two_offsets(tmp_path):
         find_fleet_clock([film], logs, ANY)
 
 
+@pytest.mark.slow
 def test_a_fleet_that_was_elsewhere_is_refused(tmp_path):
     write_session(replace(nominal(5), duration_s=24.0), tmp_path / "other")
     film, logs = flight(SWARM)

@@ -67,6 +67,7 @@ def test_a_dji_drone_above_rovers(flown, tmp_path):
     assert result.wrong_sure_s == 0.0
 
 
+@pytest.mark.slow
 def test_two_drones_above_rovers(flown, tmp_path):
     subtitles, film, session = tmp_path / "DJI_0001.SRT", tmp_path / "DJI_0002.MP4", tmp_path / "session"
     subtitles.write_text(srt("keyed", flown.spots()))

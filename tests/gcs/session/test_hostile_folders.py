@@ -109,6 +109,7 @@ def test_a_flight_starts_and_seals_the_good_session_among_the_bad_ones(tmp_path)
     assert sum("cannot be sealed" in event["text"] for event in events) == 8
 
 
+@pytest.mark.slow
 def test_a_folder_that_others_may_write_to_is_told(tmp_path):
     sessions = tmp_path / "sessions"
     sessions.mkdir()

@@ -85,6 +85,7 @@ def test_too_few_views_are_refused():
     assert doubt.startswith("only ") and "12 are needed" in doubt
 
 
+@pytest.mark.slow
 def test_board_that_was_never_on_one_side_is_refused():
     right = [v for v in views(140) if v.corners[:, 0].min() > 640]
     assert len(right) >= 12

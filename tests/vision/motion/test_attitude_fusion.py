@@ -119,6 +119,7 @@ def test_a_sway_between_the_samples_is_seen_in_the_boxes(options, limit_deg):
     assert quick(fused)[:2].max() < 0.4 * quick(alone)[:2].max()
 
 
+@pytest.mark.slow
 def test_the_lag_of_attitude_is_found():
     for lag_s in (0.0, 0.06):
         assert Sway(lag_s=lag_s, attitude_hz=20.0).fly()[2].lag_s == pytest.approx(lag_s, abs=0.01)
@@ -158,12 +159,14 @@ def test_without_vehicles_it_is_what_telemetry_has():
     assert quick(fused)[:2].max() < 1.3 * quick(alone)[:2].max()
 
 
+@pytest.mark.slow
 def test_tracks_that_are_exchanged_do_not_turn_the_camera():
     steady, swapped = Sway().fly()[1], Sway(swapped_s=8.0).fly()[1]
     assert np.abs(swapped - steady).max() < 0.35
     assert np.abs(swapped - steady)[-20:].max() < 0.1
 
 
+@pytest.mark.slow
 def test_without_attitude_the_boxes_hold_the_camera_near_level():
     alone, fused, _ = Sway(known=False).fly()
     change = np.diff(fused, axis=0).std(axis=0)[:2], np.diff(alone, axis=0).std(axis=0)[:2]
@@ -191,6 +194,7 @@ def test_a_sway_is_seen_in_the_pixels_also_without_vehicles(options):
     assert quick(fused)[:2].max() < 0.3 * quick(alone)[:2].max()
 
 
+@pytest.mark.slow
 def test_without_attitude_the_pixels_carry_the_cameras_turning():
     blind = Sway(known=False).fly()[1]
     seen = Sway(known=False, pixels_deg=0.02).fly()[1]

@@ -155,6 +155,7 @@ def broken(film, **given):
     return count
 
 
+@pytest.mark.slow
 @MODEST
 @given(SEED)
 def test_jumps_of_twice_the_vehicles_size_break_no_track(seed):

@@ -101,6 +101,7 @@ def test_a_cover_picture_is_not_the_film(tmp_path):
         assert len(list(film.frames())) == FRAMES
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("suffix", ["mp4", "mov", "mkv"])
 @pytest.mark.parametrize(
     ("hidden", "turned", "aspect", "cover"),
