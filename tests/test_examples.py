@@ -76,6 +76,7 @@ def test_an_export_of_ones_own(run, six_seconds, tmp_path):
         run("own_export.py", six_seconds, tmp_path / "seen.txt")
 
 
+@pytest.mark.slow
 def test_a_flight_frame_by_frame(run, six_seconds):
     text = run("fold_frame_by_frame.py", six_seconds)
     named = float(re.search(r"([\d.]+) of 6 vehicles named", text)[1])

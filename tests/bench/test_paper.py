@@ -183,6 +183,7 @@ def test_every_condition_asks_methods_that_exist_about_more_than_a_thousand_fram
     assert len(conditions(quick=True)) < len(plan) / 3
 
 
+@pytest.mark.slow
 def test_a_condition_counts_boxes_and_lists_what_was_missed():
     condition = Condition(
         experiment="false box",

@@ -95,6 +95,7 @@ def test_two_seconds_live(tmp_path):
     assert {int(row["system_id"]) for row in truth} - {0} == set(range(11, 17))
 
 
+@pytest.mark.slow
 def test_each_of_two_cameras_sends_its_own(tmp_path, monkeypatch):
     with Receiver() as telemetry, Receiver() as video, Receiver() as other:
         url = f"udp://127.0.0.1:{video.port}?pkt_size=1316"

@@ -36,7 +36,7 @@ def play(identifier, told, size_deg, seen, reporting, seconds):
     return np.array(names)
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize(("told", "size_deg"), [(LEVEL, (3.0, 2.5, 0.0)), (SLANTED, (0.5, 0.5, 0.5))])
 def test_vehicles_below_a_swaying_camera_are_named(told, size_deg):
     fleet = Fleet(n=5, spacing_m=6.0)

@@ -135,6 +135,7 @@ def test_a_worker_of_a_cluster_joins_late_and_another_is_killed(tmp_path):
     assert len(rows) == 3
 
 
+@pytest.mark.slow
 def test_a_cluster_that_is_not_there(tmp_path):
     (flight,) = short_flights(tmp_path / "flights", 1)
     code, _, stderr = run_gcs(

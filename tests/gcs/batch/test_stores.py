@@ -71,6 +71,7 @@ def quick_lock(monkeypatch):
     return monkeypatch
 
 
+@pytest.mark.slow
 def test_two_batches_do_not_write_into_one_store(tmp_path, memory, quick_lock):
     (flight,) = short_flights(tmp_path, 1)
     with open_results("memory://out").claim(older_s=0.0):

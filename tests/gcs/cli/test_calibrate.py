@@ -62,6 +62,7 @@ def test_camera_is_found_from_its_video_and_serves_a_mission(video, tmp_path, mo
     assert out.read_bytes() == before
 
 
+@pytest.mark.slow
 def test_too_short_a_video_or_another_board_writes_nothing(tmp_path, monkeypatch, capsys):
     camera, rng = BoardCamera(SIZE, K, LENS), np.random.default_rng(1)
     path = tmp_path / "short.mp4"

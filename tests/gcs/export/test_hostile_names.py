@@ -160,7 +160,11 @@ def shown(shots):
 
 
 @pytest.mark.parametrize("form", FORMATS.values(), ids=FORMATS)
-@pytest.mark.parametrize("called", ["flight", NAMES[3] + NAMES[-2] + "<&\"'=,"], ids=["plain", "hostile"])
+@pytest.mark.parametrize(
+    "called",
+    [pytest.param("flight", marks=pytest.mark.slow), NAMES[3] + NAMES[-2] + "<&\"'=,"],
+    ids=["plain", "hostile"],
+)
 def test_names_do_no_harm(form, called, shown, shots, flight, tmp_path):
     out = tmp_path / f"out{form.suffix}"
     times_us = np.array([one.t_us for one in shots])

@@ -68,6 +68,7 @@ def written(path, snapshots, **job):
     return read(path)
 
 
+@pytest.mark.slow
 def test_a_recording_has_film_boxes_scene_fixes_and_rows(flight, export_to, tmp_path):
     messages = read(export_to(tmp_path / "a.mcap"))
     export_to(tmp_path / "a.jsonl")

@@ -42,6 +42,7 @@ def stamp_ns(message):
     return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
 
 
+@pytest.mark.slow
 def test_a_recording_has_detections_pictures_and_fixes(flight, shots, tmp_path):
     taken = shots[::8]
     messages = written(tmp_path / "bag", taken, name="flight", video=flight / "video.mp4")

@@ -66,6 +66,7 @@ def test_who_was_left_out_in_flight_is_not_offered_and_can_be_taken_in_again():
     assert [(each.system_id, each.offered) for each in newcomers.heard] == [(18, False)]
 
 
+@pytest.mark.slow
 def test_made_up_ids_are_offered_a_few_times_and_told_once():
     newcomers = Newcomers()
     told = []

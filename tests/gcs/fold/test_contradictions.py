@@ -145,6 +145,7 @@ def test_frames_that_follow_no_track_accuse_nobody(apart_s, accused):
     assert watch.standing == watch.suspected == accused
 
 
+@pytest.mark.slow
 def test_one_that_reports_to_be_where_a_silent_one_is_gets_not_its_name_and_its_own_box_is_no_stranger():
     scene = filmed(10)
     other = next(each for each in scene.vehicles if each.system_id == OTHER)

@@ -317,6 +317,7 @@ def test_one_text_over_and_over_says_how_often():
     assert "a × " in told[-1].text
 
 
+@pytest.mark.slow
 def test_a_disk_that_fills_says_what_is_left_once_for_each_level(watch):
     for minute in range(30, 0, -1):
         watch.see(60, health=replace(WELL, free_bytes=minute * 120 * 10**6, full_in_s=60.0 * minute))

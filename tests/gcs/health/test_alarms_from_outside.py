@@ -400,7 +400,18 @@ def test_there_is_a_case_for_every_alarm():
     assert set(CASES) == {(rule.key, rule.level) for rule in RULES}
 
 
-@pytest.mark.parametrize("case", dict.fromkeys(CASES.values()), ids=lambda case: case.__name__)
+LONG = (
+    *("has_a_slow_clock", "is_filmed_elsewhere", "has_a_camera_that_is_mounted_turned", "is_at_the_edge_of_its_radio"),
+    *("has_a_camera_that_looks_down_more_steeply_than_told", "has_a_camera_that_dates_its_frames_late"),
+)
+"""Flights of a minute, and films in which it takes seconds to be known."""
+
+
+@pytest.mark.parametrize(
+    "case",
+    [pytest.param(case, marks=[pytest.mark.slow] * (case.__name__ in LONG)) for case in dict.fromkeys(CASES.values())],
+    ids=lambda case: case.__name__,
+)
 def test_an_alarm_is_raised_by_what_comes_in(case, request):
     names = case.__code__.co_varnames[: case.__code__.co_argcount]
     came = case(**{name: request.getfixturevalue(name) for name in names})

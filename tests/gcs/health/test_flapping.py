@@ -36,6 +36,7 @@ class Flight:
         return {alarm.key: alarm for alarm in active}
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(("on_s", "off_s"), [(1.2, 1.0), (2.0, 2.0), (1.3, 4.0), (8.0, 12.0)])
 @pytest.mark.parametrize(("wrong", "key"), [(STALLED, "video"), (CUT, "link udp"), (SILENT, "silent 11")])
 def test_the_sentence_is_never_said_of_what_has_been_well_for_three_seconds(wrong, key, on_s, off_s):

@@ -105,6 +105,7 @@ def test_a_fleet_that_was_elsewhere_is_refused(tmp_path):
         find_fleet_clock([film], replace(logs, fleet=others.fleet), ANY)
 
 
+@pytest.mark.slow
 def test_without_a_uav_or_a_fleet_nothing_is_found():
     film, logs = flight(SWARM)
     for lacking in (replace(logs, uav=lambda: ()), replace(logs, fleet={})):

@@ -164,6 +164,7 @@ def test_whatever_a_file_holds(name, samples, tmp_path):
     assert refused > 0
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("name", NAMES)
 def test_whole_files_are_read_whole(name, samples, tmp_path):
     path = tmp_path / f"whole.{name}"
@@ -171,6 +172,7 @@ def test_whole_files_are_read_whole(name, samples, tmp_path):
     assert all(not log.notes.skipped for log in read(path))
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("suffix", ["srt", "csv", "gpx", "kml", "nmea", "log", "bin", "ulg"])
 @pytest.mark.parametrize("data", [b"\0" * 100_000, b"\xff" * 100_000, b"1" * 1_000_000, b"\n" * 100_000, b"<" * 10_000])
 def test_long_nonsense(suffix, data, tmp_path):

@@ -100,6 +100,7 @@ def test_what_a_receiver_of_rtp_needs_is_written_once_and_nothing_is_written_ove
     assert f"{path} is not written" in text
 
 
+@pytest.mark.slow
 def test_a_picture_of_another_size_goes_on_in_the_same_stream():
     url = parse_show(f"udp://127.0.0.1:{free_port()}?width=200")
     stop = threading.Event()

@@ -91,6 +91,7 @@ def test_what_cannot_be_read_is_said(tmp_path, monkeypatch):
         TerrainFile(write_geotiff(tmp_path / "large.tif", grid(), *place))
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     ("tag", "value", "said"),
     [

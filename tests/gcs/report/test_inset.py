@@ -28,6 +28,7 @@ def at(cx, cy, system_id=11, w=60.0):
     return replace(BOXES[11], cx=cx, cy=cy, w=w, h=w / 2, system_id=system_id, track_id=system_id)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("cx", [5.0, 300.0, 640.0, 1000.0, 1275.0])
 @pytest.mark.parametrize("cy", [5.0, 200.0, 360.0, 715.0])
 def test_it_covers_neither_the_picked_box_nor_any_label(cx, cy):

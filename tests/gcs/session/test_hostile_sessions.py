@@ -239,6 +239,7 @@ def film(path, **tags):
         container.mux(stream.encode(None))
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("first", ["999999999999", "9" * 5000, "20000000"])
 def test_a_video_that_says_it_goes_on_far_away_asks_for_no_memory(tmp_path, first):
     film(tmp_path / "video.mkv")

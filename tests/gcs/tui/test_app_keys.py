@@ -144,6 +144,7 @@ async def test_all_panes_can_be_hidden():
         assert "map" in on_screen(app)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("size", [SMALL, (200, 60), (40, 12), (12, 4)])
 async def test_layouts_and_maximising_at_every_size(size):
     async with running(size=size) as (app, pilot, _):

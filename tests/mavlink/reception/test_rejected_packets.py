@@ -77,6 +77,7 @@ def test_a_recording_of_minutes_ago_is_a_replay_though_its_packets_were_never_re
     assert fleet.at(T0 + S).vehicles[1].bad_signature == 10
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("seconds", [13, 40, 300, 3000])
 @pytest.mark.parametrize("per_s", [20, 100_000], ids=["counter that stands still", "time of day"])
 def test_a_recording_played_from_elsewhere_is_recognised_however_slowly_the_counter_runs(seconds, per_s):

@@ -60,6 +60,7 @@ def test_vehicles_appear_where_they_are_labelled(tmp_path):
             assert np.linalg.norm(uv - label) < 3.0
 
 
+@pytest.mark.slow
 def test_the_team_moves_and_the_parked_report_no_heading(tmp_path):
     world, times = film_of(tilted(-90.0))
     tracks, motions = tracks_of(world, tmp_path), true_motions(world, times)
@@ -81,6 +82,7 @@ def test_a_camera_is_guessed_from_sizes(pitch, tmp_path):
     assert camera.height_m == pytest.approx(45.0, rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_camera_that_climbs_has_the_height_of_the_first_image(tmp_path):
     scenario = tilted(-90.0)
     climbing = dataclasses.replace(scenario, duration_s=20.0, flight=ScenarioFlight(height_m=45.0, climb_mps=3.0))
@@ -92,6 +94,7 @@ def test_a_camera_that_climbs_has_the_height_of_the_first_image(tmp_path):
     assert heights[1] / heights[0] == pytest.approx(105.0 / 45.0, rel=0.05)
 
 
+@pytest.mark.slow
 def test_absurd_motion_is_taken_for_none(tmp_path):
     world, times = film_of(tilted(-50.0))
     motions = true_motions(world, times)

@@ -61,6 +61,7 @@ def test_spread_of_the_pixels_is_what_many_calibrations_have():
     assert np.sqrt(np.var(pixels, axis=0).sum(axis=-1)).max() == pytest.approx(np.median(told), rel=0.4)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_finds_the_camera_within_what_it_says_of_its_own_error(seed):
     calibration = calibrate(views(seed=seed), BOARD, SIZE)

@@ -36,6 +36,7 @@ def test_rotated_iou_agrees_with_opencv():
     np.testing.assert_allclose(rotated_iou(a, b), expected, atol=1e-5)
 
 
+@pytest.mark.slow_but_first
 @MODEST
 @given(BOXES, BOXES)
 @pytest.mark.parametrize("measure", [rotated_iou, prob_iou])

@@ -164,6 +164,7 @@ def test_a_sender_that_shows_nothing_any_more_gives_way():
     assert 3.0 + BLIND_S <= play.turns[0][0] <= 3.5 + BLIND_S
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("hosts", [1, 40])
 def test_many_senders_of_junk_keep_no_camera_out(hosts):
     noise = [junk((f"10.0.1.{k % hosts}", 4000 + k), kind="mpegts", begin_s=0.1 * k) for k in range(40)]
@@ -189,6 +190,7 @@ def test_a_process_that_was_replaced_knows_who_was_first():
     assert [sender.host for _, sender in play.turns] == [STRANGER[0], CAMERA[0]]
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     ("films", "rtp"),
     [

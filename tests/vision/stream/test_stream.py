@@ -102,6 +102,7 @@ def test_what_is_listed_is_what_is_recorded(tmp_path, sender, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     ("encoder", "key", "source"),
     [

@@ -112,6 +112,7 @@ def test_pictures_have_at_most_half_of_the_machines_memory(tmp_path, monkeypatch
     assert bounds[-1] == most
 
 
+@pytest.mark.slow
 def test_a_recording_of_many_files_has_not_as_many_processes(tmp_path, monkeypatch):
     path = write_clip(tmp_path / "video.mp4", steady(4))
     for k in (1, 2, 3):

@@ -56,6 +56,7 @@ def test_a_trimmed_film_begins_with_the_frame_that_players_show_first(gop, copie
             CodedFilm(path)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("turned", [90, 180, -90])
 def test_pictures_are_turned_as_the_container_asks(turned, tmp_path):
     path = remuxed(write_clip(tmp_path / "clip.mp4", steady(9)), tmp_path / "turned.mp4", turned=turned)

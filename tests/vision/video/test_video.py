@@ -29,6 +29,7 @@ def container(request):
     return request.param
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("rhythm", [steady, varying])
 def test_every_frame_is_found_under_its_number(tmp_path, container, rhythm):
     pts = rhythm(60)
@@ -208,6 +209,7 @@ def test_a_cut_recording_keeps_nearly_every_frame(tmp_path):
     recording.close()
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("how", ["file deleted", "folder deleted", "folder moved"])
 def test_a_recording_that_is_deleted_or_moved_is_put_back_and_goes_on(tmp_path, monkeypatch, how):
     monkeypatch.setattr(kept_file, "LOOK_S", 0.0)

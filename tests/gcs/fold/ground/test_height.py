@@ -53,6 +53,7 @@ def follow(
     return heights.ground
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("home", [-40.0, -20.0, 30.0, 40.0])
 @pytest.mark.parametrize("n", [1, 2, 7])
 def test_take_off_from_a_hill_or_a_valley_is_seen_in_the_vehicles_altitudes(home, n):
@@ -72,6 +73,7 @@ def test_without_any_altitude_it_is_the_home_plane_and_doubtful():
     assert ground.z == pytest.approx(7.0) and ground.std_m == 6.0 and not ground.slope.any()
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("wrong", [100.0, -100.0, 40.0])
 @pytest.mark.parametrize("home", [0.0, 30.0])
 def test_one_wrong_altitude_costs_nothing(wrong, home):

@@ -42,6 +42,7 @@ def checkers(path, zoom=ZOOM, reach=6):
     return tiles, make_tiles(path, tiles)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(("east", "north", "scale"), [(0.0, 0.0, 0.5), (60.0, -40.0, 0.28), (-30.0, 80.0, 0.05)])
 def test_every_cell_shows_the_tile_of_its_ground(tmp_path, east, north, scale):
     tiles, path = checkers(tmp_path / "a.mbtiles")

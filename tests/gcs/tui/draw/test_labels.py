@@ -165,7 +165,7 @@ def moved(snapshot, step):
     return replace(snapshot, vehicles=tuple(rows), boxes=tuple(boxes))
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize("spread", [0.3, 3.0, 15.0])
 @pytest.mark.parametrize("names", [None, NAMES], ids=["ids", "odd names"])
 @pytest.mark.parametrize("seed", [1, 2])
