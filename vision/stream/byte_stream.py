@@ -1,4 +1,4 @@
-"""Bytes of a TCP or HTTP connection, each with the time at which it came.
+"""Bytes of a TCP, HTTP or SRT connection, each with the time at which it came.
 
 Raw H.264, raw H.265 and MJPEG have no time stamps; those that FFmpeg makes up suppose 25 pictures a second. Their
 pictures are dated by when their first byte came, which also undoes what a demuxer holds back.
@@ -13,11 +13,13 @@ from fractions import Fraction
 from typing import TypeAlias
 
 import av
+from av.container import InputContainer
 from av.format import Flags
 from av.packet import Packet
 from av.video.stream import VideoStream as CodedStream
 
 from vision.stream.source import Source
+from vision.stream.srt_relay import SrtRelay
 
 Packets: TypeAlias = "Iterator[Packet[CodedStream]]"
 
@@ -65,14 +67,18 @@ class ByteStream:
         arrival_s: Unix time at which the packet that was dated last came.
 
     Raises:
-        av.FFmpegError: it cannot be connected to, or breaks off.
+        av.FFmpegError, OSError: it cannot be connected to, or breaks off.
     """
 
     def __init__(self, source: Source, timeout: tuple[float, float]) -> None:
         self.arrival_s = 0.0
-        options = dict(source.options) | _AT_ONCE
-        self._container = av.open(source.address, format="data", options=options, timeout=timeout)
-        self._chunks = self._container.demux()
+        self._line: SrtRelay | InputContainer
+        if source.address.startswith("srt:"):
+            self._line = SrtRelay(source.address, timeout)
+        else:
+            options = dict(source.options) | _AT_ONCE
+            self._line = av.open(source.address, format="data", options=options, timeout=timeout)
+        self._chunks: Iterator[bytes] = map(bytes, self._line.demux())
         self._rest = b""
         self.arrivals = Arrivals()
 
@@ -101,9 +107,9 @@ class ByteStream:
 
     def close(self) -> None:
         """Hang up."""
-        self._container.close()
+        self._line.close()
 
     def _receive(self) -> bytes:
-        self._rest = bytes(next(self._chunks, b""))
+        self._rest = next(self._chunks, b"")
         self.arrivals.add(len(self._rest), time.time())
         return self._rest

@@ -49,7 +49,7 @@ WAIT_S = 30.0
 READ_TIMEOUT_S = 2.0
 """Longest wait for the next packet, seconds."""
 HTTP = ("http:", "https:")
-BYTE_STREAMS = ("tcp:", *HTTP)
+BYTE_STREAMS = ("tcp:", "srt:", *HTTP)
 ONE_STREAM = {"format_whitelist": f"{ONE_FILE},mpjpeg"}
 """Formats that others may send: a playlist or a session would have FFmpeg ask any host and open any port."""
 MOST_REDIRECTS = 4
@@ -179,13 +179,13 @@ def _why(error: Exception) -> str:
 
 
 def _open_line(source: Source) -> Input | None:
-    """Read a TCP or HTTP connection here, so that its pictures can be dated; None of what FFmpeg has to read itself."""
+    """Read a TCP, HTTP or SRT connection here, so that its pictures can be dated; None of what FFmpeg has to read."""
     if not source.address.startswith(BYTE_STREAMS):
         return None
-    line = ByteStream(source, (OPEN_TIMEOUT_S, READ_TIMEOUT_S))
+    line = ByteStream(source, (_patience_s(source), READ_TIMEOUT_S))
     try:
         # playlists and files over HTTP are read in pieces
-        if not source.address.startswith("tcp") and not line.begins_as_stream():
+        if source.address.startswith(HTTP) and not line.begins_as_stream():
             line.close()
             return None
         opened = replace(

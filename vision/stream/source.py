@@ -25,6 +25,7 @@ from urllib.parse import parse_qsl, urlsplit
 
 from infra.secrets import concealed
 from vision.errors import VideoError
+from vision.stream.srt_relay import relayed_address
 
 Codec = Literal["", "h264", "hevc", "mpegts"]
 """Codec of datagrams; empty: to be found out."""
@@ -42,7 +43,7 @@ CODECS: Mapping[str, Codec] = {
 }
 DATAGRAMS: Mapping[str, Codec] = {"udp": "", "rtp": "", "mpegts": "mpegts", "udp264": "h264", "udp265": "hevc"}
 NETWORK = ("rtsp", "rtsps", "rtmp", "rtmps", "tcp", "http", "https")
-NOT_BUILT = ("srt", "rist")
+NOT_BUILT = ("rist",)
 """Schemes that FFmpeg can receive, and the one that comes with PyAV cannot."""
 ANY_HOST = ("", "0.0.0.0", "::")
 CAMERA_KEYS = {"size": "video_size", "rate": "framerate", "format": "input_format"}
@@ -97,12 +98,17 @@ def parse_source(text: str) -> Source:
         return Source(text=text, kind="file", address=urlsplit(text).path)
     if scheme in NETWORK:
         return _network(text, scheme)
+    if scheme == "srt":
+        address, listens = relayed_address(text, ANY_HOST)
+        return Source(text=shown, kind="network", address=address, options={"listen": "1"} if listens else {})
     if scheme in NOT_BUILT:
         raise VideoError(
             f"video {shown}: {scheme}:// is not received: FFmpeg as it comes with PyAV is built without it; have the "
             "sender push RTMP to rtmp://0.0.0.0:1935/live, or send MPEG-TS over UDP"
         )
-    raise VideoError(f"video {shown}: no source begins with {scheme}://; known are {', '.join((*DATAGRAMS, *NETWORK))}")
+    raise VideoError(
+        f"video {shown}: no source begins with {scheme}://; known are {', '.join((*DATAGRAMS, *NETWORK, 'srt'))}"
+    )
 
 
 def offered(stream_type: int, uri: str, encoding: int = 0) -> str:

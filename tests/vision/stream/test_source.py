@@ -80,6 +80,20 @@ def test_rtmp_to_any_address_of_ours_is_waited_for(text, waits):
     assert parse_source(text).waits == waits
 
 
+@pytest.mark.parametrize(
+    ("text", "address", "waits"),
+    [
+        ("srt://0.0.0.0:9000", "srt://0.0.0.0:9000?mode=listener&listen_timeout=35000000", True),
+        ("srt://:9000?latency=80000", "srt://0.0.0.0:9000?latency=80000&mode=listener&listen_timeout=35000000", True),
+        ("srt://10.0.0.2:9000?streamid=read:cam", "srt://10.0.0.2:9000?streamid=read%3Acam&mode=caller", False),
+        ("srt://[::1]:9000", "srt://[::1]:9000?mode=caller", False),
+    ],
+)
+def test_srt_waits_for_a_sender_at_an_address_of_ours_and_calls_another(text, address, waits):
+    source = parse_source(text)
+    assert (source.address, source.waits) == (address, waits)
+
+
 def test_a_password_may_hold_what_ends_an_address():
     assert parse_source("rtsp://eve:p/w:[x@10.0.0.2/main").kind == "network"
     assert parse_source("rtsp://10.0.0.2/main@1:x").kind == "network"
@@ -91,7 +105,10 @@ def test_a_password_may_hold_what_ends_an_address():
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("srt://0.0.0.0:9000", "srt:// is not received: .* push RTMP to"),
+        ("rist://0.0.0.0:9000", "rist:// is not received: .* push RTMP to"),
+        ("srt://10.0.0.2", "not an address"),
+        ("srt://:9000?passphrase=0123456789", "a passphrase would stand in"),
+        ("srt://:9000?transtype=file", "'transtype' is not passed on to SRT"),
         ("gopher://10.0.0.2", "no source begins with gopher"),
         ("udp://:99999", "not an address"),
         ("udp://:port", "not an address"),
