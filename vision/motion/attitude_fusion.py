@@ -28,7 +28,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.motion.fused_evidence import ReportedRotation, SeenTracks
-from vision.motion.lag_search import LagSearch
 from vision.motion.rotation import turned_by, vector_of
 
 Floats = NDArray[np.float64]
@@ -123,12 +122,10 @@ class AttitudeFusion:
 
     Attributes:
         lag_s: by how much telemetry's attitude is late; it is to be asked for so much after the frame's time.
-        searched_lag_s: as a search found it last, 0 as long as none was needed.
     """
 
     def __init__(self) -> None:
-        self.lag_s = self.searched_lag_s = 0.0
-        self._lags = LagSearch()
+        self.lag_s = 0.0
         self._t_us = 0
         self._R: FloatArray = np.eye(3)
         self._reported: ReportedRotation | None = None
@@ -155,7 +152,11 @@ class AttitudeFusion:
     def restart(self) -> None:
         """Forget all places, as they are given in another frame from now on; what was learnt of telemetry stays."""
         self._reported = None
-        self._lags.forget()
+
+    def begin_at_lag(self, lag_s: float) -> None:
+        """Begin anew with a lag, seconds, that is known from elsewhere."""
+        self.lag_s, self._lag_var, self._reported = lag_s, LAG_S**2, None
+        self._sample_var = np.full(3, SAMPLE**2)
 
     def predicted(self, t_us: int, reported: ReportedRotation) -> FloatArray:
         """(3, 3) the camera's rotation at a frame before its boxes are seen."""
@@ -183,7 +184,6 @@ class AttitudeFusion:
         Returns:
             (3, 3) the camera's rotation.
         """
-        lag_s = self._searched_lag(t_us, reported, p_enu, ground_z, seen)
         before, dt = self._R, (t_us - self._t_us) * 1e-6
         if self._continues(t_us, reported):
             turn = self._turn(reported)
@@ -198,23 +198,7 @@ class AttitudeFusion:
             self._begin(reported)
         self._t_us, self._reported, self._ground_z = t_us, reported, ground_z
         self._admit(t_us, p_enu, ground_z, seen)
-        if lag_s is not None:
-            self.lag_s = self.searched_lag_s = lag_s
-            self._lag_var, self._reported = LAG_S**2, None
-            self._sample_var = np.full(3, SAMPLE**2)
         return self._R
-
-    def _searched_lag(
-        self, t_us: int, reported: ReportedRotation, p_enu: FloatArray, ground_z: float, seen: SeenTracks
-    ) -> float | None:
-        """The lag, s, where a search finds it to be far from the one in use."""
-        if not reported.known:
-            self._lags.forget()
-            return None
-        lag_us = round(self.lag_s * 1e6)
-        self._lags.add_samples([sample_us + lag_us for sample_us in reported.sample_us], reported.samples_enu_cam)
-        self._lags.add_frame(t_us, p_enu, ground_z, seen)
-        return self._lags.found(t_us, self.lag_s)
 
     def _continues(self, t_us: int, reported: ReportedRotation) -> bool:
         last = self._reported

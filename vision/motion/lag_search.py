@@ -1,4 +1,4 @@
-"""Lag of telemetry's attitude behind the film, found where it is far from what is assumed, before anything has a name.
+"""Lag of telemetry's attitude behind the film, found where it is far from what is assumed, whoever is named.
 
 A camera that sways or turns moves all boxes together. Under the attitude of the right moment their places on the ground
 are those of vehicles, which drive evenly; under that of another moment the sway is left in all of them. For a lag δ
@@ -6,7 +6,7 @@ are those of vehicles, which drive evenly; under that of another moment the sway
     c(δ) = median over the tracks of mean |g(t; R(t + δ)) − quadratic in t|²
 
 over the last seconds. Its least value is taken where it is clearly less than at the lag in use and at every one that is
-not beside it, twice in a row.
+not beside it, in two searches in a row.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from vision.motion.fused_evidence import SeenTracks
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 LAGS_S = np.arange(-5.0, 1.01, 0.1)
 """Lags that are tried: a film is late by seconds where a server buffers it, telemetry by its radio."""
 WINDOW_S = 4.0
@@ -32,10 +33,15 @@ HISTORY_S = 0.5 - LAGS_S[0]
 """Time before the first frame from which on telemetry is of use."""
 APART_S = 0.08
 """Frames nearer to the last one add little."""
-LEAST_LOOKS, LEAST_TRACKS = 15, 2
-"""Frames in which a track needs a box to be compared, and least number of such tracks."""
-OFTEN_S, SELDOM = 1.0, 0.2
-"""Time between two searches, and that share of the time since the first: what did not show early seldom does."""
+LEAST_LOOKS, LEAST_TRACKS, LEAST_SAMPLES = 15, 2, 3
+"""Frames in which a track needs a box to be compared, and least numbers of such tracks and of samples of attitude."""
+MOST_TRACKS = 12
+"""Tracks that are compared, the longest ones: more hardly tell more."""
+OFTEN_S, SELDOM, LONGEST_S = 2.0, 0.2, 10.0
+"""Time between two searches: at least, as a share of that since the film began, since what did not show early seldom
+does, and at most."""
+PAUSE_S = 2.0
+"""After a longer pause between two frames the search begins anew: a connection may have another delay."""
 CLEARER, ALONE = 3.0, 1.4
 """Ratio by which c has to be larger at the lag in use, and at the best one more than ``BESIDE_S`` away."""
 BESIDE_S, FAR_S, SAME_S = 0.35, 0.12, 0.15
@@ -56,14 +62,10 @@ class _Looked:
 class _Followed:
     """A track over the window."""
 
-    t_us: FloatArray
-    """(n,)."""
+    frame: IntArray
+    """(n,) in which of the frames it was seen."""
     ray: FloatArray
     """(n, 3), camera frame."""
-    p_enu: FloatArray
-    """(n, 3) the camera."""
-    ground_z: FloatArray
-    """(n,)."""
 
 
 class LagSearch:
@@ -71,34 +73,40 @@ class LagSearch:
 
     def __init__(self) -> None:
         self._frames: deque[_Looked] = deque()
-        self._sample_us: deque[int] = deque()
-        self._samples: deque[FloatArray] = deque()
+        self._samples: deque[tuple[int, FloatArray]] = deque()
+        self._begin()
+
+    def _begin(self) -> None:
+        self._frames.clear()
         self._first_us = self._next_us = 0
         self._before_s = np.nan
 
     def forget(self) -> None:
         """Begin anew: places are given in another frame from now on, or the attitude was away."""
-        self._frames.clear()
-        self._sample_us.clear()
+        self._begin()
         self._samples.clear()
-        self._before_s = np.nan
 
-    def add_samples(self, sample_us: Sequence[int], R_enu_cam: Sequence[FloatArray]) -> None:
-        """Add the camera's rotations (3, 3) by telemetry, at their own times, Unix µs."""
-        for t_us, R in zip(sample_us, R_enu_cam, strict=True):
-            if not self._sample_us or t_us > self._sample_us[-1]:
-                self._sample_us.append(t_us)
-                self._samples.append(R)
+    def samples_wanted(self, t_us: int) -> tuple[int, int]:
+        """The Unix times, µs, after which and until which samples of the attitude are wanted at a frame."""
+        since_us = self._samples[-1][0] if self._samples else t_us - round(HISTORY_S * 1e6)
+        return since_us, t_us + round(LAGS_S[-1] * 1e6)
+
+    def add_sample(self, t_us: int, R_enu_cam: FloatArray) -> None:
+        """Add the camera's rotation (3, 3) by telemetry, at its own Unix time, µs."""
+        if not self._samples or t_us > self._samples[-1][0]:
+            self._samples.append((t_us, R_enu_cam))
 
     def add_frame(self, t_us: int, p_enu: FloatArray, ground_z: float, seen: SeenTracks) -> None:
         """Add a frame: the camera's place (3,), the height of the ground, m, and its boxes."""
-        self._first_us = self._first_us or t_us
+        if self._frames and not 0 <= t_us - self._frames[-1].t_us <= PAUSE_S * 1e6:
+            self._begin()
+        if not self._frames:
+            self._first_us, self._next_us = t_us, t_us + round((LEAST_WINDOW * WINDOW_S + LAGS_S[-1]) * 1e6)
         if not self._frames or t_us - self._frames[-1].t_us >= APART_S * 1e6:
             self._frames.append(_Looked(t_us, p_enu, ground_z, seen))
         while t_us - self._frames[0].t_us > (WINDOW_S + LAGS_S[-1]) * 1e6:
             self._frames.popleft()
-        while self._sample_us and self._sample_us[0] < self._frames[0].t_us - HISTORY_S * 1e6:
-            self._sample_us.popleft()
+        while self._samples and self._samples[0][0] < self._frames[0].t_us - HISTORY_S * 1e6:
             self._samples.popleft()
 
     def found(self, t_us: int, lag_s: float) -> float | None:
@@ -110,26 +118,29 @@ class LagSearch:
         """
         if t_us < self._next_us:
             return None
-        self._next_us = t_us + max(round(OFTEN_S * 1e6), round(SELDOM * (t_us - self._first_us)))
+        wait_s = min(max(OFTEN_S, SELDOM * 1e-6 * (t_us - self._first_us)), LONGEST_S)
+        self._next_us = t_us + round(wait_s * 1e6)
         best = self._best(lag_s)
         before, self._before_s = self._before_s, np.nan if best is None else best
         return best if best is not None and abs(best - before) < SAME_S else None
 
     def _best(self, lag_s: float) -> float | None:
         """The lag of the least residual, if it is clearly better than ``lag_s``."""
-        tracks = self._tracks()
-        if len(tracks) < LEAST_TRACKS:
+        # at later frames telemetry is not there yet for every lag
+        frames = [frame for frame in self._frames if frame.t_us <= self._frames[-1].t_us - LAGS_S[-1] * 1e6]
+        tracks = _followed(frames)
+        if len(tracks) < LEAST_TRACKS or len(self._samples) < LEAST_SAMPLES:
             return None
-        begin_us, end_us = self._frames[0].t_us, max(track.t_us[-1] for track in tracks)
-        least, most = (self._sample_us[0] - begin_us) * 1e-6, (self._sample_us[-1] - end_us) * 1e-6
-        lags = LAGS_S[(least <= LAGS_S) & (most >= LAGS_S)]
-        if len(lags) < 3 or not lags[0] <= lag_s <= lags[-1]:
+        since_us, until_us = self._samples[0][0], self._samples[-1][0]
+        known = (since_us - frames[0].t_us <= 1e6 * LAGS_S) & (until_us - frames[-1].t_us >= 1e6 * LAGS_S)
+        lags = LAGS_S[known]
+        if not len(lags) or not lags[0] <= lag_s <= lags[-1]:
             return None
-        path = Slerp(np.array(self._sample_us, dtype=float), Rotation.from_matrix(np.array(self._samples)))
-        cost = _residuals(path, tracks, lags)
+        sample_us, R = zip(*self._samples, strict=True)
+        cost = _residuals(Slerp(np.array(sample_us, float), Rotation.from_matrix(np.array(R))), frames, tracks, lags)
         k = int(np.argmin(cost))
-        beside = np.abs(lags - lags[k]) > BESIDE_S
-        if k in (0, len(lags) - 1) or cost[beside].min(initial=np.inf) < ALONE * cost[k]:
+        away = cost[np.abs(lags - lags[k]) > BESIDE_S]
+        if k in (0, len(lags) - 1) or not len(away) or away.min() < ALONE * cost[k]:
             return None
         # the vertex of the parabola through three values at even distances
         a, b, c = cost[k - 1 : k + 2]
@@ -138,36 +149,35 @@ class LagSearch:
             return None
         return found_s
 
-    def _tracks(self) -> list[_Followed]:
-        """Tracks that were seen for long enough."""
-        if len(self._sample_us) < 3:
-            return []
-        last_us = self._frames[-1].t_us - LAGS_S[-1] * 1e6
-        frames = [frame for frame in self._frames if frame.t_us <= last_us]
-        if not frames or last_us - frames[0].t_us < LEAST_WINDOW * WINDOW_S * 1e6:
-            return []
-        seen: dict[int, list[tuple[float, FloatArray, FloatArray, float]]] = {}
-        for frame in frames:
-            for track, ray in zip(frame.seen.track_id.tolist(), frame.seen.ray, strict=True):
-                seen.setdefault(track, []).append((frame.t_us, ray, frame.p_enu, frame.ground_z))
-        lasting = (rows for rows in seen.values() if len(rows) >= LEAST_LOOKS)
-        return [
-            _Followed(*(np.array(column) for column in zip(*rows, strict=True)))
-            for rows in lasting
-            if rows[-1][0] - rows[0][0] > 0.5 * WINDOW_S * 1e6
-        ]
+
+def _followed(frames: Sequence[_Looked]) -> list[_Followed]:
+    """The tracks that were seen in most frames."""
+    seen: dict[int, list[tuple[int, FloatArray]]] = {}
+    for k, frame in enumerate(frames):
+        for track, ray in zip(frame.seen.track_id.tolist(), frame.seen.ray, strict=True):
+            seen.setdefault(track, []).append((k, ray))
+    lasting = [
+        rows
+        for rows in seen.values()
+        if len(rows) >= LEAST_LOOKS and frames[rows[-1][0]].t_us - frames[rows[0][0]].t_us > 0.5 * WINDOW_S * 1e6
+    ]
+    longest = sorted(lasting, key=len, reverse=True)[:MOST_TRACKS]
+    return [_Followed(np.array([k for k, _ in rows]), np.array([ray for _, ray in rows])) for rows in longest]
 
 
-def _residuals(path: Slerp, tracks: Sequence[_Followed], lags: FloatArray) -> FloatArray:
+def _residuals(path: Slerp, frames: Sequence[_Looked], tracks: Sequence[_Followed], lags: FloatArray) -> FloatArray:
     """(k,) c(δ) for lags (k,), m²."""
+    t_us = np.array([frame.t_us for frame in frames], float)
+    R = path((t_us + 1e6 * lags[:, None]).ravel()).as_matrix().reshape(len(lags), len(frames), 3, 3)
+    p_enu = np.array([frame.p_enu for frame in frames])
+    height = p_enu[:, 2] - np.array([frame.ground_z for frame in frames])
     each = []
     for track in tracks:
-        R = path((track.t_us + 1e6 * lags[:, None]).ravel())
-        d = R.apply(np.tile(track.ray, (len(lags), 1))).reshape(len(lags), -1, 3)
+        d = np.einsum("kfij,fj->kfi", R[:, track.frame], track.ray)
         down = np.maximum(-d[..., 2], LEVEL * np.linalg.norm(d, axis=-1))
-        height = track.p_enu[:, 2] - track.ground_z
-        g = track.p_enu[:, :2] + (height / down)[..., None] * d[..., :2]
-        A = np.vander((track.t_us - track.t_us.mean()) * 1e-6 / WINDOW_S, 3)
+        g = p_enu[track.frame, :2] + (height[track.frame] / down)[..., None] * d[..., :2]
+        at = t_us[track.frame]
+        A = np.vander((at - at.mean()) * 1e-6 / WINDOW_S, 3)
         off = g - (A @ np.linalg.pinv(A)) @ g
         each.append(np.square(off).sum(axis=-1).mean(axis=-1))
     return np.asarray(np.median(each, axis=0))

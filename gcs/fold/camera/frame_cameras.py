@@ -28,7 +28,7 @@ from vision.detect.detections import Detections
 from vision.motion.attitude_fusion import AttitudeFusion
 from vision.motion.fused_evidence import ReportedRotation, SeenTracks
 from vision.motion.image_motion import ImageMotion
-from vision.motion.lag_search import HISTORY_S
+from vision.motion.lag_search import LagSearch
 from vision.motion.rotation import CameraTurn, GroundShift, rotation_of
 from vision.track.tracks import Tracks
 
@@ -65,7 +65,8 @@ class FrameCameras:
         self._K: NDArray[np.float64] = np.zeros((3, 3))
         self._reported: ReportedRotation | None = None
         self._asked_us = 0
-        self._lag_told_s = 0.0
+        self._lags = LagSearch()
+        self._found_lag_s: float | None = None
 
     @property
     def size(self) -> tuple[int, int] | None:
@@ -113,7 +114,7 @@ class FrameCameras:
         self._optics = Optics(found)
         self._direction.use(found)
         self._zoom.restart()
-        self._fusion.restart()
+        self._restart()
         return camera is not None, events
 
     @property
@@ -129,7 +130,12 @@ class FrameCameras:
         """Take positions as they are reported again: they are given in another frame from now on."""
         self._steps, self._heights = StepFilter(), GroundHeight(takeoff_known=self._takeoff_known)
         self._zoom.restart()
+        self._restart()
+
+    def _restart(self) -> None:
+        """Forget all places that the fusion and the search of the lag have."""
         self._fusion.restart()
+        self._lags.forget()
 
     def follow_ground(self, state: FleetState, frame: LocalFrame | None) -> Sequence[Event]:
         """Take in what the fleet reports of the ground's height at a frame.
@@ -182,7 +188,7 @@ class FrameCameras:
         if not (anew_m or taken_m):
             return False, ()
         if anew_m:
-            self._fusion.restart()
+            self._restart()
         then = "names begin anew" if anew_m else "the camera goes on from where it was"
         text = f"the UAV's position stepped by {anew_m or taken_m:.0f} m: {then}"
         event = Event(t_us=state.t_us, level="warning", kind="vehicle", text=text, system_id=self._uav_id)
@@ -232,7 +238,13 @@ class FrameCameras:
             ray=rays / rays[:, 2:],
             noise=np.maximum(BOX_NOISE * size, LEAST_NOISE_PX) / camera.intrinsics.fx,
         )
-        return _turned(camera, self._fusion.update(t_us, self._reported, camera.pose.p_enu, camera.ground_z, seen))
+        R_enu_cam = self._fusion.update(t_us, self._reported, camera.pose.p_enu, camera.ground_z, seen)
+        if self._reported.known:
+            self._lags.add_frame(t_us, camera.pose.p_enu, camera.ground_z, seen)
+            self._found_lag_s = self._lags.found(t_us, self._fusion.lag_s)
+            if self._found_lag_s is not None:
+                self._fusion.begin_at_lag(self._found_lag_s)
+        return _turned(camera, R_enu_cam)
 
     def _turn(
         self, t_us: int, camera: FrameCamera, fleet: Fleet, motion: ImageMotion, yaw_error: float
@@ -264,8 +276,12 @@ class FrameCameras:
         def rotation(uav: UavState) -> NDArray[np.float64]:
             return self._direction.pose(uav, camera.pose.p_enu).R_enu_cam
 
-        since_us = before_us or t_us - round(HISTORY_S * 1e6)
-        sampled_us = fleet.attitude_times(since_us + lag_us, t_us + lag_us)
+        sampled_us = fleet.attitude_times(before_us + lag_us, t_us + lag_us) if before_us else []
+        if uav.attitude_valid:
+            for sample_us in fleet.attitude_times(*self._lags.samples_wanted(t_us)):
+                self._lags.add_sample(sample_us, rotation(fleet.uav_at(sample_us)))
+        else:
+            self._lags.forget()
         return ReportedRotation(
             R_enu_cam=rotation(uav),
             known=uav.attitude_valid,
@@ -275,10 +291,10 @@ class FrameCameras:
 
     def _lag_news(self, t_us: int) -> list[Event]:
         """News that the attitude is used as of another time from now on, if it is."""
-        before_s, self._lag_told_s = self._lag_told_s, self._fusion.searched_lag_s
-        if self._lag_told_s == before_s:
+        lag_s, self._found_lag_s = self._found_lag_s, None
+        if lag_s is None:
             return []
-        when = f"{abs(self._lag_told_s):.1f} s {'after' if self._lag_told_s > 0.0 else 'before'}"
+        when = f"{abs(lag_s):.1f} s {'after' if lag_s > 0.0 else 'before'}"
         text = f"the camera's turns are in telemetry {when} they are in the film: corrected"
         return [Event(t_us=t_us, level="info", kind="camera", text=text, system_id=self._uav_id)]
 

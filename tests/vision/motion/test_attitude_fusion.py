@@ -1,14 +1,17 @@
 """The camera's rotation from coarse, late, noisy attitude and the boxes of driving vehicles, against a known sway."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from vision.motion import lag_search
 from vision.motion.attitude_fusion import AttitudeFusion
 from vision.motion.fused_evidence import ReportedRotation, SeenTracks
+from vision.motion.lag_search import LagSearch
 from vision.motion.rotation import CameraTurn
 
 FOCAL_PX = 1400.0
@@ -35,6 +38,12 @@ class Sway:
     known: bool = True
     pixels_deg: float = 0.0
     """Noise of the turn that the pixels show from frame to frame; 0: they show none."""
+    searched: bool = False
+    """Whether the lag is searched for, too."""
+    found_s: list = field(default_factory=list)
+    """Lags that the search found."""
+    right_from_s: float = math.inf
+    """From when on telemetry is not late any more."""
     swapped_s: float = -1.0
     """When two tracks go on with one another's vehicle."""
 
@@ -53,14 +62,14 @@ class Sway:
         sampled = np.arange(-2.0, self.seconds + 1.0, 1.0 / self.attitude_hz)
         spread = np.radians([self.tilt_noise_deg, self.tilt_noise_deg, self.yaw_noise_deg])
         samples = true(sampled) + bias + rng.normal(0.0, 1.0, (len(sampled), 3)) * spread
-        stamped = sampled + self.lag_s
+        stamped = sampled + np.where(sampled < self.right_from_s, self.lag_s, 0.0)
 
         def reported(t):
             turn = [np.interp(t, stamped, column) for column in samples.T] if self.known else np.zeros(3)
             return Rotation.from_rotvec(turn).as_matrix() @ DOWN
 
         ways = rng.uniform(0.0, 2.0 * np.pi, self.vehicles), rng.uniform(-12.0, 12.0, (self.vehicles, 2))
-        fusion, alone, fused, before = AttitudeFusion(), [], [], -1.0
+        fusion, search, alone, fused, before = AttitudeFusion(), LagSearch(), [], [], -1.0
         for t in np.arange(0.0, self.seconds, 1.0 / self.fps):
             R = Rotation.from_rotvec(true(t)).as_matrix() @ DOWN
             p = np.array([3.0 * t, 0.0, HEIGHT_M])
@@ -73,7 +82,7 @@ class Sway:
             if 0.0 <= self.swapped_s <= t:
                 ids[:2] = ids[1::-1]
             late = fusion.lag_s
-            times = stamped[(stamped > (before if before >= 0.0 else -5.0) + late) & (stamped <= t + late)]
+            times = stamped[(stamped > before + late) & (stamped <= t + late)] if before >= 0.0 else ()
             turn = None
             if self.pixels_deg and before >= 0.0:
                 noise = np.radians(self.pixels_deg) * rng.normal(0.0, 1.0, 3)
@@ -88,12 +97,26 @@ class Sway:
                 seen_turn=turn,
             )
             seen = SeenTracks(track_id=ids, ray=ray, noise=np.full(len(ids), 1.5 / FOCAL_PX))
-            estimate = fusion.update(round(t * 1e6) + 10**9, now, p, 0.0, seen)
+            t_us = round(t * 1e6) + 10**9
+            estimate = fusion.update(t_us, now, p, 0.0, seen)
+            self._search(search, fusion, t_us, (stamped, reported), (p, seen))
             before = t
             for errors, found in ((alone, reported(t)), (fused, estimate)):
                 errors.append(np.degrees(Rotation.from_matrix(found @ R.T).as_rotvec()))
         settled = round(4.0 * self.fps)
         return np.array(alone)[settled:], np.array(fused)[settled:], fusion
+
+    def _search(self, search, fusion, t_us, telemetry, looked):
+        if not self.searched:
+            return
+        (stamped, reported), (p, seen) = telemetry, looked
+        since_us, until_us = search.samples_wanted(t_us)
+        for s in stamped[(stamped > (since_us - 10**9) * 1e-6) & (stamped <= (until_us - 10**9) * 1e-6)]:
+            search.add_sample(round(s * 1e6) + 10**9, reported(s))
+        search.add_frame(t_us, p, 0.0, seen)
+        if (lag_s := search.found(t_us, fusion.lag_s)) is not None:
+            fusion.begin_at_lag(lag_s)
+            self.found_s.append(lag_s)
 
 
 def quick(errors):
@@ -127,20 +150,50 @@ def test_the_lag_of_attitude_is_found():
 
 @pytest.mark.parametrize("lag_s", [-3.0, -0.5, 0.6])
 @pytest.mark.parametrize("tau_s", [0.25, 0.4])
-def test_attitude_that_is_far_off_in_time_is_searched_for_and_told(lag_s, tau_s):
-    _, fused, fusion = Sway(lag_s=lag_s, tau_s=tau_s, attitude_hz=10.0).fly()
-    assert fusion.searched_lag_s == pytest.approx(lag_s, abs=0.1)
+def test_attitude_that_is_far_off_in_time_is_searched_for(lag_s, tau_s):
+    sway = Sway(lag_s=lag_s, tau_s=tau_s, attitude_hz=10.0, searched=True)
+    _, fused, fusion = sway.fly()
+    assert sway.found_s == pytest.approx([lag_s], abs=0.1)
     assert fusion.lag_s == pytest.approx(lag_s, abs=0.03)
     assert quick(fused[-40:])[:2].max() < 0.2
 
 
 @pytest.mark.parametrize(
     "options",
-    [{"lag_s": 0.06}, {"sway_deg": 0.1, "lag_s": 0.5}, {"vehicles": 1, "lag_s": 0.5}, {"known": False, "lag_s": 0.5}],
-    ids=["near", "steady camera", "one vehicle", "no attitude"],
+    [
+        {"lag_s": 0.06},
+        {"sway_deg": 0.1, "lag_s": 0.5},
+        {"vehicles": 1, "lag_s": 0.5},
+        {"vehicles": 0, "lag_s": 0.5},
+        {"attitude_hz": 0.2},
+    ],
+    ids=["near", "steady camera", "one vehicle", "no vehicle", "hardly any attitude"],
 )
-def test_no_lag_is_searched_where_none_shows(options):
-    assert Sway(**options).fly()[2].searched_lag_s == 0.0
+def test_no_lag_is_found_where_none_shows(options):
+    sway = Sway(searched=True, **options)
+    sway.fly()
+    assert not sway.found_s
+
+
+def test_a_lag_that_was_found_is_taken_back_when_film_and_telemetry_agree_again():
+    sway = Sway(lag_s=-1.5, right_from_s=12.0, seconds=32.0, attitude_hz=10.0, searched=True)
+    fusion = sway.fly()[2]
+    assert sway.found_s == pytest.approx([-1.5, 0.0], abs=0.1)
+    assert fusion.lag_s == pytest.approx(0.0, abs=0.05)
+
+
+def test_many_tracks_cost_no_more_than_a_few():
+    longest = []
+    original = lag_search._residuals
+
+    def counted(path, frames, tracks, lags):
+        longest.append(len(tracks))
+        return original(path, frames, tracks, lags)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(lag_search, "_residuals", counted)
+        Sway(vehicles=60, seconds=8.0, searched=True).fly()
+    assert longest and max(longest) == lag_search.MOST_TRACKS
 
 
 def test_good_attitude_is_not_made_worse():
