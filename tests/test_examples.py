@@ -62,6 +62,7 @@ def six_seconds(tmp_path):
     return shortened(SWARM, tmp_path / "session", 60)
 
 
+@pytest.mark.slow
 def test_names_as_a_table(run, six_seconds):
     text = run("names_of_a_flight.py", six_seconds)
     assert len(re.findall(r": \d{2,} boxes", text)) >= 5, text

@@ -156,6 +156,7 @@ def test_a_bad_telemetry_address_is_refused(url):
         play(SMALL, url)
 
 
+@pytest.mark.slow
 def test_a_bad_video_address_and_a_truth_file_in_the_way_are_refused(tmp_path):
     with pytest.raises(PlayError, match="give udp://host:port"):
         play(SMALL, "udpout:127.0.0.1:9", "rtsp://127.0.0.1/x", 1.0)

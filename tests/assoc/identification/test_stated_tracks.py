@@ -53,6 +53,7 @@ def test_a_vehicle_that_does_not_report_is_named_by_the_statement():
     assert filmed.run(2)[-1] == {1: 11, 2: 0, 3: 13}
 
 
+@pytest.mark.slow
 def test_a_statement_counts_in_full_on_a_track_that_was_lost_before():
     filmed = Filmed(Fleet(n=3), silent=(1,))
     filmed.run(8)

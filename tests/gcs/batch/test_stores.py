@@ -82,7 +82,7 @@ def test_two_batches_do_not_write_into_one_store(tmp_path, memory, quick_lock):
     assert not memory.exists("/out/.lock")
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize("host", [platform.node(), "elsewhere"])
 def test_what_a_killed_batch_held_is_taken_over(host, tmp_path, memory, quick_lock):
     (flight,) = short_flights(tmp_path, 1)

@@ -100,6 +100,7 @@ def test_a_pilot_who_turns_the_camera_away_is_told_and_not_fought(air):
     assert air.uav.commands(1000) == [] == air.uav.commands(205)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     ("obeys", "instead"), [(1000, ["by angles"]), (205, ["by angles", "by angles the older way"])]
 )  # fmt: skip

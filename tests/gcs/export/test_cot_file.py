@@ -4,12 +4,14 @@ from collections import defaultdict
 from itertools import pairwise
 from xml.etree import ElementTree
 
+import pytest
 import takproto
 
 from tests.support.bundled import SWARM, shortened
 from tests.support.command_line import run_gcs
 
 
+@pytest.mark.slow
 def test_takproto_reads_each_event_and_there_is_one_a_second(tmp_path):
     flight = shortened(SWARM, tmp_path / "short-swarm", 60)
     code, _, err = run_gcs("export", flight, "-o", tmp_path / "a.cot")

@@ -42,6 +42,7 @@ def test_a_video_is_waited_for_before_an_offer_only_where_it_was_asked_for(wante
     assert [event.text for event in video.check(None)] == [VIDEO_AWAITED] * (state == "waiting")
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     ("video", "uri", "told", "opened"),
     [

@@ -198,6 +198,7 @@ def test_a_statement_can_be_corrected(silent):
     assert not any(box.system_id == OTHER for box in silent.last.boxes)
 
 
+@pytest.mark.slow
 def test_no_name_is_stated_while_several_senders_use_its_id(sure):
     stated(sure, sure.box(UGV).track_id, UGV).run(1, filmed=True)
     sure.vehicles.append(Vehicle(UGV, shift_m=40.0, peer=77))

@@ -181,6 +181,7 @@ def test_latitude_and_longitude_of_one_change_over(name, row, beside, folder, wh
     assert_counted_and_right(read_as(name, drive, folder), whole(name), N - 1 - beside)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("name", READERS)
 @given(row=rows, alt_m=st.sampled_from([0.0, -500.0, 6000.0]), count=st.integers(1, 4))
 @few
@@ -190,6 +191,7 @@ def test_altitudes_are_damaged(name, row, alt_m, count, folder, whole):
     assert_counted_and_right(read_as(name, drive, folder), whole(name))
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("name", WITH_BODY)
 @given(row=rows, by_deg=st.floats(60.0, 180.0))
 @few
@@ -209,6 +211,7 @@ def test_heights_of_0_before_home_is_set(name, upto, folder, whole):
     assert is_right(log, whole(name)) and len(log.places) == N
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("name", READERS)
 @given(upto=st.integers(5, N // 3))
 @few

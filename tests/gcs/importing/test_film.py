@@ -18,6 +18,7 @@ def film(path, x264):
     return path
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     ("x264", "words"),
     [

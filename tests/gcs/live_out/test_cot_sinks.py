@@ -33,8 +33,8 @@ PLACE = {"lat_deg": 47.0, "lon_deg": 8.0, "place_std_m": 1.0}
 
 @pytest.fixture(scope="module")
 def snapshots(tmp_path_factory):
-    """Fifteen seconds of a recorded swarm with a stranger."""
-    analysis = Analysis(open_session(shortened(SWARM, tmp_path_factory.mktemp("swarm"), 150)))
+    """Six seconds of a recorded swarm with a stranger."""
+    analysis = Analysis(open_session(shortened(SWARM, tmp_path_factory.mktemp("swarm"), 60)))
     found = list(analysis.snapshots(images=False))
     analysis.close()
     return found
@@ -85,7 +85,7 @@ async def receive(config, count, send):
 @pytest.mark.slow
 async def test_pytak_receives_every_event_by_udp(snapshots):
     port, expected = free_port(), due(snapshots)
-    assert len(expected) > 60
+    assert len(expected) > 20
 
     def send():
         sink = CotUdp(parse_tell(f"cot+udp://127.0.0.1:{port}"), SOURCE)

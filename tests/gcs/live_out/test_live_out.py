@@ -108,6 +108,7 @@ def _connects(port, closing):
         return None
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_while_nobody_takes_anything(tell):
     station = Station()
     with udp_socket() as reader:

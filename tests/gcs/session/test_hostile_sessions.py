@@ -269,6 +269,7 @@ def test_a_video_that_names_other_files_is_none(tmp_path, text):
         VideoFile.open(tmp_path / "video.mkv")
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("suffix", [".mkv", ".mp4", ".ts", ".mov", ".avi"])
 def test_every_container_of_a_session_is_read(tmp_path, suffix):
     path = tmp_path / f"video{suffix}"

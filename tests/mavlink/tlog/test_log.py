@@ -56,6 +56,7 @@ def test_same_messages_and_values_as_pymavlink(log_path):
     same_as_pymavlink(log_path)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("path", SITL_LOGS, ids=lambda path: path.parent.name)
 def test_recorded_sessions_read_as_pymavlink_reads_them(path):
     same_as_pymavlink(path, sample=50)

@@ -26,6 +26,7 @@ def written(path, text):
     return path
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_every_layout_is_told_and_read(layout, tmp_path):
     world, _ = film_of(FILMED)

@@ -138,6 +138,7 @@ def test_a_vehicle_at_an_odd_place_of_an_odd_image(renderer, detector):
     assert abs(wrap(found.heading[0] - want[4])) < 0.15
 
 
+@pytest.mark.slow
 def test_same_image_same_boxes(renderer, detector):
     image = renderer.draw(camera(), team(3))
     a, b = detector.detect(image), open_detector().detect(image)

@@ -149,6 +149,7 @@ def broken_off(folder):
     return folder / "video.mkv"
 
 
+@pytest.mark.slow
 def test_a_recording_in_several_files_is_one_video(tmp_path):
     path = broken_off(tmp_path)
     times = 5_000_000 + np.arange(38) * 40_000

@@ -68,6 +68,7 @@ async def test_the_bar_marks_by_signs_and_the_rest_stays():
         assert bar.index("▼") < bar.index("●") < bar.index("░") < bar.index("!")
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(("presses", "want_s"), [(1, 700), (2, 40), (3, 400), (4, 600), (5, 500)])
 async def test_n_and_p_jump_by_kind(presses, want_s):
     """alarm, mark, gap, warning, identity, one press of N after the other."""
