@@ -13,9 +13,10 @@ from gcs.mission.mission import load_mission
 from gcs.report.score import score_files
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.tlog.log import Tlog
+from tests.support.bundled import shortened
 from tests.support.command_line import run_gcs
 from tests.support.imports.film_writers import with_klv, with_sei, with_subtitles
-from tests.support.imports.flown import FOV_DEG, UGVS, fly
+from tests.support.imports.flown import FOV_DEG, UGVS, Flown, fly
 from tests.support.imports.log_writers import dataflash, gpx, pose_csv, positions_csv, ulog
 from tests.support.imports.srt_writers import srt
 
@@ -62,7 +63,8 @@ def test_a_dji_drone_above_rovers(flown, tmp_path):
     assert not log.index.damage
     # no attitude was known, so none is told
     assert not len(log.columns(30, 1)[0])
-    result = right_of(session, flown, tmp_path)
+    begin = Flown(session=shortened(flown.session, tmp_path / "begin", FRAMES // 2), fleet=flown.fleet)
+    result = right_of(shortened(session, tmp_path / "imported", FRAMES // 2), begin, tmp_path)
     assert result.right >= RIGHT
     assert result.wrong_sure_s == 0.0
 
