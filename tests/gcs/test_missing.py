@@ -19,8 +19,8 @@ from tests.support.alarm_scenes import UGV, filmed
 
 @pytest.fixture(scope="module")
 def silent():
-    """One vehicle's positions stop after 10 s; 5 s later there is a box that nobody else has."""
-    scene = filmed(10)
+    """One vehicle's positions stop after 6 s; 5 s later there is a box that nobody else has."""
+    scene = filmed(6)
     next(vehicle for vehicle in scene.vehicles if vehicle.system_id == UGV).sends = "ha"
     scene.hidden, scene.stranger = {UGV}, (0.0, 8.0)
     return scene.run(5, filmed=True).last

@@ -14,12 +14,12 @@ from tests.support.flights import S
 @pytest.fixture
 def scene():
     """Both vehicles are named."""
-    return filmed(10)
+    return filmed(6)
 
 
 def test_a_standing_says_since_when_and_a_missed_box_does_not_begin_it_anew(scene):
     since = scene.row(UGV).standing_since_us
-    assert scene.row(UGV).standing == "confirmed" and 0 < since < scene.t_us - 5 * S
+    assert scene.row(UGV).standing == "confirmed" and 0 < since < scene.t_us - 3 * S
     scene.hidden = {UGV}
     scene.run(0.4, filmed=True)
     assert scene.row(UGV).standing == "coasting" and scene.row(UGV).standing_since_us > since

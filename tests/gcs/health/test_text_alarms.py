@@ -61,6 +61,7 @@ def test_a_text_that_poses_as_our_alarm_is_told_with_who_says_it(scene):
     assert [event.text for event in scene.events if event.kind == "text"] == [alarm.text]
 
 
+@pytest.mark.slow
 def test_it_stays_until_it_was_acknowledged_and_is_not_repeated(scene):
     say(scene, "Crash: disarming", seconds=30)
     (alarm,) = scene.said
