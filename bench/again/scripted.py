@@ -96,8 +96,8 @@ IDLE_US = 200_000
 CAMERA = ScenarioCamera(width=640, height=360, fx=400.0, fy=400.0, cx=320.0, cy=180.0)
 MISSION_CAMERA_SCALE = 3
 """The mission describes the camera at this many times the frames' size, so that intrinsics must be scaled."""
-IMPOSTOR_M = 120.0
-"""Distance of the forged positions, north of the scenario's origin."""
+IMPOSTOR_M, IMPOSTOR_PEER = 120.0, 77
+"""Distance of the forged positions, north of the scenario's origin, and the number of the address they come from."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -379,16 +379,23 @@ def _link_datagrams(
 
 def _forged_datagrams(world: World, flight: ScriptedFlight) -> Iterator[_Datagram]:
     """A second sender under the first ground vehicle's id, elsewhere; without its key."""
-    faults, victim = flight.faults, world.scenario.ugv_ids[0]
-    encoder = MavlinkEncoder(victim, key=bytes(32) if faults.signed else None)
+    faults = flight.faults
+    encoder = MavlinkEncoder(world.scenario.ugv_ids[0], key=bytes(32) if faults.signed else None)
     span = faults.impostor or (TELEMETRY_FROM_S, world.scenario.duration_s)
+    for k, (t_us, raw) in enumerate(impostor_frames(world.scenario, span, encoder)):
+        yield _Datagram(t_us, k, 0, IMPOSTOR_PEER, raw)
+
+
+def impostor_frames(
+    scenario: Scenario, span: tuple[float, float], encoder: MavlinkEncoder
+) -> Iterator[tuple[int, bytes]]:
+    """Unix µs and frames of who reports a place of its own five times a second, in a span since the first frame, s."""
+    place = (scenario.latitude_deg + IMPOSTOR_M / 111_000, scenario.longitude_deg, scenario.altitude_m, 0.0)
     for k in range(round((span[1] - span[0]) * 5)):
-        t_us = flight.start_us + round((span[0] + k / 5) * S)
-        place = (world.scenario.latitude_deg + IMPOSTOR_M / 111_000, world.scenario.longitude_deg)
-        frame = encoder.global_position_int(900_000 + 200 * k, *place, world.scenario.altitude_m, 0.0, (3.0, 0, 0), 0.0)
-        yield _Datagram(t_us, k, 0, 77, frame)
+        t_us = scenario.start_us + round((span[0] + k / 5) * S)
+        yield t_us, encoder.global_position_int(900_000 + 200 * k, *place, (3.0, 0, 0), 0.0)
         if k % 5 == 0:
-            yield _Datagram(t_us + 1000, k, 0, 77, encoder.heartbeat())
+            yield t_us + 1000, encoder.heartbeat()
 
 
 def _batches(datagrams: Iterator[_Datagram]) -> Iterator[list[_Datagram]]:
@@ -423,14 +430,15 @@ def _frames(
             small = faults.resized_s is not None and since_us >= faults.resized_s * S
             stamp_us = flight.wall_us(exposed_us) + round(faults.late_stamp_s * S)
             last_us = max(stamp_us, last_us + 1)  # strictly increasing, as the video process makes them
-            boxes = Detections.empty() if within(faults.no_detections, since_us) else _boxes(found.values, small)
+            boxes = Detections.empty() if within(faults.no_detections, since_us) else boxes_of(found.values, small)
             image = images[small] if film is None else cv2.resize(film.image(t, index), images[small].shape[1::-1])
             frame = Frame(index=index, t_us=last_us, image=np.asarray(image, np.uint8))
             yield exposed_us + int(rng.uniform(0.05, 0.12) * S), frame, boxes, within(faults.detector_fails, since_us)
             index += 1
 
 
-def _boxes(values: NDArray[np.float64], small: bool) -> Detections:
+def boxes_of(values: NDArray[np.float64], small: bool = False) -> Detections:
+    """Rows of the detector's model as boxes; of frames of half the size."""
     scale = np.array([*[0.5 if small else 1.0] * 4, 1.0, 1.0, 1.0])
     cx, cy, w, h, angle, score, heading = (values * scale).T
     return Detections(cx=cx, cy=cy, w=w, h=h, angle=angle, score=score, heading=heading)

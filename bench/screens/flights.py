@@ -11,12 +11,11 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.again.scripted import CAMERA, RebootedEncoder, ScriptedDetector
+from bench.again.scripted import CAMERA, IMPOSTOR_PEER, RebootedEncoder, ScriptedDetector, boxes_of, impostor_frames
 from gcs.flight.frame_loop import FrameLoop
 from gcs.fold.pipeline import Pipeline
 from gcs.health.faults import Faults
@@ -45,7 +44,6 @@ POLL_US = 83_333
 """The screen polls twelve times a second."""
 MONITOR_US = 500_000
 HEARTBEAT, GLOBAL_POSITION_INT = 0, 33
-IMPOSTOR_M, IMPOSTOR_PEER, IMPOSTOR_HZ = 120.0, 77, 5.0
 REBOOTED_PEERS = 100
 
 
@@ -259,7 +257,8 @@ def _datagrams(script: Script, world: World) -> Iterator[_ScriptedPacket]:
     """All that is received, by time of arrival."""
     streams = [_fleet(script, world)]
     if script.impostor is not None:
-        streams.append(_impostor(script.impostor, world))
+        frames = impostor_frames(world.scenario, script.impostor, MavlinkEncoder(world.scenario.ugv_ids[0]))
+        streams.append(_ScriptedPacket(t_us, k, IMPOSTOR_PEER, raw) for k, (t_us, raw) in enumerate(frames))
     if script.texts is not None:
         streams.append(_texts(script, world))
     return heapq.merge(*streams)
@@ -276,20 +275,6 @@ def _fleet(script: Script, world: World) -> Iterator[_ScriptedPacket]:
         again = span is not None and at_s >= span[1] and system_id in script.restarted
         raw = rebooted.with_boot_time_reset(packet.raw) if again else packet.raw
         yield _ScriptedPacket(packet.t_us, number, system_id + REBOOTED_PEERS * again, raw)
-
-
-def _impostor(span: Span, world: World) -> Iterator[_ScriptedPacket]:
-    """The first ground vehicle's id, elsewhere."""
-    scenario = world.scenario
-    encoder = MavlinkEncoder(scenario.ugv_ids[0])
-    lat_deg, lon_deg = scenario.latitude_deg + IMPOSTOR_M / 111_000, scenario.longitude_deg
-    for k in range(round((span[1] - span[0]) * IMPOSTOR_HZ)):
-        t_us = scenario.start_us + round((span[0] + k / IMPOSTOR_HZ) * S)
-        boot_ms = 900_000 + round(1000 * k / IMPOSTOR_HZ)
-        raw = encoder.global_position_int(boot_ms, lat_deg, lon_deg, scenario.altitude_m, 0.0, (3.0, 0, 0), 0.0)
-        yield _ScriptedPacket(t_us, k, IMPOSTOR_PEER, raw)
-        if k % round(IMPOSTOR_HZ) == 0:
-            yield _ScriptedPacket(t_us + 1000, k, IMPOSTOR_PEER, encoder.heartbeat())
 
 
 def _texts(script: Script, world: World) -> Iterator[_ScriptedPacket]:
@@ -317,7 +302,7 @@ def _frames(script: Script, world: World) -> Iterator[tuple[int, Frame, Detectio
         yield (
             taken_us + round(script.latency_s * S),
             Frame(index=index, t_us=taken_us, image=image),
-            _boxes(found.values),
+            boxes_of(found.values),
         )
         index += 1
 
@@ -327,10 +312,3 @@ def _image() -> NDArray[np.uint8]:
     across = np.linspace(60, 140, CAMERA.width)[None, :, None]
     down = np.linspace(0, 40, CAMERA.height)[:, None, None]
     return np.broadcast_to(across + down, (CAMERA.height, CAMERA.width, 3)).astype(np.uint8)
-
-
-def _boxes(values: NDArray[np.float64]) -> Detections:
-    columns: dict[str, Any] = dict(
-        zip(("cx", "cy", "w", "h", "angle", "score", "heading"), np.ascontiguousarray(values.T), strict=True)
-    )
-    return Detections(**columns)
