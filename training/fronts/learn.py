@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import logging
 import math
 import time
@@ -20,6 +19,7 @@ from training.curves import plot, read_columns
 from training.fronts.export import metadata, to_onnx
 from training.fronts.resnet import ResNet18
 from training.fronts.vehicles import CropBatch, Vehicles, crops_of
+from training.train import append_row
 
 log = logging.getLogger(__name__)
 WARM_UP = 0.05
@@ -140,12 +140,6 @@ def _note(net: ResNet18, held_out: Vehicles, plan: TrainingPlan, out: Path, step
     logits, batch = logits_of(net, held_out, plan)
     right = float((logits.argmax(axis=1) == batch.label).mean()) if len(held_out) else math.nan
     row = {"step": step, "loss": seen.loss / seen.n, "accuracy": seen.right / seen.n, "held_out": right}
-    path = out / "learning.csv"
-    new = not path.exists()
-    with path.open("a", newline="") as file:
-        writer = csv.DictWriter(file, list(row))
-        if new:
-            writer.writeheader()
-        writer.writerow({k: f"{v:.6g}" for k, v in row.items()})
+    append_row(out / "learning.csv", row)
     took = (time.monotonic() - seen.start_s) / seen.n * 1e3
     log.info("step %d: loss %.4f, right %.4f, held out %.4f; %.1f ms a crop", step, *list(row.values())[1:], took)

@@ -12,12 +12,7 @@ from collections.abc import Iterator
 from typing import Final
 from xml.sax.saxutils import escape
 
-from gcs.export.job import ExportJob
-from gcs.export.maps.ways import Way, Ways, by_owner, time_utc
-from gcs.export.unfinished import Unfinished
-from gcs.session.line_file import open_new
-from gcs.snapshot import Snapshot
-from infra.plain_text import plain
+from gcs.export.maps.ways import Owners, Way, WaysExport, time_utc
 
 NAMESPACE: Final = "urn:rollcall:export:1"
 _HEAD: Final = f"""<?xml version="1.0" encoding="UTF-8"?>
@@ -25,29 +20,18 @@ _HEAD: Final = f"""<?xml version="1.0" encoding="UTF-8"?>
 """
 
 
-class GpxExport:
+class GpxExport(WaysExport):
     """Tracks as GPX; the unknown is left out."""
 
-    def __init__(self, job: ExportJob) -> None:
-        self._unfinished = Unfinished(job.path)
-        self._name = plain(job.name)
-        self._ways = Ways()
-
-    def write(self, snapshot: Snapshot) -> None:
-        """Continue lines by the boxes seen in a frame."""
-        self._ways.add(snapshot)
-
-    def close(self) -> None:
-        """Write the file."""
-        owners = by_owner(self._ways)
-        with open_new(self._unfinished.path, _HEAD) as file:
-            starts = [way.t_us[0] for way in self._ways]
-            time = f"<time>{time_utc(min(starts))}</time>" if starts else ""
-            file.write(f"<metadata><name>{escape(self._name)}</name>{time}</metadata>\n")
-            for title, ways in owners:
-                file.writelines(_track(title, ways))
-            file.write("</gpx>\n")
-        self._unfinished.finish()
+    def lines(self, name: str, owners: Owners) -> Iterator[str]:
+        """The whole file."""
+        yield _HEAD
+        starts = [way.t_us[0] for _, ways in owners for way in ways]
+        time = f"<time>{time_utc(min(starts))}</time>" if starts else ""
+        yield f"<metadata><name>{escape(name)}</name>{time}</metadata>\n"
+        for title, ways in owners:
+            yield from _track(title, ways)
+        yield "</gpx>\n"
 
 
 def _track(title: str, ways: list[Way]) -> Iterator[str]:

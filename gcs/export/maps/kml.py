@@ -10,12 +10,7 @@ from collections.abc import Iterable, Iterator
 from typing import Final
 from xml.sax.saxutils import escape
 
-from gcs.export.job import ExportJob
-from gcs.export.maps.ways import Way, Ways, by_owner, time_utc
-from gcs.export.unfinished import Unfinished
-from gcs.session.line_file import open_new
-from gcs.snapshot import Snapshot
-from infra.plain_text import plain
+from gcs.export.maps.ways import Owners, Way, WaysExport, time_utc
 
 COLOURS: Final = ("e69f00", "56b4e9", "009e73", "f0e442", "0072b2", "d55e00", "cc79a7")
 """Told apart by all eyes (Okabe and Ito 2008), red green blue; more vehicles begin anew."""
@@ -31,29 +26,17 @@ _SCHEMA: Final = """<Schema id="seen">
 """
 
 
-class KmlExport:
+class KmlExport(WaysExport):
     """An empty value is unknown."""
 
-    def __init__(self, job: ExportJob) -> None:
-        self._unfinished = Unfinished(job.path)
-        self._name = plain(job.name)
-        self._ways = Ways()
-
-    def write(self, snapshot: Snapshot) -> None:
-        """Continue lines by the boxes seen in a frame."""
-        self._ways.add(snapshot)
-
-    def close(self) -> None:
-        """Write the file."""
-        owners = by_owner(self._ways)
-        styles = dict.fromkeys(_style(ways[0]) for _, ways in owners)
-        with open_new(self._unfinished.path, _HEAD + f"<name>{escape(self._name)}</name>\n") as file:
-            file.writelines(map(_style_rule, styles))
-            file.write(_SCHEMA)
-            for title, ways in owners:
-                file.writelines(_placemark(title, ways))
-            file.write("</Document>\n</kml>\n")
-        self._unfinished.finish()
+    def lines(self, name: str, owners: Owners) -> Iterator[str]:
+        """The whole file."""
+        yield f"{_HEAD}<name>{escape(name)}</name>\n"
+        yield from map(_style_rule, dict.fromkeys(_style(ways[0]) for _, ways in owners))
+        yield _SCHEMA
+        for title, ways in owners:
+            yield from _placemark(title, ways)
+        yield "</Document>\n</kml>\n"
 
 
 def _style(way: Way) -> str:

@@ -13,6 +13,9 @@ from datetime import UTC, datetime, timedelta
 from itertools import groupby
 from typing import Final
 
+from gcs.export.job import ExportJob
+from gcs.export.unfinished import Unfinished
+from gcs.session.line_file import open_new
 from gcs.snapshot import Box, Snapshot
 from infra.plain_text import plain
 
@@ -118,11 +121,36 @@ class Ways:
         return iter(self._ways)
 
 
-def by_owner(ways: Ways) -> list[tuple[str, list[Way]]]:
-    """All ways of each vehicle with its title, by system id; then those of each stranger's track."""
+Owners = list[tuple[str, list[Way]]]
+"""All ways of each vehicle with its title, by system id; then those of each stranger's track."""
 
+
+def _by_owner(ways: Ways) -> Owners:
     def key(way: Way) -> tuple[bool, int, int]:
         return (not way.system_id, *way.owner)
 
     groups = (list(group) for _, group in groupby(sorted(ways, key=key), key=key))
     return [(group[0].title, group) for group in groups]
+
+
+class WaysExport:
+    """A file of all ways, which is written at the end."""
+
+    def __init__(self, job: ExportJob) -> None:
+        self._unfinished = Unfinished(job.path)
+        self._name = plain(job.name)
+        self._ways = Ways()
+
+    def write(self, snapshot: Snapshot) -> None:
+        """Continue lines by the boxes seen in a frame."""
+        self._ways.add(snapshot)
+
+    def close(self) -> None:
+        """Write the file."""
+        with open_new(self._unfinished.path) as file:
+            file.writelines(self.lines(self._name, _by_owner(self._ways)))
+        self._unfinished.finish()
+
+    def lines(self, name: str, owners: Owners) -> Iterator[str]:
+        """The whole file, by the format."""
+        raise NotImplementedError
