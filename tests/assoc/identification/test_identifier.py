@@ -287,6 +287,7 @@ def test_equal_input_gives_equal_output():
         np.testing.assert_array_equal(x.confidence, y.confidence)
 
 
+@pytest.mark.slow
 def test_time_running_backwards_starts_anew():
     identifier, fleet = Identifier(IDS), Fleet()
     play(identifier, fleet, 2.0)

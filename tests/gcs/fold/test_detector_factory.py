@@ -49,6 +49,7 @@ def test_a_yolo_export_alone_tells_none(see):
     assert np.isnan(found.heading).all()
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("front", ["front.onnx", "bundled"])
 def test_a_classifier_tells_the_fronts_of_a_yolo_export(see, front):
     found = see(f'[detector]\nmodel = "yolo.onnx"\nfront = "{front}"\nfront_sure = 0.0\n')

@@ -152,6 +152,7 @@ def test_one_time_is_damaged(name, row, by_s, folder, whole):
     assert is_right(log, whole(name)) or any("nothing was logged" in said for said in log.notes.assumed), errors(log)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("name", READERS)
 @given(row=rows, north=st.floats(0.001, 30.0), east=st.booleans(), count=st.integers(1, 4))
 @few
@@ -161,6 +162,7 @@ def test_places_are_damaged(name, row, north, east, count, folder, whole):
     assert_counted_and_right(read_as(name, drive, folder), whole(name), N - count)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("name", READERS)
 @given(row=rows)
 @few
@@ -171,6 +173,7 @@ def test_one_place_is_none(name, row, folder, whole):
     assert is_right(log, whole(name)) and len(log.places) == N - 1
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("name", READERS)
 @given(row=rows, beside=st.booleans())
 @few
@@ -250,6 +253,7 @@ def test_what_is_no_number_costs_its_row(name, strange, folder, whole):
     assert found and is_right(log, whole(name)) and len(log.places) == N - 1 and log.notes.skipped
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("name", READERS)
 def test_radians(name, folder, whole):
     drive = Straight()
@@ -257,6 +261,7 @@ def test_radians(name, folder, whole):
     assert_not_silent(name, drive, folder, whole)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("name", READERS)
 @pytest.mark.parametrize("later_us", [0, 40_000])
 def test_rows_of_another_component(name, later_us, folder, whole):

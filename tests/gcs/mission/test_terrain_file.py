@@ -32,6 +32,7 @@ def places():
     return LAT - rng.uniform(0.001, 0.019, 20), LON + rng.uniform(0.001, 0.029, 20)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("save", [{}, {"compression": "tiff_adobe_deflate"}, {"compression": "tiff_lzw"}])
 def test_a_grid_in_degrees(tmp_path, places, save):
     path = write_geotiff(tmp_path / "a.tif", grid(), (LON, LAT), (CELL, CELL), **save)

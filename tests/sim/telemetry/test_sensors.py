@@ -49,6 +49,7 @@ def test_white_noise_alone_has_its_deviation_and_no_memory():
     assert abs(np.mean(e[:, 1:] * e[:, :-1])) / 0.64 < 0.06
 
 
+@pytest.mark.slow
 def test_a_wandering_bias_is_slow_and_differs_between_vehicles():
     e = np.stack([errors_of(flight(gnss=Gnss(white_m=0.0, bias_m=1.0, tau_s=60.0)), i) for i in range(7)])
     steps = np.diff(e, axis=1)
@@ -243,6 +244,7 @@ def test_misses_come_in_runs_of_the_length_that_was_asked():
     assert (~seen).sum() / ends / 10.0 == pytest.approx(0.5, rel=0.3)
 
 
+@pytest.mark.slow
 def test_noise_in_shares_of_the_box_grows_with_it():
     world = World(dataclasses.replace(nominal(), detector=ScenarioDetector(pixel_noise=0.0, size_noise=0.1, miss=0.0)))
     model, errors = DetectorModel(world), []

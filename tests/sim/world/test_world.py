@@ -51,6 +51,7 @@ def overlaps(world, t):
     ]
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("kind", KINDS)
 def test_nobody_runs_through_anybody(kind):
     assert [(t, overlaps(world_of(kind), t)) for t in np.arange(0.0, 30.0, 0.5) if overlaps(world_of(kind), t)] == []

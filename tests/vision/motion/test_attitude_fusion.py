@@ -124,7 +124,7 @@ def quick(errors):
     return (errors - errors.mean(axis=0)).std(axis=0)
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "limit_deg"),
     [

@@ -54,6 +54,7 @@ class Watched:
             return [(frame.index, number_of(frame.image)) for frame in video.frames()], video
 
 
+@pytest.mark.slow
 def test_nothing_is_lost_whenever_the_sender_begins(tmp_path):
     """The port is bound before the process runs and stays so: the first frame sent is the first recorded."""
     with Watched(tmp_path) as watched, Sender(watched.port, coded(CLIP)[:40]) as sender:
@@ -63,6 +64,7 @@ def test_nothing_is_lost_whenever_the_sender_begins(tmp_path):
     assert film == [(k, k) for k in range(40)]
 
 
+@pytest.mark.slow
 def test_a_sender_that_returns_at_any_moment_is_recorded_within_a_group_of_frames(tmp_path):
     rng = random.Random(5)
     with Watched(tmp_path) as watched:
@@ -136,6 +138,7 @@ def test_a_process_that_waits_for_its_disk_is_not_ended(tmp_path, monkeypatch):
     assert not (tmp_path / "video.1.mkv").exists()
 
 
+@pytest.mark.slow
 def test_damage_on_the_way_is_counted_and_never_raises(tmp_path):
     rng = random.Random(6)
 
@@ -252,6 +255,7 @@ def test_time_stamps_that_begin_anew_on_the_same_port_go_on_in_order(tmp_path):
     assert times.max() < 1e6 * (1.0 + np.diff(sender.stamps_s).max())
 
 
+@pytest.mark.slow
 def test_a_process_may_be_stopped_by_many_threads_at_once(tmp_path):
     """Each closes what is its own: a descriptor that is closed twice may be somebody else's by then."""
     sys.setswitchinterval(1e-6)

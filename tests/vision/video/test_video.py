@@ -168,6 +168,7 @@ def test_a_recording_in_several_files_is_one_video(tmp_path):
         assert video.n == len(list(video.frames())) == 10
 
 
+@pytest.mark.slow
 def test_a_part_that_somebody_deleted_costs_itself_only(tmp_path):
     path = broken_off(tmp_path)
     times = 5_000_000 + np.arange(38) * 40_000
