@@ -96,7 +96,6 @@ def test_simulations(monkeypatch):
     assert documented("sim run") == {"packets", "frames", "frames_skipped", "start_us"}
 
 
-@pytest.mark.slow
 def test_the_demo(tmp_path, monkeypatch):
     monkeypatch.setattr("gcs.cli.demo.BUNDLED", swarm_session(tmp_path, frames=30))
     monkeypatch.setattr("gcs.cli.demo.identify_into", lambda session, out, detect: identify_into(session, out))
@@ -143,7 +142,6 @@ def test_a_flight(tmp_path):
     }
 
 
-@pytest.mark.slow
 def test_a_camera_and_a_detector(tmp_path):
     size, rng = (640, 360), np.random.default_rng(1)
     K, lens = np.array([[452.4, 0.0, 327.4], [0.0, 451.0, 174.4], [0.0, 0.0, 1.0]]), np.zeros(5)

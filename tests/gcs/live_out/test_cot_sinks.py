@@ -82,7 +82,6 @@ async def receive(config, count, send):
     return got
 
 
-@pytest.mark.slow
 async def test_pytak_receives_every_event_by_udp(snapshots):
     port, expected = free_port(), due(snapshots)
     assert len(expected) > 20
