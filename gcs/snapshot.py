@@ -329,6 +329,8 @@ class Health:
     """Left and right of the picture were found to be exchanged."""
     fit: float = NAN
     """Probability that video and telemetry belong together, NaN while nothing was compared."""
+    views_differ: str = ""
+    """What another camera names differently, and which is likelier wrong; empty: nothing."""
     undecoded: int = 0
     """Frames that came and could not be decoded."""
     keys: int | None = None

@@ -6,16 +6,36 @@ tells the others in turn: nothing comes back to where it began, and nothing is c
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.other_views.opinions import Hearsay, mixed, pooled, without_taken
+from assoc.other_views.opinions import Hearsay, founded, mixed, pooled, without_taken
 from assoc.other_views.same_boxes import SameBoxes, newest_answers
 from assoc.records import Sighting
 
 FloatArray = NDArray[np.float64]
+
+_SURE = 0.8
+"""Probability from which on two answers that differ are a contradiction."""
+_MORE = 1.2
+"""A view that knows so many times less is the likelier one to be wrong."""
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """Two views are sure of one object, each of another answer."""
+
+    mine: int
+    """Column of this view's answer, n: none of ours."""
+    theirs: int
+    """Column of the other view's."""
+    view: int
+    """The other one."""
+    wrong: int
+    """Which view is likelier wrong: −1 this one, 1 the other one, 0 not known."""
 
 
 class Hearing:
@@ -24,6 +44,8 @@ class Hearing:
     def __init__(self) -> None:
         self._same: dict[int, SameBoxes] = {}
         self._hearsay: dict[int, Hearsay] = {}
+        self.differences: tuple[Difference, ...] = ()
+        """What the views contradicted each other about in the last frame."""
 
     def answers(self, mine: Sighting, told: Mapping[int, Sequence[Sighting]]) -> FloatArray:
         """What the tracks of a frame are by all that views know.
@@ -36,15 +58,27 @@ class Hearing:
         Returns:
             (m, n + 1) probabilities, the last column "none of ours".
         """
-        answers, trusts = [mine.p], [np.full(len(mine.p), mine.fit)]
+        answers, trusts, differences = [mine.p], [np.full(len(mine.p), mine.fit)], list[Difference]()
         for view, theirs in told.items():
             track_id, same = self._same.setdefault(view, SameBoxes()).update(mine, theirs)
             said = mixed(newest_answers(track_id, theirs), same)
             trust = np.minimum(np.sum(same, axis=1), 1.0) * theirs[-1].fit
+            differences += _differences(view, mine, said, trust)
             hearsay = self._hearsay.setdefault(view, Hearsay())
             said, trust = hearsay.update(1e-6 * mine.t_us, mine.track_id, said, trust)
             answers.append(said)
             trusts.append(trust)
+        self.differences = tuple(differences)
         if not np.any(trusts[1:]):
             return mine.p
         return without_taken(mine.p, pooled(answers, trusts))
+
+
+def _differences(view: int, mine: Sighting, said: FloatArray, trust: FloatArray) -> Iterator[Difference]:
+    """What another view said (m, n + 1), trusted (m,), that contradicts what this one is sure of."""
+    own, other = np.argmax(mine.p, axis=1), np.argmax(said, axis=1)
+    sure = (np.minimum(np.max(mine.p, axis=1), np.max(said, axis=1)) >= _SURE) & (mine.fit >= _SURE)
+    known, theirs = mine.fit * founded(mine.p), trust * founded(said)
+    for row in np.flatnonzero(sure & (own != other) & (trust >= _SURE)).tolist():
+        wrong = -1 if theirs[row] > _MORE * known[row] else 1 if known[row] > _MORE * theirs[row] else 0
+        yield Difference(int(own[row]), int(other[row]), view, wrong)

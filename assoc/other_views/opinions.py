@@ -26,8 +26,6 @@ _LEAST = 1e-6
 """Least probability of anything."""
 _KEPT_S = 8.0
 """What another view told of a track counts e times less so long after it was seen there last, seconds."""
-CONTRADICTS = 0.85
-"""Probability from which on two answers that differ are a contradiction."""
 
 
 def founded(p: FloatArray) -> FloatArray:

@@ -6,7 +6,7 @@ d_ij = g_i − g'_j between track i of one view and j of the other at one time, 
     d_ij = s + noise,   s ~ N(0, σ_c² + σ_c'²),   noise ~ N(0, σ_i² + σ_j'²)
 
 where i and j are one, and anywhere in the area A that an object has for itself where they are not. What both views
-answer by themselves counts, too, by ln (n + 1) Σ p_i p'_j, ±2 at most. Every d_ij is a shift to be tried;
+answer by themselves counts, too, by ln (n + 1) Σ p_i p'_j, −1 to 2. Every d_ij is a shift to be tried;
 probabilities that i is j are the marginals of the assignment, averaged over shifts by what these are worth, and over
 the last second. A shift that was sure is where the next one is looked for. A regular formation, of which both views
 see another part, has several shifts that are worth much: then nothing is known.
@@ -39,8 +39,8 @@ _APART_M = 1.0
 """Shifts that are closer are one."""
 _MOST_SHIFTS, _NEGLIGIBLE = 4, 7.0
 """Most shifts that are weighed, and by how many nats less one is worth that is not."""
-_MOST_BY_NAME = 2.0
-"""Most that what both answer counts, nats."""
+_BY_NAME = (-1.0, 2.0)
+"""What both answer counts so much at most, nats: less against one object, so that a contradiction is found."""
 _SURE, _WANDER_M2_S = 0.9, 0.5
 """A shift is remembered from this probability on, and its variance grows so fast then, m²/s."""
 _AGAIN_S = 0.2
@@ -164,7 +164,7 @@ def _at_zero(seen: FloatArray) -> tuple[float, float, float] | None:
 def log_agreement(mine: FloatArray, theirs: FloatArray) -> FloatArray:
     """(m, k) nats by which answers (m, n + 1) and (k, n + 1) of two views speak for one object, bounded."""
     nats = np.log(np.maximum(mine.shape[1] * (mine @ theirs.T), 1e-9))
-    return np.asarray(np.clip(nats, -_MOST_BY_NAME, _MOST_BY_NAME))
+    return np.asarray(np.clip(nats, *_BY_NAME))
 
 
 def compared(

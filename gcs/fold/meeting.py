@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from assoc.other_views.hearing import Hearing
 from assoc.records import Sighting
+from gcs.mission.mission import Mission
 from mavlink.geodesy import LocalFrame
 
 FloatArray = NDArray[np.float64]
@@ -112,6 +113,16 @@ class Seat:
             for other, left in told.items()
         }
         return self._hearing.answers(mine, {other: sightings for other, sightings in usable.items() if sightings})
+
+    def differences(self, mission: Mission) -> str:
+        """What another camera contradicted in the last frame, in words, and which is likelier wrong; empty: nothing."""
+        names = [*(mission.name_of(system_id) for system_id in mission.ugv_ids), "none of ours"]
+        for each in self._hearing.differences:
+            if max(each.mine, each.theirs) < len(names):
+                other = mission.name_of(each.view)
+                wrong = {-1: "this one is likelier wrong", 1: f"{other} is likelier wrong", 0: "either may be wrong"}
+                return f"{names[each.mine]} is {names[each.theirs]} by {other}; {wrong[each.wrong]}"
+        return ""
 
     def _moved(self, left: _Left, origin: LocalFrame) -> Sighting:
         """What another view left, with its places in this one's world."""

@@ -503,6 +503,7 @@ class Pipeline:
                 replace(self._link_rates.with_rates(t_us, health or Health()), looked_share=looked_share),
                 *(self._identifier, self._offset_s),
                 guessed=self._cameras.guessed,
+                differ=self.seat.differences(self.mission) if self.seat else "",
             ),
             camera=camera_aim(view, state.uav) if view else None,
             pose="unknown" if view is None else "known" if view.attitude_known else "no attitude",

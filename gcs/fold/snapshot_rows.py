@@ -250,7 +250,9 @@ def standing_of(row: VehicleRow, box: Box | None, now: Snapshot, *, lapsed: bool
     return "no new frame" if lapsed else "unidentified"
 
 
-def with_camera_errors(health: Health, identifier: Identifier, offset_s: float, *, guessed: bool) -> Health:
+def with_camera_errors(
+    health: Health, identifier: Identifier, offset_s: float, *, guessed: bool, differ: str = ""
+) -> Health:
     """Health with the estimated errors of the camera's clock, heading and pitch, and whether it is mirrored.
 
     Args:
@@ -258,6 +260,7 @@ def with_camera_errors(health: Health, identifier: Identifier, offset_s: float, 
         identifier: Knows the errors.
         offset_s: By how much the mission declares the video's clock to be ahead of telemetry's.
         guessed: Whether which way the camera looks is a guess, so that nothing follows from a film that does not fit.
+        differ: What another camera names differently.
     """
     theta, std = identifier.pose_correction, identifier.pose_correction_std
     return replace(
@@ -269,5 +272,6 @@ def with_camera_errors(health: Health, identifier: Identifier, offset_s: float, 
         pitch_offset=float(theta[PITCH]),
         pitch_offset_std=float(std[PITCH]),
         mirrored=identifier.mirrored,
+        views_differ=differ,
         fit=math.nan if guessed else identifier.fit_probability,
     )

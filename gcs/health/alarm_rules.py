@@ -72,7 +72,7 @@ class ReportedAlarm:
 
 
 _WORKED_OUT = frozenset(
-    {"unheard", "video", "video clock", "camera heading", "camera pitch", "camera mirrored", "no match"}
+    {"unheard", "video", "video clock", "camera heading", "camera pitch", "camera mirrored", "no match", "views differ"}
 )
 """Names of the station's alarms that are worked out."""
 

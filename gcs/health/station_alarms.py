@@ -34,6 +34,8 @@ TURNED_STD_DEG, TURNED_FOR_S = 4.0, 5.0
 """1σ up to which such an error is known, and how long it must be found: an estimate may leap while little is seen."""
 FIT, NO_FIT_FOR_S = 0.1, 2.0
 """Below this probability video and telemetry do not belong together; a moment's cover of the camera is no news."""
+DIFFER_FOR_S = 2.0
+"""A name that one of two cameras corrects is no contradiction."""
 FEW_FPS = 1.0
 """Vehicles cannot be followed from one frame to the next where fewer are looked at in a second."""
 CLOCK_STEP = "clock step"
@@ -300,6 +302,19 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         condition=lambda health, _: _unmatched(health),
         kept_while=lambda health, _: math.isnan(health.fit),
         lasts_s=NO_FIT_FOR_S,
+    ),
+    AlarmRule(
+        key="views differ",
+        level="alarm",
+        kind="camera",
+        text="another camera names a vehicle differently",
+        meaning=f"for {DIFFER_FOR_S:g} s one box of two cameras has another sure name in each; neither is shown as "
+        "sure meanwhile",
+        advice="act on neither name; look at clock, heading and mount of the camera that is likelier wrong, and at the "
+        "vehicle's position",
+        condition=lambda health, _: bool(health.views_differ),
+        detail=lambda health, _: health.views_differ,
+        lasts_s=DIFFER_FOR_S,
     ),
     AlarmRule(
         key=CLOCK_STEP,

@@ -90,6 +90,7 @@ def test_every_trouble_of_a_vehicle_is_one_alarm_raised_once_and_cleared_once(wa
         (replace(WELL, behind_s=2.5), "overload", "alarm"),
         (replace(WELL, time_offset_s=0.8, time_offset_std_s=0.02), "video clock", "warning"),
         (replace(WELL, fit=0.01), "no match", "alarm"),
+        (replace(WELL, views_differ="Car is Bus by North"), "views differ", "alarm"),
         (replace(TURNED, yaw_offset=-1.6, yaw_offset_std=0.02), "camera heading", "warning"),
         (replace(TURNED, pitch_offset=0.25, pitch_offset_std=0.02), "camera pitch", "warning"),
         (replace(WELL, clock_step_s=-3600.0), "clock step", "warning"),

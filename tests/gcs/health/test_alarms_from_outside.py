@@ -12,6 +12,7 @@ import pytest
 from gcs.flight.frame_loop import FrameLoop
 from gcs.flight.monitor import FlightMonitor, Throughput
 from gcs.flight.video import FlightVideo
+from gcs.fold.meeting import Meeting
 from gcs.fold.pipeline import Pipeline
 from gcs.health.condition_alarms import CONDITION_RULES
 from gcs.health.faults import Faults
@@ -19,6 +20,7 @@ from gcs.health.link_alarms import LINK_RULES
 from gcs.health.proximity_alarms import PAIR_RULES
 from gcs.health.station_alarms import STALLED_S, STATION_RULES
 from gcs.health.vehicle_alarms import VEHICLE_RULES
+from gcs.mission.mission import View
 from gcs.session.recorder import Recorder
 from gcs.snapshot import Event
 from infra.wall_clock import ClockWatch
@@ -394,6 +396,31 @@ def has_a_mirrored_picture():
 @raises("no match")
 def has_the_film_of_another_flight():
     return OtherFilm().run(5, filmed=True).came
+
+
+class Misled:
+    """A meeting with another camera that has the same boxes, from a time on each surely as the next vehicle."""
+
+    def __init__(self, uav_id, from_us):
+        meeting = Meeting()
+        self.own, self.other = meeting.seat(UAV), meeting.seat(uav_id)
+        self.differences, self.from_us = self.own.differences, from_us
+
+    def answers(self, frame, origin, system_ids, mine):
+        n = len(system_ids)
+        p = np.full_like(mine.p, 0.01)
+        p[np.arange(len(p)), (np.argmax(mine.p, axis=1) + (mine.t_us > self.from_us)) % n] = 1.0 - 0.01 * n
+        self.other.answers(frame, origin, system_ids, replace(mine, p=p, fit=1.0))
+        return self.own.answers(frame, origin, system_ids, mine)
+
+
+@raises("views differ")
+def has_another_camera_that_names_others():
+    scene = Scene(mission=replace(MISSION, view=(View(system_id=77, name="North"),)))
+    scene.pipeline.seat = Misled(77, T0 + 12 * S)
+    came = scene.run(20, filmed=True).came
+    assert " by North; " in came["views differ", "alarm"].text
+    return came
 
 
 def test_there_is_a_case_for_every_alarm():
