@@ -67,7 +67,8 @@ def doctor(
         flown = load_mission(mission)
         opened = partial(open_mission_detector, flown.detector, threads=os.cpu_count() or 1)
         ports = () if link or flown.links.telemetry else PORTS
-        found = [*checks(sessions, ports, gsd_m=_gsd_m(flown, height), open_detector=opened), _terminal()]
+        gsd_m, cameras = _gsd_m(flown, height), len(flown.views)
+        found = [*checks(sessions, ports, gsd_m=gsd_m, open_detector=opened, cameras=cameras), _terminal()]
         found += _listen(_with_links(flown, link, video), listen_s, command=command)
     if as_json:
         print_json({"checks": [asdict(check) for check in found]})

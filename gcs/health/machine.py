@@ -29,6 +29,8 @@ PORTS = (14550, 14551)
 """Ports that ground stations listen on by custom, and that this one forwards to in the examples."""
 SLOW_FPS, LIVE_FPS = 5.0, 15.0
 """Frames a second: below the first, names come late; from the second on most cameras are kept up with."""
+LEAST_FPS = 2.0
+"""Looks a second at a camera that is not on show."""
 CAMERA_DELAY = "not measured here, see docs/operations.md; a flight shows its estimate from 0.1 s on"
 _TIME_ERROR = 5
 """Answer of adjtimex(2) while the clock is not synchronised."""
@@ -42,6 +44,7 @@ def checks(
     *,
     gsd_m: float | None = None,
     open_detector: Callable[[], Detector] | None = None,
+    cameras: int = 1,
 ) -> Iterator[Check]:
     """Look at everything but the terminal; takes some two seconds, for the detector is measured.
 
@@ -49,10 +52,11 @@ def checks(
         sessions: where flights are recorded; it need not exist yet.
         gsd_m: ground metres a pixel at the planned height; None: those of a usual lens at several.
         open_detector: loads the mission's networks; None: the bundled one.
+        cameras: that are to be flown at once.
     """
     yield _versions()
     yield _system()
-    yield from _detector(gsd_m, open_detector)
+    yield from _detector(gsd_m, open_detector, cameras)
     yield _codecs("video decoders", DECODERS, "r")
     yield _codecs("video encoders", ENCODERS, "w")
     for port in ports:
@@ -84,7 +88,7 @@ def _system() -> Check:
     )
 
 
-def _detector(gsd_m: float | None, opened: Callable[[], Detector] | None) -> Iterator[Check]:
+def _detector(gsd_m: float | None, opened: Callable[[], Detector] | None, cameras: int) -> Iterator[Check]:
     providers = ort.get_available_providers()
     yield Check(name="detector providers", verdict="ok", found=", ".join(providers))
     detector = opened() if opened else open_detector(threads=os.cpu_count() or 1)
@@ -103,6 +107,25 @@ def _detector(gsd_m: float | None, opened: Callable[[], Detector] | None) -> Ite
         verdict="short" if advice else "ok",
         advice=advice + ("; names will be late" if fps < SLOW_FPS else ""),
         found=f"{found} at {FRAME_SIZE[0]}×{FRAME_SIZE[1]}, with {which} detector",
+    )
+    yield carried(fps, cameras)
+
+
+def carried(fps: float, cameras: int) -> Check:
+    """How many cameras a detector of that speed looks at in time.
+
+    Args:
+        fps: frames that it looks at in a second.
+        cameras: that are to be flown at once.
+    """
+    most = 1 + max(int((fps - SLOW_FPS) / LEAST_FPS), 0)
+    few = f"{cameras} are to be flown: the others are looked at too rarely; leave some out, or choose a smaller model"
+    return Check(
+        name="cameras",
+        verdict="short" if most < cameras else "ok",
+        found=f"{most} at once by the detector's speed: {SLOW_FPS:g} looks/s at the one on show, {LEAST_FPS:g} at each "
+        "other one",
+        advice=few if most < cameras else "",
     )
 
 

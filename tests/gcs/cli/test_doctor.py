@@ -46,6 +46,14 @@ def test_a_missing_codec_is_told_with_what_to_do(tmp_path, monkeypatch):
     assert checks["video encoders"].advice
 
 
+@pytest.mark.parametrize(
+    ("fps", "cameras", "most", "verdict"), [(3, 1, 1, "ok"), (8.9, 2, 2, "ok"), (8.9, 3, 2, "short")]
+)
+def test_how_many_cameras_this_machine_carries(fps, cameras, most, verdict):
+    check = machine.carried(fps, cameras)
+    assert (check.verdict, check.found.split()[0], bool(check.advice)) == (verdict, str(most), verdict == "short")
+
+
 def test_a_disk_that_is_nearly_full_is_told(tmp_path, monkeypatch):
     assert found(tmp_path)["disk"].verdict == "ok"
     monkeypatch.setattr(machine, "LOW_BYTES", 10**18)
