@@ -9,14 +9,12 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gcs.flight.frame_loop import MOST_EVENTS
 from gcs.flight.view import FlightView
 from gcs.fold.meeting import Meeting
+from gcs.fold.seen_elsewhere import with_elsewhere
 from gcs.health.alarms import urgency
-from gcs.snapshot import NAMED, Event, Snapshot, VehicleRow
+from gcs.snapshot import Event, Snapshot
 from mavlink.protocol.packet import Packet
 from vision.video.video import Frame
 
@@ -173,34 +171,12 @@ def beside(snapshot: Snapshot, view: FlightView, others: Sequence[FlightView]) -
         view: the camera.
         others: the other cameras.
     """
+    newest = [(other, other.loop.latest) for other in others]
     alarms = [view.told_alarm(alarm) for alarm in snapshot.alarms]
     known = {(alarm.key, alarm.system_id) for alarm in alarms}
-    elsewhere: dict[int, tuple[str, ...]] = {}
-    aircraft, footprints = list[VehicleRow](), list[NDArray[np.float64]]()
-    for other in others:
-        if (theirs := other.loop.latest) is None:
-            continue
-        told = map(other.told_alarm, theirs.alarms)
+    for other, theirs in newest:
+        told = map(other.told_alarm, theirs.alarms if theirs else ())
         alarms += [alarm for alarm in told if (alarm.key, alarm.system_id) not in known]
         known |= {(alarm.key, alarm.system_id) for alarm in alarms}
-        for row in theirs.vehicles:
-            if row.role == "ugv" and row.standing in NAMED:
-                elsewhere[row.system_id] = (*elsewhere.get(row.system_id, ()), other.name)
-        aircraft.append(replace(theirs.vehicles[0], p_enu=_moved(theirs.vehicles[0].p_enu, theirs, snapshot)))
-        if theirs.footprint_enu is not None:
-            corners = np.column_stack([theirs.footprint_enu, np.zeros(len(theirs.footprint_enu))])
-            footprints.append(_moved(corners, theirs, snapshot)[:, :2])
-    uav, *rest = (replace(row, elsewhere=elsewhere.get(row.system_id, ())) for row in snapshot.vehicles)
-    return replace(
-        snapshot,
-        vehicles=(uav, *aircraft, *rest),
-        footprints_elsewhere=tuple(footprints),
-        alarms=tuple(sorted(alarms, key=urgency)),
-    )
-
-
-def _moved(p_enu: NDArray[np.float64], of: Snapshot, into: Snapshot) -> NDArray[np.float64]:
-    """Places (..., 3) of one camera's snapshot in the frame of another's; NaN while one of them has none."""
-    if of.origin is None or into.origin is None:
-        return np.full_like(p_enu, np.nan)
-    return into.origin.to_enu(*of.origin.to_geodetic(p_enu))
+    seen = [(other.name, theirs) for other, theirs in newest if theirs is not None]
+    return replace(with_elsewhere(snapshot, seen), alarms=tuple(sorted(alarms, key=urgency)))

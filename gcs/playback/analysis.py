@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from gcs.errors import GcsError
 from gcs.fold.meeting import Seat
 from gcs.fold.pipeline import Pipeline
+from gcs.fold.seen_elsewhere import with_elsewhere
 from gcs.playback.in_step import InStep
 from gcs.playback.looked_frames import LookedFrame, look_again, recorded_frames
 from gcs.playback.moments import moments_between
@@ -178,6 +179,11 @@ class Analysis:
         if provisional_from_us is not None:
             return self._provisional(flown, provisional_from_us)
         return self._company.shown(self.uav_id, self.folded(self._company.begin(self.uav_id), flown))
+
+    def seen_elsewhere(self, snapshot: Snapshot) -> Snapshot:
+        """The newest snapshot with what the flight's other cameras see, which are folded for this one's sake."""
+        others = self._company.followed()
+        return with_elsewhere(snapshot, others) if others else snapshot
 
     def folded(self, seat: Seat | None, flown: Sequence[Event] = ()) -> Iterator[tuple[int, Snapshot]]:
         """Moments from the start.

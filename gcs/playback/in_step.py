@@ -40,6 +40,8 @@ class _Course:
         self._moments: Iterator[Moment] = iter(())
         self._kept = deque[Moment]()
         self._frame, self._moves = -1, False
+        self.latest: Snapshot | None = None
+        """Of one that is followed the newest."""
 
     def begin(self, moments: Iterator[Moment]) -> None:
         """Begin at the start."""
@@ -62,7 +64,9 @@ class _Course:
         if moment is None:
             return False
         self._frame = max(self._frame, moment[1].frame)
-        if not self.followed:
+        if self.followed:
+            self.latest = moment[1]
+        else:
             self._kept.append(moment)
         return True
 
@@ -115,6 +119,14 @@ class InStep:
         course = self._courses[uav_id]
         course.begin(moments)
         return course.shown()
+
+    def followed(self) -> list[tuple[str, Snapshot]]:
+        """Name of the aircraft of each camera that is folded for others' sake, and its newest snapshot."""
+        return [
+            (course.analysis.mission.name_of(uav_id), course.latest)
+            for uav_id, course in self._courses.items()
+            if course.latest is not None
+        ]
 
     def _heard(self, uav_id: int, frame: int) -> Mapping[int, int]:
         """The last frame of each other camera that one hears at a frame, once they are folded so far."""

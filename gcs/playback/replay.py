@@ -376,7 +376,7 @@ class Replay:
                 break
             at_us, snapshot = moment
             with self._lock:
-                self._done.add(at_us, snapshot)
+                self._done.add(at_us, self._analysis.seen_elsewhere(snapshot))
                 self._confidence.add(snapshot)
                 self._trails.add(snapshot)
                 self._reports.add(at_us, snapshot.events, snapshot.alarms)

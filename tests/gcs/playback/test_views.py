@@ -11,6 +11,7 @@ from gcs.report.score import score_files
 from gcs.session.session import open_session
 from sim.session import write_session
 from sim.world.scenario import Blackout, Gnss, Scenario, ScenarioFlight, ScenarioGround, ScenarioView
+from tests.support.waiting import until
 
 FLIGHT = Scenario(
     duration_s=10.0,
@@ -63,8 +64,11 @@ def test_names_of_one_view_alone(flight, named, tmp_path):
 def test_a_replay_goes_from_camera_to_camera(flight):
     first = Replay(open_session(flight))
     try:
-        first.seek(first.start_us + 5_000_000)
+        first.seek(first.start_us + 8_000_000)
         first.set_speed(0.1)
+        assert until(lambda: (now := first.latest()) and any(row.elsewhere == ("UAV-2",) for row in now.vehicles))
+        assert [row.role for row in first.latest().vehicles][:3] == ["uav", "uav", "ugv"]
+        assert len(first.latest().footprints_elsewhere) == 1
         second = first.next_view()
         assert second is not first and (second.playing, first.playing, second.speed) == (True, False, 0.1)
         assert abs(second.now_us - first.now_us) < 2_000_000
