@@ -209,8 +209,8 @@ class Sighting:
     """(m,) tracks that are seen."""
     place: FloatArray
     """(m, 2) where they are on the ground, by the pose that the view found, ENU metres; NaN unknown."""
-    std_m: FloatArray
-    """(m,) 1σ of that per axis, beyond what all of the frame share."""
+    cov_m2: FloatArray
+    """(m, 2, 2) covariance of that, m², beyond what all of the frame share."""
     common_std_m: float
     """1σ per axis of what they share: the pose is off."""
     p: FloatArray
@@ -221,5 +221,5 @@ class Sighting:
     def __post_init__(self) -> None:
         m = len(self.track_id)
         _need("place", self.place, (m, 2))
-        _need("std_m", self.std_m, (m,))
+        _need("cov_m2", self.cov_m2, (m, 2, 2))
         _need("p", self.p[:, :0], (m, 0))

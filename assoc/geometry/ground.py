@@ -52,6 +52,10 @@ class GroundTracks:
     """(9,) the correction that was applied."""
 
 
+_BOX_STD_M, _BOX_STD_RAD = 0.4, 0.004
+"""1σ of a box's place on the ground, metres, and of its angle, radians: boxes are not round quite the same points."""
+
+
 def _interpolation(times: FloatArray, query: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
     """Index of the row before each query and the weight of the row after; extrapolates one step at the ends."""
     if len(times) < 2:
@@ -281,3 +285,22 @@ def ground_to_rays(
     R, level = R_enu_cam[None], np.zeros(1)
     back = _rotations(R, level, -float(theta[PITCH]), -float(theta[ROLL])) @ _rotations(R, -theta[[YAW]], 0.0, 0.0)
     return np.asarray(d @ back[0].T @ R_enu_cam)
+
+
+def place_covariance(level_m: FloatArray, height_m: float) -> FloatArray:
+    """(m, 2, 2) covariance of boxes' places on the ground, m²: near the horizon how far away is known badly.
+
+    With r the distance and h the height of the camera, 1σ is 0.4 m + 0.004 r across the line of sight and
+    0.4 m + 0.004 r²/h along it.
+
+    Args:
+        level_m: (m, 2) places from below the camera, metres, NaN unknown.
+        height_m: Of the camera above the ground.
+    """
+    along_m = np.linalg.norm(level_m, axis=1)
+    unit = np.nan_to_num(level_m / np.maximum(along_m, 1e-6)[:, None])
+    away = np.nan_to_num(np.hypot(along_m, height_m))
+    across_std = _BOX_STD_M + _BOX_STD_RAD * away
+    along_std = _BOX_STD_M + _BOX_STD_RAD * away**2 / max(height_m, 1.0)
+    outer = unit[:, :, None] * unit[:, None]
+    return np.asarray(across_std[:, None, None] ** 2 * (np.eye(2) - outer) + along_std[:, None, None] ** 2 * outer)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.evidence.motion import ReportLog
-from assoc.geometry.ground import PITCH, ROLL, YAW, ground_to_rays, rays_to_ground
+from assoc.geometry.ground import PITCH, ROLL, YAW, ground_to_rays, place_covariance, rays_to_ground
 from assoc.history import TrackHistory
 from assoc.identification.common_boxes import CommonBoxes
 from assoc.identification.doubts import AnswerDoubt, lowered
@@ -36,8 +36,6 @@ _HEADING_KNOWN = 0.35
 """1σ of the estimated heading, radians, below which it stands for one that is not reported."""
 _BY_PLACES_EVERY_S = 5.0
 """Time between two looks at places on the ground, seconds, while vehicles are named by their directions."""
-_PLACE_STD_M, _PLACE_STD_RAD = 0.4, 0.004
-"""1σ of a box's place on the ground, metres, and of its angle, radians: a box is not round quite the same points."""
 _COMMON_STD_M, _UNFIT_STD_M = 1.5, 5.0
 """1σ of what the places of a frame share, metres, with the pose found, and before."""
 _ROUNDING_S = 1e-6
@@ -196,19 +194,17 @@ class Identifier:
     def _sighting(self, observation: Observation, camera: CameraState, rows: IntArray, p: FloatArray) -> Sighting:
         """What this view has of some tracks of a frame, as it is told to others; p: (k, n + 1)."""
         usable, estimator = _complete_state(camera), self._estimator
-        place, std_m = np.full((len(rows), 2), np.nan), np.full(len(rows), np.nan)
+        place, cov_m2 = np.full((len(rows), 2), np.nan), np.zeros((len(rows), 2, 2))
         if usable is not None:
             at = usable.R_enu_cam, usable.p_enu, usable.ground_z
             place = rays_to_ground(observation.ray_cam[rows], *at, estimator.theta)
-            height = max(float(usable.p_enu[2]) - usable.ground_z, 1.0)
-            away = np.sum((place - usable.p_enu[:2]) ** 2, axis=1) + height**2
-            std_m = _PLACE_STD_M + _PLACE_STD_RAD * away / height
+            cov_m2 = place_covariance(place - usable.p_enu[:2], usable.p_enu[2] - usable.ground_z)
         fit = np.nan_to_num(self.fit_probability)
         return Sighting(
             t_us=observation.t_us - round(estimator.time_offset_s * 1e6),
             track_id=observation.track_id[rows],
             place=place,
-            std_m=std_m,
+            cov_m2=cov_m2,
             common_std_m=_COMMON_STD_M if fit > 0.5 else _UNFIT_STD_M,
             p=p,
             fit=float(fit),

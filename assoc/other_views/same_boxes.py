@@ -3,7 +3,7 @@
 Each view has its places by a pose of its own, which is off by something that all its boxes share. With
 d_ij = g_i − g'_j between track i of one view and j of the other at one time, and s the shift between the two poses,
 
-    d_ij = s + noise,   s ~ N(0, σ_c² + σ_c'²),   noise ~ N(0, σ_i² + σ_j'²)
+    d_ij = s + noise,   s ~ N(0, σ_c² + σ_c'²),   noise ~ N(0, C_i + C'_j)
 
 where i and j are one, and anywhere in the area A that an object has for itself where they are not. What both views
 answer by themselves counts, too, by ln (n + 1) Σ p_i p'_j, −1 to 2. Every d_ij is a shift to be tried;
@@ -57,15 +57,19 @@ class Shift:
 
     mean: FloatArray
     """(2,)."""
-    var: float
-    """Per axis, m²."""
+    cov: FloatArray
+    """(2, 2) m²."""
     t: float = 0.0
     """When, seconds."""
 
-    def after(self, t: float, var: float) -> Shift:
-        """What is known of it at a later time: it wanders, until it is as unknown as before, m²."""
-        grown = self.var + _WANDER_M2_S * abs(t - self.t)
-        return Shift(self.mean, grown, t) if grown < var else Shift(np.zeros(2), var, t)
+    @classmethod
+    def unknown(cls, var: float) -> Shift:
+        """Nothing but how large it usually is, m² per axis."""
+        return cls(np.zeros(2), var * np.eye(2))
+
+    def after(self, t: float) -> Shift:
+        """What is known of it at a later time: it wanders."""
+        return Shift(self.mean, self.cov + _WANDER_M2_S * abs(t - self.t) * np.eye(2), t)
 
 
 class SameBoxes:
@@ -74,7 +78,7 @@ class SameBoxes:
     def __init__(self) -> None:
         self._p: dict[tuple[int, int], tuple[float, float]] = {}
         """When a pair was compared last, seconds, and the mean probability that it is one object."""
-        self._shift = Shift(np.zeros(2), np.inf)
+        self._shift: Shift | None = None
         self._last: tuple[float, IntArray, IntArray, FloatArray] | None = None
 
     def update(self, mine: Sighting, theirs: Sequence[Sighting]) -> tuple[IntArray, FloatArray]:
@@ -87,7 +91,7 @@ class SameBoxes:
         Returns:
             (k,) tracks of the other view that are somewhere at that time; (m, k) probability of each pair to be one.
         """
-        track_id, place, var = places_at(mine.t_us, theirs)
+        track_id, place, cov = places_at(mine.t_us, theirs)
         if not len(track_id) or not len(mine.track_id):
             return track_id, np.zeros((len(mine.track_id), len(track_id)))
         t = 1e-6 * mine.t_us
@@ -96,10 +100,12 @@ class SameBoxes:
             same = np.array_equal(own, mine.track_id) and np.array_equal(others, track_id)
             if same and 0.0 <= t - last_s < _AGAIN_S:
                 return track_id, known
-        both = mine.std_m[:, None] ** 2 + var[None], log_agreement(mine.p, newest_answers(track_id, theirs))
-        before = self._shift.after(t, mine.common_std_m**2 + max(each.common_std_m for each in theirs) ** 2)
-        now, found = compared(mine.place[:, None] - place[None], both[0], before, both[1])
-        self._shift = replace(found, t=t)
+        d, covs = mine.place[:, None] - place[None], mine.cov_m2[:, None] + cov[None]
+        agreement = log_agreement(mine.p, newest_answers(track_id, theirs))
+        usual = Shift.unknown(mine.common_std_m**2 + max(each.common_std_m for each in theirs) ** 2)
+        before = [usual] if self._shift is None else [self._shift.after(t), usual]
+        now, found, _ = max((compared(d, covs, shift, agreement) for shift in before), key=lambda each: each[2])
+        self._shift = replace(found, t=t) if found is not usual else None
         mean = self._mean(t, mine.track_id, track_id, now)
         self._last = t, mine.track_id, track_id, mean
         return track_id, mean
@@ -129,23 +135,28 @@ def places_at(t_us: int, sightings: Sequence[Sighting]) -> tuple[IntArray, Float
         sightings: Its last frames, in order.
 
     Returns:
-        (k,) track ids, (k, 2) places, metres, and (k,) their variance per axis, m²; of tracks seen within ``REACH_S``.
+        (k,) track ids, (k, 2) places, metres, and (k, 2, 2) their covariance, m²; of tracks seen within ``REACH_S``.
     """
-    rows: dict[int, list[tuple[float, float, float, float]]] = {}
+    rows: dict[int, list[tuple[float, float, float]]] = {}
+    newest: dict[int, FloatArray] = {}
     for sighting in sightings:
         t = 1e-6 * (sighting.t_us - t_us)
         if abs(t) > REACH_S + _COURSE_S:
             continue
-        for track, (x, y), std in zip(sighting.track_id.tolist(), sighting.place, sighting.std_m.tolist(), strict=True):
+        for track, (x, y), cov in zip(sighting.track_id.tolist(), sighting.place, sighting.cov_m2, strict=True):
             if np.isfinite(x):
-                rows.setdefault(track, []).append((t, x, y, std))
+                rows.setdefault(track, []).append((t, x, y))
+                newest[track] = cov
     found = {track: line for track, seen in rows.items() if (line := _at_zero(np.array(seen))) is not None}
     values = np.array(list(found.values())).reshape(-1, 3)
-    return np.array(list(found), np.int64), values[:, :2], values[:, 2]
+    covs = np.array([newest[track] for track in found]).reshape(-1, 2, 2)
+    return np.array(list(found), np.int64), values[:, :2], covs + values[:, 2, None, None] * np.eye(2)
 
 
 def _at_zero(seen: FloatArray) -> tuple[float, float, float] | None:
-    """Place (x, y) and variance at time 0 of a track with rows (k, 4) of time, place, 1σ; None: seen too long ago."""
+    """Place (x, y) at time 0 of a track with rows (k, 3) of time and place, and its variance by how long ago it was
+    seen; None: too long.
+    """
     nearest = int(np.argmin(np.abs(seen[:, 0])))
     away = seen[nearest, 0]
     if abs(away) > REACH_S:
@@ -158,7 +169,7 @@ def _at_zero(seen: FloatArray) -> tuple[float, float, float] | None:
         velocity = t @ near[:, 1:3] / (t @ t)
     x, y = seen[nearest, 1:3] - away * velocity
     # what turns and brakes is elsewhere: 2 m/s² from the middle of the course on
-    return float(x), float(y), float(seen[nearest, 3] ** 2 + (abs(away) * (0.3 + abs(away))) ** 2)
+    return float(x), float(y), float((abs(away) * (0.3 + abs(away))) ** 2)
 
 
 def log_agreement(mine: FloatArray, theirs: FloatArray) -> FloatArray:
@@ -168,33 +179,36 @@ def log_agreement(mine: FloatArray, theirs: FloatArray) -> FloatArray:
 
 
 def compared(
-    d: FloatArray, var: FloatArray, shift: Shift, agreement: FloatArray | float = 0.0
-) -> tuple[FloatArray, Shift]:
+    d: FloatArray, covs: FloatArray, shift: Shift, agreement: FloatArray | float = 0.0
+) -> tuple[FloatArray, Shift, float]:
     """Compare the places that two views have of their tracks at one time.
 
-    A shift is worth Σ gains − |s − s₀|²/2σ_s² − ln (σ_s²/σ²) by the pairs that it explains, with
-    σ⁻² = σ_s⁻² + Σ 1/(σ_i² + σ_j²): less what it costs to fit it to them. That nothing is the same is worth 0.
+    A shift is worth Σ gains − ½ sᵀΛs − ½ ln |Λ⁻¹P| by the pairs that it explains, Λ⁻¹ its covariance before them and
+    P = Λ + Σ (C_i + C_j)⁻¹: less what it costs to fit it to them. That nothing is the same is worth 0.
 
     Args:
         d: (m, k, 2) place of a track of the one view less that of one of the other, metres, NaN unknown.
-        var: (m, k) variance of that per axis, m².
+        covs: (m, k, 2, 2) covariance of that, m².
         shift: What is known of the shift between both views' poses.
         agreement: (m, k) nats by which else they are one, or are not.
 
     Returns:
-        (m, k) probability that they are one object; the shift by that.
+        (m, k) probability that they are one object; the shift by that; what the best one is worth, 0 at least.
     """
-    d = d - shift.mean
+    d, before = d - shift.mean, np.linalg.inv(shift.cov)
+    W: FloatArray = np.asarray(np.linalg.inv(covs), np.float64)
     with np.errstate(invalid="ignore"):
-        near = np.sum(d**2, axis=2) <= _GATE**2 * (shift.var + var)
-    shifts = d[near]
+        near = np.einsum("mkx,mkxy,mky->mk", d, np.linalg.inv(covs + shift.cov), d) <= _GATE**2
+    shifts, P = d[near], before
+    log_peak = np.log(_AREA_M2 / (2.0 * np.pi)) + 0.5 * np.linalg.slogdet(W)[1] + agreement
     for _ in range(2):  # each moved to the middle of the pairs that it explains
-        weight = np.where(_nearest(_gains(d, var, shifts, agreement)), 1.0 / var, 0.0)
-        precision = np.sum(weight, axis=(1, 2)) + 1.0 / shift.var
-        shifts = np.einsum("smk,mkx->sx", weight, np.nan_to_num(d)) / precision[:, None]
-    gains = _gains(d, var, shifts, agreement)
-    values = np.sum(gains, axis=(1, 2), where=_nearest(gains)) - 0.5 * np.sum(shifts**2, axis=1) / shift.var
-    values -= np.log(precision * shift.var) if len(shifts) else 0.0
+        weight = np.where(_nearest(_gains(d, W, shifts, log_peak)), 1.0, 0.0)
+        P = np.einsum("smk,mkxy->sxy", weight, W) + before
+        sums = np.einsum("smk,mkxy,mky->sx", weight, W, np.nan_to_num(d))
+        shifts = np.linalg.solve(P, sums[..., None])[..., 0]
+    gains = _gains(d, W, shifts, log_peak)
+    values = np.sum(gains, axis=(1, 2), where=_nearest(gains)) - 0.5 * np.einsum("sx,xy,sy->s", shifts, before, shifts)
+    values -= 0.5 * (np.linalg.slogdet(P)[1] - np.linalg.slogdet(before)[1])
     best = list[int]()
     for row in np.argsort(-values, kind="stable").tolist():
         far = np.sum((shifts[best] - shifts[row]) ** 2, axis=1) > _APART_M**2
@@ -202,20 +216,19 @@ def compared(
             best.append(row)
     best = best[:_MOST_SHIFTS]
     if not best:
-        return np.zeros(d.shape[:2]), shift
-    share = np.exp(values[best] - max(values[best[0]], 0.0))
-    share /= np.sum(share) + np.exp(-max(values[best[0]], 0.0))
+        return np.zeros(d.shape[:2]), shift, 0.0
+    most = max(float(values[best[0]]), 0.0)
+    share = np.exp(values[best] - most)
+    share /= np.sum(share) + np.exp(-most)
     parts = np.array([marginals(gains[row])[:, :-1] for row in best])
-    found = shift
-    if share[0] > _SURE:
-        found = Shift(shift.mean + shifts[best[0]], float(1.0 / precision[best[0]]))
-    return np.asarray(np.tensordot(share, parts, axes=1)), found
+    found = Shift(shift.mean + shifts[best[0]], np.linalg.inv(P[best[0]])) if share[0] > _SURE else shift
+    return np.asarray(np.tensordot(share, parts, axes=1)), found, most
 
 
-def _gains(d: FloatArray, var: FloatArray, shifts: FloatArray, agreement: FloatArray | float) -> FloatArray:
+def _gains(d: FloatArray, W: FloatArray, shifts: FloatArray, log_peak: FloatArray) -> FloatArray:
     """(s, m, k) ln of how much likelier each pair is one than two under each shift; −23 where a place is unknown."""
-    away = np.sum((d - shifts[:, None, None]) ** 2, axis=3)
-    gains = np.log(_AREA_M2 / (2.0 * np.pi * var)) - 0.5 * away / var + agreement
+    off = d - shifts[:, None, None]
+    gains = log_peak - 0.5 * np.einsum("smkx,mkxy,smky->smk", off, W, off)
     return np.asarray(np.nan_to_num(gains, nan=-23.0))
 
 

@@ -19,7 +19,7 @@ def sighting(t_s, place, p=None, ids=None, fit=1.0):
         t_us=round(1e6 * t_s),
         track_id=np.arange(1, m + 1) if ids is None else np.array(ids),
         place=np.asarray(place, dtype=float),
-        std_m=np.full(m, 0.5),
+        cov_m2=np.tile(0.25 * np.eye(2), (m, 1, 1)),
         common_std_m=1.5,
         p=np.tile(EVEN, (m, 1)) if p is None else np.asarray(p),
         fit=fit,
@@ -42,26 +42,27 @@ def sure_of(*vehicles):
 def test_boxes_are_paired_by_where_they_are(mine, theirs, pairs):
     rng = np.random.default_rng(1)
     seen = theirs + rng.normal(0.0, 0.2, theirs.shape)
-    p, _ = pairs_of(mine, seen, 4.5)
+    p, *_ = pairs_of(mine, seen, 4.5)
     assert {int(i): int(j) for i, j in np.argwhere(p > 0.8)} == pairs
 
 
 def test_a_shift_that_was_sure_pairs_a_box_that_is_alone():
-    _, shift = pairs_of(GRID + np.array([1.5, -1.2]), GRID, 4.5)
-    assert shift.mean == pytest.approx([1.5, -1.2], abs=0.2) and shift.var < 0.2
+    _, shift, _ = pairs_of(GRID + np.array([1.5, -1.2]), GRID, 4.5)
+    assert shift.mean == pytest.approx([1.5, -1.2], abs=0.2) and shift.cov[0, 0] < 0.2
     one, other = np.array([[31.5, -1.2]]), np.array([[30.0, 0.0]])
-    assert pairs_of(one, other, 4.5)[0] < 0.8 < pairs_of(one, other, shift.var, shift.mean)[0]
-    assert (shift.after(2.0, 4.5).var, shift.after(60.0, 4.5).var) == (pytest.approx(shift.var + 1.0), 4.5)
+    assert pairs_of(one, other, 4.5)[0] < 0.8 < pairs_of(one, other, shift.cov[0, 0], shift.mean)[0]
+    assert shift.after(2.0).cov - shift.cov == pytest.approx(np.eye(2))
 
 
 def test_a_row_of_which_each_sees_another_part_is_not_paired_surely():
-    p, _ = pairs_of(ROW[:3] + np.array([2.0, 0.0]), ROW[1:4] - np.array([0.3, 0.0]), 18.0)
+    p, *_ = pairs_of(ROW[:3] + np.array([2.0, 0.0]), ROW[1:4] - np.array([0.3, 0.0]), 18.0)
     assert np.max(p) < 0.9
 
 
 def pairs_of(mine, theirs, shift_var, mean=(0.0, 0.0)):
     d = mine[:, None] - theirs[None]
-    return compared(d, np.full(d.shape[:2], 0.5), Shift(np.array(mean), shift_var))
+    covs = np.tile(0.5 * np.eye(2), (*d.shape[:2], 1, 1))
+    return compared(d, covs, Shift(np.array(mean), shift_var * np.eye(2)))
 
 
 def test_a_track_goes_on_straight_for_half_a_second():

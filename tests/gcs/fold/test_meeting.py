@@ -18,7 +18,13 @@ PLACES = np.array([[5.0, 0.0, 0.0], [12.0, 3.0, 0.0], [20.0, -4.0, 0.0]])
 def seen(t_us, origin, p):
     place = origin.to_enu(*HERE.to_geodetic(PLACES))[:, :2]
     return Sighting(
-        t_us=t_us, track_id=np.arange(3), place=place, std_m=np.full(3, 0.5), common_std_m=1.5, p=p, fit=1.0
+        t_us=t_us,
+        track_id=np.arange(3),
+        place=place,
+        cov_m2=np.tile(0.25 * np.eye(2), (3, 1, 1)),
+        common_std_m=1.5,
+        p=p,
+        fit=1.0,
     )
 
 
