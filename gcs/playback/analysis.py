@@ -102,10 +102,15 @@ class Analysis:
         self._stall_s = stall_after_s(self._frames_order_us)
         self._awaited_us = video_awaited_us(session.folder)
         self.warnings = tuple(session_warnings(opened))
-        self._company = company or InStep()
+        self._company = company or InStep(self._warn)
         self._company.join(self, followed=followed)
         if company is None:
             self._open_others()
+
+    def _warn(self, text: str) -> None:
+        """Report in the next snapshot what was found to be wrong with the recording."""
+        if self._folded:
+            self._folded.add_event(Event(t_us=int(self.times_us[0]), level="warning", kind="recording", text=text))
 
     def _open_others(self) -> None:
         """Open what the flight's other cameras recorded; what cannot be used is left out, with a warning."""

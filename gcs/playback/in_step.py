@@ -6,17 +6,20 @@ A flight kept which frames those were (``elsewhere.csv``). Of other recordings i
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gcs.errors import GcsError
 from gcs.fold.meeting import Meeting, Seat
 from gcs.session.tables import read_table
 from gcs.snapshot import Snapshot
 from infra.files.segment import segments
 from infra.session_format import ELSEWHERE
+from mavlink.errors import MavlinkError
+from vision.errors import VisionError
 
 if TYPE_CHECKING:
     from gcs.playback.analysis import Analysis
@@ -31,10 +34,11 @@ class _Course:
     Args:
         analysis: folds it.
         followed: it is folded for others' sake, and not shown.
+        tell: called with what is wrong with one that is followed, and goes on no further.
     """
 
-    def __init__(self, analysis: Analysis, *, followed: bool) -> None:
-        self.analysis, self.followed = analysis, followed
+    def __init__(self, analysis: Analysis, *, followed: bool, tell: Callable[[str], None]) -> None:
+        self.analysis, self.followed, self._tell = analysis, followed, tell
         # a flight that kept its order is as it was, also where it heard nothing
         self.heard = _heard_in(analysis.opened.session.folder) if analysis.as_flown else None
         self._moments: Iterator[Moment] = iter(())
@@ -59,6 +63,11 @@ class _Course:
         self._moves = True
         try:
             moment = next(self._moments, None)
+        except (GcsError, MavlinkError, VisionError) as error:
+            if not self.followed:
+                raise
+            self._tell(f"what another camera saw does not count from here on: {error}")
+            return False
         finally:
             self._moves = False
         if moment is None:
@@ -84,9 +93,14 @@ class _Course:
 
 
 class InStep:
-    """Cameras of a flight, each folded as far as another one needs it."""
+    """Cameras of a flight, each folded as far as another one needs it.
 
-    def __init__(self) -> None:
+    Args:
+        tell: called with what is wrong with a camera that is folded for others' sake.
+    """
+
+    def __init__(self, tell: Callable[[str], None] = lambda text: None) -> None:
+        self._tell = tell
         self._courses: dict[int, _Course] = {}
         self._meeting = Meeting(self._heard)
 
@@ -97,7 +111,7 @@ class InStep:
             analysis: folds it.
             followed: it is folded for others' sake, and not shown.
         """
-        self._courses[analysis.uav_id] = _Course(analysis, followed=followed)
+        self._courses[analysis.uav_id] = _Course(analysis, followed=followed, tell=self._tell)
 
     def begin(self, uav_id: int) -> Seat | None:
         """Where a fold that begins at the start meets the others; those that are not shown begin anew, too.

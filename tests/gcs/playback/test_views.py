@@ -1,17 +1,22 @@
 """Two cameras over one fleet: each view is named, and shown in a replay."""
 
 import shutil
+from itertools import islice
 
 import pytest
 
 from gcs.errors import SessionError
+from gcs.fold.meeting import Meeting
+from gcs.playback.analysis import Analysis
 from gcs.playback.identification import identify_session
 from gcs.playback.replay import Replay
 from gcs.report.score import score_files
+from gcs.session.frame_tables import read_times
 from gcs.session.session import open_session
 from sim.session import write_session
 from sim.world.scenario import Blackout, Gnss, Scenario, ScenarioFlight, ScenarioGround, ScenarioView
 from tests.support.waiting import until
+from vision.errors import VideoError
 
 FLIGHT = Scenario(
     duration_s=10.0,
@@ -52,6 +57,44 @@ def test_both_views_are_named(flight, named):
         assert found.coverage == 1.0
     with pytest.raises(SessionError, match="exists already"):
         identify_session(open_session(flight), out)
+
+
+def test_each_view_hears_what_the_others_took_before(flight, monkeypatch):
+    heard, told = [], Meeting.told
+
+    def noted(self, uav_id, frame):
+        left = told(self, uav_id, frame)
+        heard.append((uav_id, frame, {other: each[-1].frame for other, each in left.items()}))
+        return left
+
+    monkeypatch.setattr(Meeting, "told", noted)
+    analysis = Analysis(open_session(flight))
+    try:
+        list(islice(analysis.snapshots(images=False), 40))
+    finally:
+        analysis.close()
+    views = (flight, flight / "view-2")
+    taken_us = {k: read_times(view / "frames.csv").times_us for k, view in enumerate(views, 1)}
+    assert {uav_id for uav_id, _, _ in heard} == {1, 2} and any(of for _, _, of in heard)
+    for uav_id, frame, of in heard:
+        for other, last in of.items():
+            assert taken_us[other][last] < taken_us[uav_id][frame] <= taken_us[other][last + 1]
+
+
+def test_another_camera_that_breaks_off_costs_no_name(flight, monkeypatch):
+    fold = Analysis.folded
+
+    def broken(self, seat, flown=()):
+        yield from islice(fold(self, seat, flown), 5)
+        raise VideoError("view-2: torn")
+
+    monkeypatch.setattr(Analysis, "folded", broken)
+    analysis = Analysis(open_session(flight))
+    try:
+        texts = [e.text for now in islice(analysis.snapshots(images=False), 12) for e in now.events]
+    finally:
+        analysis.close()
+    assert "what another camera saw does not count from here on: view-2: torn" in texts
 
 
 @pytest.mark.slow
