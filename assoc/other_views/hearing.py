@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.other_views.opinions import Hearsay, founded, mixed, pooled, without_taken
+from assoc.other_views.opinions import Hearsay, founded, pooled, said_of, without_taken
 from assoc.other_views.same_boxes import SameBoxes, newest_answers
 from assoc.records import Sighting
 
@@ -58,27 +58,27 @@ class Hearing:
         Returns:
             (m, n + 1) probabilities, the last column "none of ours".
         """
-        answers, trusts, differences = [mine.p], [np.full(len(mine.p), mine.fit)], list[Difference]()
+        answers, same, fits = [mine.p], [np.ones(len(mine.p))], [mine.fit]
+        differences = list[Difference]()
         for view, theirs in told.items():
-            track_id, same = self._same.setdefault(view, SameBoxes()).update(mine, theirs)
-            said = mixed(newest_answers(track_id, theirs), same)
-            trust = np.minimum(np.sum(same, axis=1), 1.0) * theirs[-1].fit
-            differences += _differences(view, mine, said, trust)
+            track_id, pairs = self._same.setdefault(view, SameBoxes()).update(mine, theirs)
+            said, is_same = said_of(newest_answers(track_id, theirs), pairs)
+            fit = theirs[-1].fit
+            differences += _differences(view, mine, said, is_same, fit)
             hearsay = self._hearsay.setdefault(view, Hearsay())
-            said, trust = hearsay.update(1e-6 * mine.t_us, mine.track_id, said, trust)
+            said, is_same = hearsay.update(1e-6 * mine.t_us, mine.track_id, said, is_same)
             answers.append(said)
-            trusts.append(trust)
+            same.append(is_same)
+            fits.append(fit)
         self.differences = tuple(differences)
-        if not np.any(trusts[1:]):
-            return mine.p
-        return without_taken(mine.p, pooled(answers, trusts))
+        return without_taken(mine.p, pooled(answers, same, fits))
 
 
-def _differences(view: int, mine: Sighting, said: FloatArray, trust: FloatArray) -> Iterator[Difference]:
-    """What another view said (m, n + 1), trusted (m,), that contradicts what this one is sure of."""
+def _differences(view: int, mine: Sighting, said: FloatArray, same: FloatArray, fit: float) -> Iterator[Difference]:
+    """What another view, which fits so far, said (m, n + 1) against what this one is sure of; same: as far as (m,)."""
     own, other = np.argmax(mine.p, axis=1), np.argmax(said, axis=1)
-    sure = (np.minimum(np.max(mine.p, axis=1), np.max(said, axis=1)) >= _SURE) & (mine.fit >= _SURE)
-    known, theirs = mine.fit * founded(mine.p), trust * founded(said)
-    for row in np.flatnonzero(sure & (own != other) & (trust >= _SURE)).tolist():
+    sure = np.min([np.max(mine.p, axis=1), np.max(said, axis=1), same, np.full(len(same), min(fit, mine.fit))], axis=0)
+    known, theirs = mine.fit * founded(mine.p), same * fit * founded(said)
+    for row in np.flatnonzero((sure >= _SURE) & (own != other)).tolist():
         wrong = -1 if theirs[row] > _MORE * known[row] else 1 if known[row] > _MORE * theirs[row] else 0
         yield Difference(int(own[row]), int(other[row]), view, wrong)

@@ -1,15 +1,15 @@
 """What a view answers once it has heard the others: of several answers about one object the better founded counts.
 
 All views compare with the same reports, whose errors they share: two that agree prove no more than one. So answers are
-not multiplied. With k_v = P_v(fits) (ln (n + 1) − H(p_v)), what a view knows of an object, H the entropy of its answer,
-the view that knows most answers, together with those who answer something else, in a pool whose weights add up to 1 (a
-logarithmic opinion pool; Genest and Zidek 1986, doi:10.1214/ss/1177013825):
+not multiplied. m_v is the probability that what view v answers about is the same object, and k_v = m_v P_v(fits)
+(ln (n + 1) − H(p_v)) what it knows of it, H the entropy of its answer. The view that knows most answers, together with
+those who answer something else, in a pool whose weights add up to 1 (a logarithmic opinion pool; Genest and Zidek 1986,
+doi:10.1214/ss/1177013825), as far as it is the same object:
 
-    ln p = Σ w_v ln p_v + const,   w_v ∝ k_v⁴
+    p = (1 − M) p_own + M Π p_v^w_v / Σ,   w_v ∝ k_v⁴,   M the mean of the others' m_v by their weights
 
 Where one view knows and the other does not, it is the one's answer; where both know the same, it is as sure as the
-surer one; where they know different things, neither is sure. What another view says is taken with the probability m
-that its box is the same object: p_v = m p + (1 − m)/(n + 1).
+surer one; where they know different things, neither is sure.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ IntArray = NDArray[np.int64]
 
 _LEAST = 1e-6
 """Least probability of anything."""
+_COUNTS = 0.05
+"""Weight against a view's own from which on what others say counts."""
 _KEPT_S = 8.0
 """What another view told of a track counts e times less so long after it was seen there last, seconds."""
 
@@ -33,25 +35,34 @@ def founded(p: FloatArray) -> FloatArray:
     return np.asarray(np.log(p.shape[1]) + np.sum(p * np.log(np.maximum(p, _LEAST)), axis=1))
 
 
-def pooled(answers: Sequence[FloatArray], fits: Sequence[FloatArray]) -> FloatArray:
-    """(m, n + 1) answers of several views on the same m objects, pooled.
+def pooled(answers: Sequence[FloatArray], same: Sequence[FloatArray], fits: Sequence[float]) -> FloatArray:
+    """(m, n + 1) answers of several views on the same m objects, pooled; the first is the one that is asked.
 
     Args:
         answers: (m, n + 1) each; rows add up to 1.
-        fits: (m,) each: how far it is to be trusted, 0 to 1.
+        same: (m,) each: probability that it is about the same object.
+        fits: Of each, how far it is to be trusted, 0 to 1.
     """
-    known = np.array([fit * np.maximum(founded(p), 0.0) for p, fit in zip(answers, fits, strict=True)])
+    m, own = np.array(same), answers[0]
+    known = m * np.array(fits)[:, None] * np.maximum([founded(p) for p in answers], 0.0)
     best, says = np.argmax(known, axis=0), np.array([np.argmax(p, axis=1) for p in answers])
-    rows = np.arange(known.shape[1])
+    rows = np.arange(len(own))
     counts = says != says[best, rows]
     counts[best, rows] = True
     weight = np.where(counts, known, 0.0) ** 4
-    total = np.sum(weight, axis=0)
-    weight = np.where(total > _LEAST, weight / np.maximum(total, _LEAST), np.eye(len(answers), 1))
-    log_p = sum(w[:, None] * np.log(np.maximum(p, _LEAST)) for w, p in zip(weight, answers, strict=True))
-    p = np.exp(log_p - np.max(log_p, axis=1, keepdims=True))
-    # to the last digit: names are given from a threshold on, at which answers are held
-    return np.where(weight[0][:, None] == 1.0, answers[0], p / np.sum(p, axis=1, keepdims=True))
+    others = np.sum(weight[1:], axis=0)
+    # to the last digit as it was where no other view counts: names are given from a threshold on, and held at it
+    heard = np.flatnonzero(others > _COUNTS * weight[0])
+    if not len(heard):
+        return own
+    weight = weight[:, heard] / np.sum(weight[:, heard], axis=0)
+    log_p = sum(w[:, None] * np.log(np.maximum(p[heard], _LEAST)) for w, p in zip(weight, answers, strict=True))
+    pool = np.exp(log_p - np.max(log_p, axis=1, keepdims=True))
+    pool /= np.sum(pool, axis=1, keepdims=True)
+    M = (np.sum(weight[1:] * m[1:, heard], axis=0) / np.sum(weight[1:], axis=0))[:, None]
+    p = own.copy()
+    p[heard] = (1.0 - M) * own[heard] + M * pool
+    return p
 
 
 def without_taken(before: FloatArray, after: FloatArray) -> FloatArray:
@@ -73,16 +84,20 @@ def without_taken(before: FloatArray, after: FloatArray) -> FloatArray:
     return np.where(np.any(others < 0.0, axis=1, keepdims=True), p, after)
 
 
-def mixed(p: FloatArray, same: FloatArray) -> FloatArray:
-    """(m, n + 1) what a view says of the m tracks of another one.
+def said_of(p: FloatArray, same: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What a view says of the m tracks of another one.
 
     Args:
         p: (k, n + 1) of its own k tracks.
         same: (m, k) probability of each to be the same object.
+
+    Returns:
+        (m, n + 1) its answers on the objects that they may be; (m,) probability that each is one of them.
     """
-    unknown = np.maximum(1.0 - np.sum(same, axis=1, keepdims=True), 0.0)
-    said = same @ p + unknown / p.shape[1]
-    return np.asarray(said / np.sum(said, axis=1, keepdims=True))
+    total = np.sum(same, axis=1)
+    even = np.full((len(same), p.shape[1]), 1.0 / p.shape[1])
+    said = np.where(total[:, None] > _LEAST, same @ p / np.maximum(total, _LEAST)[:, None], even)
+    return said, np.minimum(total, 1.0)
 
 
 class Hearsay:
@@ -90,28 +105,26 @@ class Hearsay:
 
     def __init__(self) -> None:
         self._said: dict[int, tuple[float, FloatArray, float]] = {}
-        """When, seconds; (n + 1,) what; how far it was to be trusted."""
+        """When, seconds; (n + 1,) what; the probability that it was about the same object."""
 
-    def update(
-        self, t: float, track_id: IntArray, said: FloatArray, trust: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """(m, n + 1) what counts now, and (m,) how much; what was said before counts where nothing is now.
+    def update(self, t: float, track_id: IntArray, said: FloatArray, same: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(m, n + 1) what counts now, and (m,) how far; what was said before counts where less is now.
 
         Args:
             t: Time, seconds.
             track_id: (m,) tracks.
             said: (m, n + 1) what is said now.
-            trust: (m,) how far it is to be trusted, 0 nothing.
+            same: (m,) probability that it is about the same object.
         """
         self._said = {key: kept for key, kept in self._said.items() if 0.0 <= t - kept[0] < 3.0 * _KEPT_S}
-        said, trust = said.copy(), trust.copy()
+        said, same = said.copy(), same.copy()
         for row, key in enumerate(track_id.tolist()):
             if key in self._said:
-                at, before, trusted = self._said[key]
-                left = trusted * float(np.exp(-(t - at) / _KEPT_S))
-                if len(before) == said.shape[1] and left > trust[row]:
-                    said[row], trust[row] = before, left
+                at, before, was_same = self._said[key]
+                left = was_same * float(np.exp(-(t - at) / _KEPT_S))
+                if len(before) == said.shape[1] and left > same[row]:
+                    said[row], same[row] = before, left
                     continue
-            if trust[row] > 0.0:
-                self._said[key] = t, said[row].copy(), float(trust[row])
-        return said, trust
+            if same[row] > 0.0:
+                self._said[key] = t, said[row].copy(), float(same[row])
+        return said, same

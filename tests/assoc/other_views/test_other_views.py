@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from assoc.other_views.hearing import Hearing
-from assoc.other_views.opinions import Hearsay, founded, mixed, pooled, without_taken
+from assoc.other_views.opinions import Hearsay, founded, pooled, said_of, without_taken
 from assoc.other_views.same_boxes import SameBoxes, Shift, compared, places_at
 from assoc.records import Sighting
 
@@ -75,17 +75,19 @@ def test_a_track_goes_on_straight_for_half_a_second():
 def test_answers_that_agree_prove_no_more_than_one_and_those_that_differ_nothing():
     one, other, none = sure_of(0), sure_of(1), EVEN[None]
     assert founded(none)[0] == pytest.approx(0.0)
-    trusted = [np.ones(1)] * 2
-    for answers, fits, expected in (
-        ([one, one], trusted, one),
-        ([none, one], trusted, one),
-        ([one, none], trusted, one),
-        ([np.array([[0.55, 0.01, 0.01, 0.43]]), one], trusted, one),  # the same, less surely
-        ([other, one], [np.zeros(1), np.ones(1)], one),  # a film that does not fit
-        ([one, one], [np.zeros(1)] * 2, one),
+    both = [np.ones(1)] * 2
+    for answers, same, fits, expected in (
+        ([one, one], both, [1.0, 1.0], one),
+        ([none, one], both, [1.0, 1.0], one),
+        ([one, none], both, [1.0, 1.0], one),
+        ([np.array([[0.55, 0.01, 0.01, 0.43]]), one], both, [1.0, 1.0], one),  # the same, less surely
+        ([other, one], both, [0.0, 1.0], one),  # a film that does not fit
+        ([one, other], both, [0.0, 0.0], one),
+        ([none, one], [np.ones(1), np.full(1, 0.5)], [1.0, 1.0], 0.5 * none + 0.5 * one),  # perhaps another object
     ):
-        assert pooled(answers, fits) == pytest.approx(expected, abs=1e-6)
-    assert np.max(pooled([one, other], trusted)) < 0.5
+        assert pooled(answers, same, fits) == pytest.approx(expected, abs=1e-3)
+    assert np.max(pooled([one, other], both, [1.0, 1.0])) < 0.5
+    assert pooled([one, none], both, [1.0, 1.0]) is one
 
 
 def test_who_is_named_elsewhere_is_no_other_box():
@@ -93,7 +95,8 @@ def test_who_is_named_elsewhere_is_no_other_box():
     p = without_taken(before, after)
     assert p[0] == pytest.approx(after[0])
     assert p[1, 0] < 0.02 and p.sum(axis=1) == pytest.approx(1.0)
-    assert mixed(sure_of(0), np.array([[0.5]]))[0, 0] == pytest.approx(0.5 * SURE + 0.125)
+    said, same = said_of(sure_of(0, 1), np.array([[0.5, 0.0], [0.0, 0.0]]))
+    assert said == pytest.approx(np.concatenate([sure_of(0), EVEN[None]])) and same.tolist() == [0.5, 0.0]
 
 
 def test_what_was_heard_fades():
