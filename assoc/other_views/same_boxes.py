@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from assoc.hypotheses.marginals import marginals
 from assoc.records import Sighting
@@ -37,6 +38,8 @@ _GATE = 3.0
 """Shifts beyond so many σ are not tried."""
 _APART_M = 1.0
 """Shifts that are closer are one."""
+_MOST_TRIED = 64
+"""Most shifts that are tried: of fifty vehicles there are 2500."""
 _MOST_SHIFTS, _NEGLIGIBLE = 4, 7.0
 """Most shifts that are weighed, and by how many nats less one is worth that is not."""
 _BY_NAME = (-1.0, 2.0)
@@ -199,7 +202,7 @@ def compared(
     W: FloatArray = np.asarray(np.linalg.inv(covs), np.float64)
     with np.errstate(invalid="ignore"):
         near = np.einsum("mkx,mkxy,mky->mk", d, np.linalg.inv(covs + shift.cov), d) <= _GATE**2
-    shifts, P = d[near], before
+    shifts, P = _likeliest(d[near]), before
     log_peak = np.log(_AREA_M2 / (2.0 * np.pi)) + 0.5 * np.linalg.slogdet(W)[1] + agreement
     for _ in range(2):  # each moved to the middle of the pairs that it explains
         weight = np.where(_nearest(_gains(d, W, shifts, log_peak)), 1.0, 0.0)
@@ -223,6 +226,14 @@ def compared(
     parts = np.array([marginals(gains[row])[:, :-1] for row in best])
     found = Shift(shift.mean + shifts[best[0]], np.linalg.inv(P[best[0]])) if share[0] > _SURE else shift
     return np.asarray(np.tensordot(share, parts, axes=1)), found, most
+
+
+def _likeliest(shifts: FloatArray) -> FloatArray:
+    """(s, 2) those of many shifts that most others are near to."""
+    if len(shifts) <= _MOST_TRIED:
+        return shifts
+    near = cKDTree(shifts).query_ball_point(shifts, _APART_M, return_length=True)
+    return shifts[np.argsort(-near, kind="stable")[:_MOST_TRIED]]
 
 
 def _gains(d: FloatArray, W: FloatArray, shifts: FloatArray, log_peak: FloatArray) -> FloatArray:
