@@ -119,3 +119,25 @@ def test_a_view_hears_a_name_and_tells_it_on_only_by_itself():
     unfit = {2: [sighting(0.9, GRID[:3], sure_of(0, 1, 2), fit=0.0)]}
     assert np.array_equal(Hearing().answers(mine, unfit), mine.p)
     assert SameBoxes().update(mine, [])[1].shape == (3, 0)
+
+
+@pytest.mark.parametrize(("gap_s", "named"), [(0.3, True), (0.5, True), (0.9, False)])
+def test_a_name_goes_over_from_picture_to_picture(gap_s, named):
+    """Three drive out of one picture; in the next one nothing tells who they are."""
+    way, ids = np.array([3.0, 0.0]), [5, 6, 7]
+    told = [sighting(0.1 * k, GRID[:3] + 0.1 * k * way, sure_of(0, 1, 2)) for k in range(11)]
+    told += [sighting(1.1, np.empty((0, 2)), np.empty((0, 4)))]
+    t_s = 1.0 + gap_s
+    p = Hearing().answers(sighting(t_s, GRID[:3] + t_s * way + 0.5, ids=ids), {2: told})
+    assert (np.argmax(p, axis=1).tolist() == [0, 1, 2] and np.min(np.max(p, axis=1)) > 0.8) == named
+
+
+def test_of_three_views_the_one_that_knows_answers():
+    knows, guesses = ([sighting(0.1 * k, GRID[:3], p) for k in range(10)] for p in (sure_of(0, 1, 2), None))
+    mine, hearing = sighting(0.9, GRID[:3] - 1.0, sure_of(1, 1, 2), ids=[5, 6, 7], fit=0.2), Hearing()
+    assert np.argmax(hearing.answers(mine, {2: guesses, 3: knows}), axis=1).tolist() == [0, 1, 2]
+    assert not hearing.differences, "what does not fit contradicts nobody"
+    sure = sighting(0.95, GRID[:3] - 1.0, sure_of(1, 1, 2), ids=[5, 6, 8])
+    assert np.max(hearing.answers(sure, {2: guesses, 3: knows})[0]) < 0.8
+    (difference,) = hearing.differences
+    assert (difference.mine, difference.theirs, difference.view) == (1, 0, 3)
