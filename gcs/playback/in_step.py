@@ -84,6 +84,11 @@ class _Course:
         while self.taken_us(self._frame + 1) < t_us and self.advance():
             pass
 
+    def advance_to(self, frame: int) -> None:
+        """Fold all frames up to one; no further where a recording lost it."""
+        while self._frame < frame and self.advance():
+            pass
+
     def taken_us(self, frame: int) -> int:
         """When a frame was taken, Unix µs by the offset that the mission declares; past the last: never."""
         if frame >= len(self.analysis.times_us):
@@ -148,8 +153,7 @@ class InStep:
         if own.heard is not None:
             heard = {other: of for other, of in own.heard.get(frame, {}).items() if other in others}
             for other, of_frame in heard.items():
-                while self._meeting.newest(other) < of_frame and others[other].advance():
-                    pass
+                others[other].advance_to(of_frame)
             return heard
         t_us, before = own.taken_us(frame), {}
         for other, course in others.items():
