@@ -11,7 +11,7 @@ from pathlib import Path
 
 from gcs.mission.mission import BUNDLED, DetectorChoice
 from vision.detect.detector import BUNDLED as BUNDLED_BOXES
-from vision.detect.detector import Detector, open_detector
+from vision.detect.detector import BUNDLED_PARTS, Detector, open_detector
 from vision.detect.front import BUNDLED_FRONT, FrontedDetector, open_front_classifier
 from vision.errors import ModelError
 from vision.track.tracks import WEAK_SCORE
@@ -45,12 +45,12 @@ def open_mission_detector(choice: DetectorChoice, *, threads: int = 1) -> Detect
 
 
 def fingerprints(choice: DetectorChoice) -> dict[str, str]:
-    """SHA-256 of the mission's networks by what they are for: ``boxes`` and, where there is one, ``front``.
+    """SHA-256 of the mission's networks by what they are for: ``boxes``, of the bundled one ``parts``, and ``front``.
 
     Raises:
         ModelError: a file cannot be read.
     """
-    files = {"boxes": Path(choice.model) if choice.model else BUNDLED_BOXES}
+    files = {"boxes": Path(choice.model)} if choice.model else {"boxes": BUNDLED_BOXES, "parts": BUNDLED_PARTS}
     if choice.front:
         files["front"] = BUNDLED_FRONT if choice.front == BUNDLED else Path(choice.front)
     return {name: _sha256(path) for name, path in files.items()}

@@ -19,6 +19,9 @@ from vision.errors import ModelError
 
 BUNDLED = Path(__file__).parents[1] / "models" / "rollcall-obb-s.onnx"
 """Rollcall's own detector."""
+BUNDLED_PARTS = BUNDLED.with_name("rollcall-obb-s-int8.onnx")
+"""The same with 8-bit arithmetic, for parts of pictures that are looked at in turns."""
+CPU = ("CPUExecutionProvider",)
 
 
 class Detector(Protocol):
@@ -61,7 +64,14 @@ class MeasuringDetector(Detector, Protocol):
 
 @runtime_checkable
 class PartialDetector(Detector, Protocol):
-    """A detector that can look at parts of an image, at the scale of the whole."""
+    """A detector that can look at parts of an image, at the scale of the whole.
+
+    Attributes:
+        part_price: of a pixel in a part, in those of a whole image: what is small takes longer, or has a network of its
+            own that is quicker.
+    """
+
+    part_price: float
 
     def scale(self, gsd_m: float) -> float:
         """How an image of a ground resolution, m per px, is scaled to be looked at."""
@@ -97,9 +107,11 @@ def open_detector(
         ModelError: no such file, not an ONNX model, not a shape that is known, or a provider that is not installed.
     """
     where = str(path or BUNDLED)
-    session = open_session(path or BUNDLED, tuple(providers or ("CPUExecutionProvider",)), threads)
+    chosen = tuple(providers or CPU)
+    session = open_session(path or BUNDLED, chosen, threads)
     if "rollcall" not in metadata(session):
         return YoloDetector(session, where, score=score, classes=classes, imgsz=imgsz, per_class=per_class, tiled=tiled)
     if classes is not None or imgsz is not None:
         raise ModelError(f"{where}: classes and imgsz are for YOLO models; Rollcall's own finds vehicles of any size")
-    return HeatmapDetector(session, where, score=score)
+    parts = open_session(BUNDLED_PARTS, CPU, threads) if path is None and chosen == CPU else None
+    return HeatmapDetector(session, where, score=score, parts=parts)

@@ -29,23 +29,23 @@ Floats = NDArray[np.float64]
 Point = tuple[float, float]
 Rect = tuple[float, float, float, float]
 
-WHOLE_PX, FRAME_PX = 400_000, 320_000
-"""Pixels of the network's canvas that 50 ms of a server's thread are enough for. A picture that has no more than the
-first is looked at as a whole; in parts, which cost a fifth more a pixel, a frame has the second."""
+FRAME_PX = 400_000
+"""Pixels of the network's canvas that 50 ms of a server's thread are enough for. A picture that has no more is looked
+at as a whole; parts have their price (``PartialDetector.part_price``)."""
 STEP_PX = 32
 """Sides of parts are multiples of this, px of the canvas."""
-BORDER_PX = 48
-"""Border of a part, in which no centre counts, px of the canvas: with 80 px of the picture on each side AP50 is lower
-by 0.006 than in the whole picture, with 64 by 0.02 (known scale, photographs of towns and streets)."""
-ROUND_PX, COARSEST, PROPOSES = 750_000, 0.5, 0.15
-"""Pixels of the canvas for the rounds, the least scale for that, of the full one, and the score from which a box there
+BORDER_PX = 56
+"""Border of a part, in which no centre counts, px of the canvas: with 96 px of the picture on each side of a vehicle
+AP50 is lower by 0.001 than in the whole picture, with 80 by 0.006, with 64 by 0.02 (photographs of streets)."""
+ROUND_FRAMES, COARSEST, PROPOSES = 2.2, 0.5, 0.15
+"""Frames' worth of pixels for a round, the least scale for that, of the full one, and the score from which a box there
 is looked at again: on photographs 0.98 of the vehicles have one at half the scale, as many as at the full one, and six
 in ten of such boxes are vehicles."""
 TILE_PX, OVERLAP_PX = 320, 48
 """Side of a tile of the rounds, at most, and the overlap of two, px of the canvas."""
 ROUND_S = 0.9
 """Time in which the whole picture is gone through."""
-MOST_ROUND = 0.5
+MOST_ROUND = 0.6
 """Share of a frame's pixels for the rounds at most, however slow frames come."""
 REPORTED_US = 350_000
 """Where a vehicle reports to be and none was found is looked at again after so long."""
@@ -54,7 +54,7 @@ KEPT_US, FORGOTTEN_US, AGAIN_US = 1_000_000, 3_000_000, 1_500_000
 only proposed, and is empty, may be proposed again."""
 MOST_PLACES = 300
 """Places that are followed, at most."""
-REACH_PX, MOST_REACH_PX = 32.0, 130.0
+REACH_PX, MOST_REACH_PX = 40.0, 130.0
 """A box is the vehicle of a place, and a report that of one, within so many px of the canvas and σ of the report; of a
 report no more is looked at."""
 FOLLOWS = 0.5
@@ -141,7 +141,7 @@ class LookInTurns:
         places += self._reports_alone(asked, places, scale, (width, height))
         # what was never looked at comes first, then what was not for longest
         order = sorted((place for place in places if place.is_asked), key=lambda place: (place.looked_us, place.at))
-        parts = _parts(order, scale, (width, height), FRAME_PX - used_px)
+        parts = _parts(order, scale, (width, height), FRAME_PX / detector.part_price - used_px)
         found = detector.detect_in(image, parts, gsd_m=gsd_m) if parts else Detections.empty()
         looked = np.clip(np.array([part.kept for part in parts]).reshape(-1, 4), 0.0, (width, height) * 2)
         found = replace(found, looked=looked)
@@ -154,13 +154,13 @@ class LookInTurns:
     def _go_round(self, detector: PartialDetector, image: Image, gsd_m: float, dt: float) -> tuple[Detections, float]:
         """Look at the tiles that were not looked at for longest, coarsely: what is proposed, and its price in px."""
         height, width = image.shape[:2]
-        full = detector.scale(gsd_m)
-        coarse = min(max(math.sqrt(ROUND_PX / (width * height)) / full, COARSEST), 1.0)
+        full, frame_px = detector.scale(gsd_m), FRAME_PX / detector.part_price
+        coarse = min(max(math.sqrt(ROUND_FRAMES * frame_px / (width * height)) / full, COARSEST), 1.0)
         scale = detector.scale(coarse * gsd_m)
         side = math.ceil(TILE_PX / scale)
         tiles = tile_grid((width, height), (side, side), OVERLAP_PX / scale)
         each_px = (tiles[0].right - tiles[0].left) * (tiles[0].bottom - tiles[0].top) * scale**2
-        room = min(max(int(MOST_ROUND * FRAME_PX / each_px), 1), len(tiles))
+        room = min(max(int(MOST_ROUND * frame_px / each_px), 1), len(tiles))
         if len(tiles) != len(self._tiles_us):
             self._tiles_us, self._due = [0] * len(tiles), float(room)
         self._due = min(self._due + len(tiles) * dt / ROUND_S, len(tiles))
@@ -223,7 +223,7 @@ def in_turns(detector: Detector, size: tuple[int, int], gsd_m: float | None) -> 
     """Tell whether an image of a width and height, px, is looked at in turns."""
     if gsd_m is None or not isinstance(detector, PartialDetector):
         return False
-    return size[0] * size[1] * detector.scale(gsd_m) ** 2 > WHOLE_PX
+    return size[0] * size[1] * detector.scale(gsd_m) ** 2 > FRAME_PX
 
 
 def _moved(place: _Place, H: Floats | None, dt: float) -> _Place:

@@ -18,6 +18,7 @@ from vision.detect import decode_heatmap
 from vision.detect.boxes import wrap
 from vision.detect.detections import Detections
 from vision.detect.detector import BUNDLED, HeatmapDetector, open_detector
+from vision.detect.tiles import tile_grid
 from vision.errors import ModelError
 
 
@@ -95,6 +96,17 @@ def test_bundled_model_finds_rendered_vehicles_and_their_fronts(renderer, detect
     assert quality.centre_px <= 3.0
     for d in found:  # a known front: the width axis points to it
         np.testing.assert_allclose(wrap(d.heading - d.angle - np.pi / 2), 0.0, atol=1e-9)
+
+
+def test_parts_show_what_the_whole_picture_shows(renderer, detector):
+    seen, real, gsd_m = [], [], 120.0 / 1200.0
+    for seed in range(3):
+        view, things = camera(120.0), team(seed)
+        image = renderer.draw(view, things, seed)
+        seen.append(detector.detect_in(image, tile_grid((1280, 720), (320, 320), 96), gsd_m=gsd_m))
+        real.append(truth(view, things))
+    quality = measure(seen, real)
+    assert quality.recall >= 0.97 and quality.precision >= 0.97 and quality.centre_px <= 2.0
 
 
 def test_persons_trees_and_bare_road_are_no_vehicles(renderer, detector):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.support.snapshots import boxes
-from vision.detect.turns import REACH_PX, WHOLE_PX, LookInTurns
+from vision.detect.turns import FRAME_PX, REACH_PX, LookInTurns
 
 WIDTH, HEIGHT, T0, STEP_US = 1600, 900, 10**15, 100_000
 PICTURE = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
@@ -18,6 +18,8 @@ def NOBODY():  # noqa: N802 - a constant
 
 class Truth:
     """Sees the vehicles that are there, in what it looks at; in a coarse look only those that are clear."""
+
+    part_price = 1.25
 
     def __init__(self, centres=(), *, faint=()):
         self.centres, self.faint = np.array(centres, float).reshape(-1, 2), set(faint)
@@ -66,7 +68,7 @@ def test_a_picture_that_is_cheap_is_looked_at_as_a_whole(gsd_m, turns):
 @pytest.mark.parametrize("n", [0, 1, 12, 60])
 def test_no_frame_costs_more_than_its_price(n):
     # sides are rounded to whole pixels of the picture
-    assert max(price for _, price in film(Truth(scattered(n)), 15)) < 1.03 * WHOLE_PX
+    assert max(price for _, price in film(Truth(scattered(n)), 15)) < 1.03 * FRAME_PX / Truth.part_price
 
 
 @pytest.mark.parametrize(("move", "n"), [((0.0, 0.0), 12), ((9.0, -4.0), 6)])
