@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TypeGuard
+from dataclasses import replace
+from typing import NamedTuple, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,8 +61,7 @@ FOLLOWS = 0.5
 """Share of a new velocity in that of a place."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Place:
+class _Place(NamedTuple):
     """Where to look, px of the image."""
 
     at: Point
@@ -146,9 +145,8 @@ class LookInTurns:
         looked = np.clip(np.array([part.kept for part in parts]).reshape(-1, 4), 0.0, (width, height) * 2)
         found = replace(found, looked=looked)
         self._places = self._followed(places, found, scale)
-        for system_id, (x, y, _) in asked.items():
-            if found.looked_at((x, y))[0]:
-                self._reported_us[system_id] = t_us
+        seen = found.looked_at([(x, y) for x, y, _ in asked.values()]).tolist()
+        self._reported_us |= dict.fromkeys((i for i, looked_at in zip(asked, seen, strict=True) if looked_at), t_us)
         return found
 
     def _go_round(self, detector: PartialDetector, image: Image, gsd_m: float, dt: float) -> tuple[Detections, float]:
@@ -210,7 +208,7 @@ class LookInTurns:
         after = [
             _seen(place, tuple(centre[box_of[k]].tolist()), t_us)
             if k in box_of
-            else replace(place, unseen=True, looked_us=t_us if looked[k] and place.is_asked else place.looked_us)
+            else place._replace(unseen=True, looked_us=t_us if looked[k] and place.is_asked else place.looked_us)
             for k, place in enumerate(places)
         ]
         kept = [place for k, place in enumerate(after) if k in box_of or place.lasts(t_us, looked=looked[k])]
@@ -233,7 +231,7 @@ def _moved(place: _Place, H: Floats | None, dt: float) -> _Place:
         base = place.at
     elif place.unseen:
         base = _step(base, place.v, H, dt)
-    return replace(place, base=base, at=_step(base, place.v, H, dt))
+    return place._replace(base=base, at=_step(base, place.v, H, dt))
 
 
 def _step(at: Point, v: Point, H: Floats | None, dt: float) -> Point:

@@ -19,7 +19,7 @@ def NOBODY():  # noqa: N802 - a constant
 class Truth:
     """Sees the vehicles that are there, in what it looks at; in a coarse look only those that are clear."""
 
-    part_price = 1.25
+    part_price = 1.3
 
     def __init__(self, centres=(), *, faint=()):
         self.centres, self.faint = np.array(centres, float).reshape(-1, 2), set(faint)
