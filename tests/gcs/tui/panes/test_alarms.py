@@ -14,6 +14,7 @@ from gcs.tui.panes.event_log import EventPane
 from gcs.tui.panes.fleet import columns_for
 from gcs.tui.panes.identity import IdentityPane
 from gcs.tui.panes.status import StatusBar
+from gcs.tui.panes.video import VideoPane
 from tests.support.fake_station import (
     SMALL,
     START_US,
@@ -260,3 +261,10 @@ async def test_a_vehicles_words_are_in_the_alert_row_only_as_such():
         station.snapshot = replace(station.snapshot, alarms=(said,))
         await polled(app, pilot)
         assert f"UGV-12 says: {text} " in text_of(app.query_one(Banner))
+
+
+@pytest.mark.parametrize(("share", "said"), [(1.0, False), (0.04, True)])
+async def test_the_video_says_how_much_of_it_is_looked_at(share, said):
+    async with running(troubled((), looked_share=share), WIDE) as (app, _, _):
+        note = "".join(word for word, _ in app.query_one(VideoPane).note())
+        assert (" 4% looked at" in note) == said
