@@ -74,7 +74,7 @@ def test_every_row_is_the_same_again(flown, tmp_path):
 class InTurns(scripted.ScriptedDetector):
     """Sees the script's boxes in the parts that it is asked for, of pictures too large to be looked at as a whole."""
 
-    part_price = 1.0
+    frame_px, part_price = 400_000.0, 1.0
 
     def scale(self, gsd_m):
         return 4.0

@@ -67,10 +67,12 @@ class PartialDetector(Detector, Protocol):
     """A detector that can look at parts of an image, at the scale of the whole.
 
     Attributes:
+        frame_px: pixels of its canvas that a frame of a flight has time for; inf: for any picture.
         part_price: of a pixel in a part, in those of a whole image: what is small takes longer, or has a network of its
             own that is quicker.
     """
 
+    frame_px: float
     part_price: float
 
     def scale(self, gsd_m: float) -> float:
@@ -113,5 +115,7 @@ def open_detector(
         return YoloDetector(session, where, score=score, classes=classes, imgsz=imgsz, per_class=per_class, tiled=tiled)
     if classes is not None or imgsz is not None:
         raise ModelError(f"{where}: classes and imgsz are for YOLO models; Rollcall's own finds vehicles of any size")
-    parts = open_session(BUNDLED_PARTS, CPU, threads) if path is None and chosen == CPU else None
+    if chosen != CPU:
+        return HeatmapDetector(session, where, score=score, frame_px=np.inf)
+    parts = open_session(BUNDLED_PARTS, CPU, threads) if path is None else None
     return HeatmapDetector(session, where, score=score, parts=parts)

@@ -45,6 +45,8 @@ OVERLAP_LENGTHS = 4.0
 """Overlap of tiles, in vehicle lengths that the model was trained for: lorries are twice as long."""
 
 
+FRAME_PX = 400_000.0
+"""Pixels of the canvas that 50 ms of a server's thread are enough for."""
 PART_PRICE, QUICK_PART_PRICE = 1.3, 0.8
 """Time of a pixel in a part, of one in a whole image, as measured: of the same network, and of one in 8 bits."""
 
@@ -54,16 +56,24 @@ class HeatmapDetector:
 
     Args:
         parts: a quicker network that gives the same map, for parts of images; None: the same one.
+        frame_px: see ``vision.detect.detector.PartialDetector``.
 
     Raises:
         ModelError: the metadata names Rollcall's detector, but the model has another shape.
     """
 
     def __init__(
-        self, session: ort.InferenceSession, where: str, *, score: float, parts: ort.InferenceSession | None = None
+        self,
+        session: ort.InferenceSession,
+        where: str,
+        *,
+        score: float,
+        parts: ort.InferenceSession | None = None,
+        frame_px: float = FRAME_PX,
     ) -> None:
         notes = metadata(session)
         self._session, self._parts = session, parts or session
+        self.frame_px = frame_px
         self.part_price = QUICK_PART_PRICE if parts else PART_PRICE
         self._where = where
         self._score = score

@@ -5,7 +5,7 @@ as long. Most of it is empty. So each frame is looked at where vehicles were fou
 and where vehicles report to be; those that were not looked at for longest first, as many as a frame's share of time
 has room for. The rest of the picture is gone through tile by tile, all of it once in ``ROUND_S``, at a coarser scale at
 which boxes are too bad to count and good enough to tell where to look. What counts is seen at the full scale, in parts
-with so much round a vehicle that it is seen as in the whole picture (``bench.looking`` has how nearly).
+with so much round a vehicle that it is seen as in the whole picture (docs/model_card.md has how nearly).
 
 What was looked at goes with the boxes (``Detections.looked``): elsewhere no box is no evidence.
 """
@@ -29,9 +29,6 @@ Floats = NDArray[np.float64]
 Point = tuple[float, float]
 Rect = tuple[float, float, float, float]
 
-FRAME_PX = 400_000
-"""Pixels of the network's canvas that 50 ms of a server's thread are enough for. A picture that has no more is looked
-at as a whole; parts have their price (``PartialDetector.part_price``)."""
 STEP_PX = 32
 """Sides of parts are multiples of this, px of the canvas."""
 BORDER_PX = 56
@@ -140,7 +137,7 @@ class LookInTurns:
         places += self._reports_alone(asked, places, scale, (width, height))
         # what was never looked at comes first, then what was not for longest
         order = sorted((place for place in places if place.is_asked), key=lambda place: (place.looked_us, place.at))
-        parts = _parts(order, scale, (width, height), FRAME_PX / detector.part_price - used_px)
+        parts = _parts(order, scale, (width, height), detector.frame_px / detector.part_price - used_px)
         found = detector.detect_in(image, parts, gsd_m=gsd_m) if parts else Detections.empty()
         looked = np.clip(np.array([part.kept for part in parts]).reshape(-1, 4), 0.0, (width, height) * 2)
         found = replace(found, looked=looked)
@@ -152,7 +149,7 @@ class LookInTurns:
     def _go_round(self, detector: PartialDetector, image: Image, gsd_m: float, dt: float) -> tuple[Detections, float]:
         """Look at the tiles that were not looked at for longest, coarsely: what is proposed, and its price in px."""
         height, width = image.shape[:2]
-        full, frame_px = detector.scale(gsd_m), FRAME_PX / detector.part_price
+        full, frame_px = detector.scale(gsd_m), detector.frame_px / detector.part_price
         coarse = min(max(math.sqrt(ROUND_FRAMES * frame_px / (width * height)) / full, COARSEST), 1.0)
         scale = detector.scale(coarse * gsd_m)
         side = math.ceil(TILE_PX / scale)
@@ -221,7 +218,7 @@ def in_turns(detector: Detector, size: tuple[int, int], gsd_m: float | None) -> 
     """Tell whether an image of a width and height, px, is looked at in turns."""
     if gsd_m is None or not isinstance(detector, PartialDetector):
         return False
-    return size[0] * size[1] * detector.scale(gsd_m) ** 2 > FRAME_PX
+    return size[0] * size[1] * detector.scale(gsd_m) ** 2 > detector.frame_px
 
 
 def _moved(place: _Place, H: Floats | None, dt: float) -> _Place:

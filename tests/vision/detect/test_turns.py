@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from tests.support.snapshots import boxes
-from vision.detect.turns import FRAME_PX, REACH_PX, LookInTurns
+from vision.detect.heatmap_detector import FRAME_PX
+from vision.detect.turns import REACH_PX, LookInTurns
 
 WIDTH, HEIGHT, T0, STEP_US = 1600, 900, 10**15, 100_000
 PICTURE = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
@@ -19,7 +20,7 @@ def NOBODY():  # noqa: N802 - a constant
 class Truth:
     """Sees the vehicles that are there, in what it looks at; in a coarse look only those that are clear."""
 
-    part_price = 1.3
+    frame_px, part_price = FRAME_PX, 1.3
 
     def __init__(self, centres=(), *, faint=()):
         self.centres, self.faint = np.array(centres, float).reshape(-1, 2), set(faint)
