@@ -49,8 +49,9 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-_UNKNOWN_VIEW = 0.5
-"""Chance of being in view of a vehicle whose reports are too uncertain to tell: even odds."""
+_UNKNOWN_VIEW, _UNLOOKED_S = 0.5, 0.5
+"""Chance of being in view of a vehicle whose reports are too uncertain to tell: even odds; and for how long, seconds,
+nobody need look where it reports to be until the same goes for it."""
 _LONGEST_AGE_S = 1e3
 """Upper limit of a report's age, seconds, so that a report never received gives a finite variance."""
 _FAST_TAU_S = 2.5
@@ -96,8 +97,8 @@ class Estimator:
         self.by_place, self._other_errors = by_place, OtherErrors(by_place=not by_place)
         self._history, self._log, self._params, self._stated = history, log, params, stated
         self._state = initial_state(0, log.n_vehicles)
-        self.unlooked = np.zeros(log.n_vehicles, np.bool_)
-        """(n,) vehicles where nobody looks just now: whether they are in view cannot be seen."""
+        self.unlooked_s = np.zeros(log.n_vehicles)
+        """(n,) for how long nobody looked where each vehicle reports to be, seconds."""
         self._first_block: int | None = None
         self._updates = 0
         self._thetas: list[FloatArray] = []
@@ -259,7 +260,9 @@ class Estimator:
         p = told.p
         self._co_visibility.update(t, live[seen], places[seen], p[seen, :n], self._params.close_m)
         self._learn(t, context, best, p)
-        self._found.update(t, context.view, best.vehicle[seen & (best.vehicle >= 0)])
+        self._found.update(
+            t, np.where(self.unlooked_s > 0.0, 0.0, context.view), best.vehicle[seen & (best.vehicle >= 0)]
+        )
         self._offset_prior.update(t, self.time_offset_s, locked=self.locked)
         score = np.max(best.score, axis=1)
         best_score = {int(c): float(s) for c, s, now in zip(live, score, seen, strict=True) if now}
@@ -382,7 +385,7 @@ class Estimator:
             handover=self._handover[live],
             view=view,
             in_view=q.in_view_log_odds * (2.0 * view - 1.0) - self._found.log_odds_lost * view,
-            clutter=self._clutter.chance(t, int(np.sum(gap_s <= 0.0)), view),
+            clutter=self._clutter.chance(t, int(np.sum(gap_s <= 0.0)), view[self.unlooked_s <= 0.0]),
             age_s=t - self._history.first_s[live],
             fold=max(last - self._first_block - round(window_s / q.block_s), 0),
             sway=self._sway,
@@ -436,7 +439,7 @@ class Estimator:
         """(n,) probability of each vehicle to be in view."""
         p, age = self._log.extrapolated(t - self.time_offset_s)
         chance = chance_in_view(p, age, self._bias_std + self._log.white_std_m, camera, self.theta)
-        return np.where(self._log.too_uncertain | self.unlooked, _UNKNOWN_VIEW, chance)
+        return np.where(self._log.too_uncertain | (self.unlooked_s > _UNLOOKED_S), _UNKNOWN_VIEW, chance)
 
     def _search(self, context: UpdateContext, camera: CameraState) -> list[Hypothesis]:
         """Best joint hypotheses: from the last pose alone when locked, else from several starting poses."""

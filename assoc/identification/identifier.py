@@ -7,8 +7,9 @@ See ``docs/identity.md``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,7 +143,7 @@ class Identifier:
         camera: CameraState,
         reports: VehicleReports | None = None,
         *,
-        unlooked: Sequence[int] = (),
+        unlooked_s: Mapping[int, float] = MappingProxyType({}),
         heard: Callable[[Sighting], FloatArray] | None = None,
     ) -> Identities:
         """Name the tracks of one frame.
@@ -151,7 +152,8 @@ class Identifier:
             observation: Its tracks.
             camera: Where the camera was.
             reports: Positions that arrived since the last call, unless they were added already.
-            unlooked: System ids of vehicles where nobody looks: that they have no box says nothing.
+            unlooked_s: For how long nobody looked where a vehicle reports to be, seconds, by system id: that it has no
+                box says nothing. 0, or none, where somebody looked in this frame.
             heard: From what this view alone has of the tracks that it sees, their probabilities by what is known
                 elsewhere, too; they change the names of this frame, and nothing that is learnt.
 
@@ -164,7 +166,7 @@ class Identifier:
         if reports is not None:
             self.add_reports(reports)
         camera = self._as_seen(camera)
-        self._estimator.unlooked = np.isin(self._ids, unlooked)
+        self._estimator.unlooked_s = np.array([unlooked_s.get(i, 0.0) for i in self._ids.tolist()])
         if t > self._t:
             self._add_frame(t, observation, camera)
         beliefs = self._beliefs.for_tracks(observation.track_id)

@@ -5,7 +5,7 @@ The only place where telemetry, vision and association meet. A live flight, a re
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -60,8 +60,6 @@ WAIT_US, MOST_WAIT_US = 150_000, 1_000_000
 by as much are better than names by a pose that is extrapolated."""
 NEXT_US = 100_000
 """Time from one report of the UAV's position to the next, usually."""
-UNLOOKED_US = 500_000
-"""Where a vehicle reports to be nobody looks for so long, at most, if a picture is looked at in turns."""
 CLOCK_SET_US = 10_000_000
 """A frame may come so late; one that is earlier still was dated by a clock that had been set back."""
 
@@ -308,7 +306,9 @@ class Pipeline:
             detections=detections,
             wholes=wholes,
             tracks=tracks,
-            found=self._identify(index, t_us, wholes.boxes, tracks, view, self._unlooked(t_us, expected, detections)),
+            found=self._identify(
+                *(index, t_us, wholes.boxes, tracks, view), self._unlooked_s(t_us, expected, detections)
+            ),
             view=view,
             uv=reported_pixels(state, view),
         )
@@ -425,13 +425,15 @@ class Pipeline:
         positioned = set(state.system_id[state.valid].tolist())
         return [track for track, vehicle in self._names.by_track.items() if vehicle in positioned]
 
-    def _unlooked(self, t_us: int, expected: dict[int, tuple[float, float]], detections: Detections) -> list[int]:
-        """Vehicles where nobody looked for so long that one without a box says nothing."""
+    def _unlooked_s(
+        self, t_us: int, expected: dict[int, tuple[float, float]], detections: Detections
+    ) -> dict[int, float]:
+        """For how long nobody looked where vehicles report to be, seconds."""
         if detections.looked is None:
-            return []
+            return {}
         looked = detections.looked_at(list(expected.values())).tolist()
         self._looked_us |= dict.fromkeys((i for i, seen in zip(expected, looked, strict=True) if seen), t_us)
-        return [i for i in expected if t_us - self._looked_us.get(i, 0) > UNLOOKED_US]
+        return {i: (t_us - self._looked_us.get(i, 0)) * 1e-6 for i in expected}
 
     def _identify(
         self,
@@ -440,7 +442,7 @@ class Pipeline:
         detections: Detections,
         tracks: Tracks,
         view: FrameCamera | None,
-        unlooked: Sequence[int],
+        unlooked_s: Mapping[int, float],
     ) -> Identities | None:
         if view is None:
             return None
@@ -449,6 +451,7 @@ class Pipeline:
         if self.seat and self.fleet.origin:
             heard = partial(self.seat.answers, index, self.fleet.origin, tuple(self.mission.ugv_ids))
         found = self._identifier.update(observation, self._camera(view), heard=heard, unlooked=unlooked)
+        found = self._identifier.update(observation, self._camera(view), heard=heard, unlooked_s=unlooked_s)
         if self._identifier.height_error is not None:
             self._cameras.hear_film(*self._identifier.height_error)
         return found

@@ -1,5 +1,7 @@
 """The identifier as a whole, on small worlds of its own."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -28,6 +30,21 @@ def test_everybody_is_named_from_the_first_frame_on():
     for mass in (last.projection, last.topology, last.fused):
         assert np.all((mass >= 0) & (mass <= 1))
     assert last.conflict == ()
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_a_vehicle_is_not_missed_where_nobody_looked(told):
+    fleet, identifier, rng = Fleet(rate_hz=20.0), Identifier(IDS), np.random.default_rng(1)
+    view = replace(camera(), half_view=(0.8, 0.45))
+    for k in range(60):
+        seen = fleet.observation(k / 10, view, [1, 2, 3, 4], rng)
+        # every second frame two of the four are looked at
+        gap_s = np.where(np.arange(4) // 2 == k % 2, 0.1, 0.0) * (k > 3)
+        unlooked_s = dict(zip(IDS, gap_s.tolist(), strict=True)) if told else {}
+        reports = fleet.reports((k - 1) / 10, k / 10, rng)
+        answer = identifier.update(replace(seen, gap_s=gap_s), view, reports, unlooked_s=unlooked_s)
+    assert answer.system_id.tolist() == list(IDS)
+    assert (identifier._estimator._found.share > 0.95) == told
 
 
 def test_names_follow_the_telemetry_not_the_order():
