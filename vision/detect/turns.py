@@ -44,6 +44,9 @@ ROUND_S = 0.9
 """Time in which the whole picture is gone through."""
 MOST_ROUND = 0.6
 """Share of a frame's pixels for the rounds at most, however slow frames come."""
+FIRST_FRAMES, LONGEST_US = 10, 1_500_000
+"""A first frame, or one so long after the last, is looked at as a whole where that is no more than so many frames'
+worth of pixels: names begin at once, half a second late at the most."""
 REPORTED_US = 350_000
 """Where a vehicle reports to be and none was found is looked at again after so long."""
 KEPT_US, FORGOTTEN_US, AGAIN_US = 1_000_000, 3_000_000, 1_500_000
@@ -123,12 +126,14 @@ class LookInTurns:
             reported: gives where vehicles report to be, by an id of theirs: x, y and their 1σ, px.
         """
         detector, height, width = self._detector, *image.shape[:2]
-        dt = min(max(t_us - self._t_us, 0) * 1e-6, ROUND_S) if self._t_us else 0.0
+        anew = not self._t_us or t_us - self._t_us > LONGEST_US
+        dt = 0.0 if anew else min(max(t_us - self._t_us, 0) * 1e-6, ROUND_S)
         self._t_us = t_us
         if gsd_m is None or not in_turns(detector, (width, height), gsd_m):
-            self._places, self._tiles_us = [], []
-            return detector.detect(image, gsd_m=gsd_m)
+            return self._look_at_all(image, gsd_m)
         scale = detector.scale(gsd_m)
+        if anew and width * height * scale**2 <= FIRST_FRAMES * detector.frame_px:
+            return self._look_at_all(image, gsd_m)
         places = [_moved(place, moved, dt) for place in self._places]
         places = [place for place in places if 0.0 <= place.at[0] <= width and 0.0 <= place.at[1] <= height]
         proposed, used_px = self._go_round(detector, image, gsd_m, dt)
@@ -144,6 +149,13 @@ class LookInTurns:
         self._places = self._followed(places, found, scale)
         seen = found.looked_at([(x, y) for x, y, _ in asked.values()]).tolist()
         self._reported_us |= dict.fromkeys((i for i, looked_at in zip(asked, seen, strict=True) if looked_at), t_us)
+        return found
+
+    def _look_at_all(self, image: Image, gsd_m: float | None) -> Detections:
+        """Look at the whole picture, and begin with what is there."""
+        found = self._detector.detect(image, gsd_m=gsd_m)
+        self._tiles_us = []
+        self._places = self._followed((), found, 1.0)
         return found
 
     def _go_round(self, detector: PartialDetector, image: Image, gsd_m: float, dt: float) -> tuple[Detections, float]:

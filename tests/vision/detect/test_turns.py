@@ -46,7 +46,10 @@ class Truth:
 
 def film(truth, frames, move=(0.0, 0.0), reported=NOBODY, score=0.3, moved=None):
     """What is found in each frame, and its price."""
-    look, found = LookInTurns(truth, score), []
+    look, found, centres = LookInTurns(truth, score), [], truth.centres
+    truth.centres = centres[:0]  # they come once a first frame was looked at as a whole
+    assert look.look(PICTURE, T0 - STEP_US, HIGH, reported=NOBODY).looked is None
+    truth.centres = centres
     for k in range(frames):
         truth.spent_px = 0.0
         found.append((look.look(PICTURE, T0 + k * STEP_US, HIGH, moved=moved, reported=reported), truth.spent_px))
@@ -61,8 +64,10 @@ def scattered(n, seed=1):
 @pytest.mark.parametrize(("gsd_m", "turns"), [(None, False), (LOW, False), (HIGH, True)])
 def test_a_picture_that_is_cheap_is_looked_at_as_a_whole(gsd_m, turns):
     truth = Truth(scattered(5))
-    found = LookInTurns(truth, 0.3).look(PICTURE, STEP_US, gsd_m, reported=NOBODY)
-    assert (found.looked is not None, truth.whole) == (turns, not turns)
+    look = LookInTurns(truth, 0.3)
+    first, found, late = (look.look(PICTURE, T0 + t_us, gsd_m, reported=NOBODY) for t_us in (0, STEP_US, 10**8))
+    assert (found.looked is not None, truth.whole) == (turns, 2 if turns else 3)
+    assert first.looked is late.looked is None and len(first) == len(late) == 5
     assert turns or found.looked_share((WIDTH, HEIGHT)) == 1.0
 
 
