@@ -450,7 +450,6 @@ class Pipeline:
         heard = None
         if self.seat and self.fleet.origin:
             heard = partial(self.seat.answers, index, self.fleet.origin, tuple(self.mission.ugv_ids))
-        found = self._identifier.update(observation, self._camera(view), heard=heard, unlooked=unlooked)
         found = self._identifier.update(observation, self._camera(view), heard=heard, unlooked_s=unlooked_s)
         if self._identifier.height_error is not None:
             self._cameras.hear_film(*self._identifier.height_error)
