@@ -47,6 +47,8 @@ MOST_ROUND = 0.6
 FIRST_FRAMES, LONGEST_US = 10, 1_500_000
 """A first frame, or one so long after the last, is looked at as a whole where that is no more than so many frames'
 worth of pixels: names begin at once, half a second late at the most."""
+LEAD_US = 300_000
+"""Lead of what was never looked at over what is followed: both have their turn, however many there are of the other."""
 REPORTED_US = 350_000
 """Where a vehicle reports to be and none was found is looked at again after so long."""
 KEPT_US, FORGOTTEN_US, AGAIN_US = 1_000_000, 3_000_000, 1_500_000
@@ -77,6 +79,15 @@ class _Place(NamedTuple):
     """When it was looked at last; 0 never."""
     reach_px: float = REACH_PX
     """How far from it the vehicle may be, px of the canvas."""
+    asked_us: int = 0
+    """When it was first asked for, without having been looked at."""
+    reported: int = 0
+    """Who reports to be there and has no box, 0 nobody."""
+
+    @property
+    def waits_since_us(self) -> int:
+        """The moment from which on it waits for its turn; what is new has a lead."""
+        return self.looked_us or self.asked_us - LEAD_US
 
     @property
     def is_asked(self) -> bool:
@@ -86,7 +97,7 @@ class _Place(NamedTuple):
     def lasts(self, t_us: int, *, looked: bool) -> bool:
         """Tell whether it is kept after a frame in which nothing was found there."""
         if self.seen_us == 0:
-            return not self.looked_us or t_us - self.looked_us < AGAIN_US
+            return not self.looked_us or (not self.reported and t_us - self.looked_us < AGAIN_US)
         return t_us - self.seen_us < (KEPT_US if looked else FORGOTTEN_US)
 
 
@@ -137,11 +148,14 @@ class LookInTurns:
         places = [_moved(place, moved, dt) for place in self._places]
         places = [place for place in places if 0.0 <= place.at[0] <= width and 0.0 <= place.at[1] <= height]
         proposed, used_px = self._go_round(detector, image, gsd_m, dt)
-        places += _apart(proposed, places, REACH_PX / scale)
+        places += _apart(proposed, places, REACH_PX / scale, t_us)
+        waiting = {place.reported: place for place in places if place.reported and not place.looked_us}
+        places = [place for place in places if place.looked_us or not place.reported]
         asked = reported()
-        places += self._reports_alone(asked, places, scale, (width, height))
-        # what was never looked at comes first, then what was not for longest
-        order = sorted((place for place in places if place.is_asked), key=lambda place: (place.looked_us, place.at))
+        places += self._reports_alone(asked, waiting, places, scale, (width, height))
+        order = sorted(
+            (place for place in places if place.is_asked), key=lambda place: (place.waits_since_us, place.at)
+        )
         parts = _parts(order, scale, (width, height), detector.frame_px / detector.part_price - used_px)
         found = detector.detect_in(image, parts, gsd_m=gsd_m) if parts else Detections.empty()
         looked = np.clip(np.array([part.kept for part in parts]).reshape(-1, 4), 0.0, (width, height) * 2)
@@ -185,11 +199,12 @@ class LookInTurns:
     def _reports_alone(
         self,
         reported: Mapping[int, tuple[float, float, float]],
+        waiting: Mapping[int, _Place],
         places: Sequence[_Place],
         scale: float,
         size: tuple[int, int],
     ) -> Iterator[_Place]:
-        """Places of the reports that no place explains, where nobody looked for a while."""
+        """Places of the reports that no place explains, where nobody looked for a while; one each while it waits."""
         known = np.array([place.at for place in places if place.seen_us]).reshape(-1, 2)
         for system_id, (x, y, std) in reported.items():
             reach = min(REACH_PX + 2.0 * std * scale, MOST_REACH_PX)
@@ -197,7 +212,8 @@ class LookInTurns:
             if not (0.0 <= x <= size[0] and 0.0 <= y <= size[1] and self._t_us - last_us >= REPORTED_US):
                 continue
             if not (np.hypot(known[:, 0] - x, known[:, 1] - y) * scale < reach).any():
-                yield _Place(at=(x, y), reach_px=reach)
+                since_us = waiting[system_id].asked_us if system_id in waiting else self._t_us
+                yield _Place(at=(x, y), reach_px=reach, asked_us=since_us, reported=system_id)
 
     def _followed(self, places: Sequence[_Place], found: Detections, scale: float) -> list[_Place]:
         """The places after a frame, as its boxes have them."""
@@ -256,14 +272,14 @@ def _seen(place: _Place, at: Point, t_us: int) -> _Place:
     return _Place(at=at, base=at, v=v, seen_us=t_us, looked_us=t_us)
 
 
-def _apart(proposed: Detections, places: Sequence[_Place], reach: float) -> list[_Place]:
+def _apart(proposed: Detections, places: Sequence[_Place], reach: float, t_us: int) -> list[_Place]:
     """New places for the proposals that none has within a reach, px."""
     known = [place.at for place in places]
     new = []
     for x, y in proposed.centre.tolist():
         if all(math.hypot(x - a, y - b) >= reach for a, b in known):
             known.append((x, y))
-            new.append(_Place(at=(x, y)))
+            new.append(_Place(at=(x, y), asked_us=t_us))
     return new
 
 

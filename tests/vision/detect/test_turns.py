@@ -110,3 +110,19 @@ def test_the_places_follow_the_camera():
     shift = np.array([[1.0, 0.0, 1.5 * REACH_PX], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     seen = [len(found) for found, _ in film(Truth([[40.0, 400.0]]), 20, (1.5 * REACH_PX, 0.0), moved=shift)]
     assert all(seen[9:])
+
+
+@pytest.mark.parametrize("n", [4, 12, 20])
+def test_reports_where_nobody_is_take_no_turns_from_those_who_are_seen(n):
+    truth = Truth(scattered(8, seed=3))
+    alone = {k + 1: (*xy, 10.0) for k, xy in enumerate(scattered(n, seed=9).tolist())}
+    look = LookInTurns(truth, 0.3)
+    look.look(PICTURE, T0 - STEP_US, HIGH, reported=NOBODY)
+    last, worst = np.zeros(8), 0
+    for k in range(80):
+        found = look.look(PICTURE, T0 + k * STEP_US, HIGH, reported=lambda: alone)
+        near = np.hypot(*(truth.centres[:, None] - found.centre[None]).transpose(2, 0, 1)).min(axis=1, initial=np.inf)
+        last = np.where(near < 1.0, k, last)
+        worst = max(worst, int((k - last).max()))
+    assert worst <= 10, "frames, a second"
+    assert len(look._places) <= 8 + 2 * n
