@@ -80,9 +80,13 @@ def detection_rows(frame: int, detections: Detections) -> str:
     return "".join(f"{frame},{','.join(box)}\n" for box in cells)
 
 
+NOWHERE = [-1.0, -1.0, -1.0, -1.0]
+"""Part of a frame in which nothing was looked at: one without a row was looked at as a whole."""
+
+
 def look_rows(frame: int, detections: Detections) -> str:
     """Lines of ``looks.csv``, to the last digit: the parts of a frame that were looked at; none where all of it was."""
-    parts = () if detections.looked is None else detections.looked.tolist()
+    parts = () if detections.looked is None else detections.looked.tolist() or [NOWHERE]
     return "".join(f"{frame},{','.join(map(repr, part))}\n" for part in parts)
 
 
@@ -98,14 +102,15 @@ class FrameDetections:
         self._frame = table["frame"][order].astype(np.int64)
         self._columns = {k: v[order] for k, v in table.columns.items() if k != "frame"}
         self.skipped = table.skipped + (looks.skipped if looks else 0)
-        self._looked: dict[int, list[list[float]]] = {}
-        for index, *part in zip(*(looks[name].tolist() for name in LOOKS.columns), strict=True) if looks else ():
-            self._looked.setdefault(int(index), []).append(part)
+        rows = np.array([looks[name] for name in LOOKS.columns]) if looks else np.zeros((len(LOOKS.columns), 0))
+        rows = rows[:, np.argsort(rows[0], kind="stable")]
+        self._looked_frame, self._looked = rows[0].astype(np.int64), rows[1:].T
 
     def at(self, frame: int) -> Detections:
         """Boxes seen in a frame, perhaps nothing."""
         start, stop = np.searchsorted(self._frame, (frame, frame + 1))
-        looked = np.array(self._looked[frame]) if frame in self._looked else None
+        first, end = np.searchsorted(self._looked_frame, (frame, frame + 1))
+        looked = self._looked[first:end].copy() if first < end else None
         return Detections(**{name: column[start:stop] for name, column in self._columns.items()}, looked=looked)
 
     @property
