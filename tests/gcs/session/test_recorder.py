@@ -81,6 +81,7 @@ def fly(recorder, frames):
             )
         )
         recorder.unfolded(frame, 1)
+        recorder.heard(frame, 2, frame)
         recorder.snapshot(snapshot(frame))
     assert all(file.settle(60.0) for file in recorder._files), "the system has it, or has refused it"
 
