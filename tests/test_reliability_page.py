@@ -23,6 +23,16 @@ def test_every_named_test_and_command_exists():
         assert Path("bench/results", result).is_file(), result
 
 
+def test_every_requirement_has_a_test_that_is_not_slow():
+    marked = re.compile(r"^@pytest\.mark\.slow\n(?:[@ )].*\n)*(?:async )?def (test_\w+)", re.MULTILINE)
+    slow = {
+        name for path in Path("tests").rglob("test_*.py") for name in marked.findall(path.read_text(encoding="utf-8"))
+    }
+    rows = re.findall(r"^\| \d+.*$", Path("docs/reliability.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    named = [set(re.findall(r"`(test_\w+)`", row)) for row in rows]
+    assert len(slow) > 200 and len(rows) > 20 and not [tests for tests in named if tests and tests <= slow]
+
+
 def test_every_requirement_has_a_row():
     page = Path("docs/reliability.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| (\d+)[abc]? \|", page, flags=re.MULTILINE)
