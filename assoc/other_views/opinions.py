@@ -8,6 +8,8 @@ doi:10.1214/ss/1177013825), as far as it is the same object:
 
     p = (1 − M) p_own + M Π p_v^w_v / Σ,   w_v ∝ k_v⁴,   M the mean of the others' m_v by their weights
 
+with p_v at least 0.05/(n + 1) where several count.
+
 Where one view knows and the other does not, it is the one's answer; where both know the same, it is as sure as the
 surer one; where they know different things, neither is sure.
 """
@@ -26,6 +28,8 @@ _LEAST = 1e-6
 """Least probability of anything."""
 _COUNTS = 0.05
 """Weight against a view's own from which on what others say counts."""
+_WRONG = 0.05
+"""Probability that a view is wrong about all that it holds for impossible: no view forbids what another one knows."""
 _KEPT_S = 8.0
 """What another view told of a track counts e times less so long after it was seen there last, seconds."""
 
@@ -56,7 +60,9 @@ def pooled(answers: Sequence[FloatArray], same: Sequence[FloatArray], fits: Sequ
     if not len(heard):
         return own
     weight = weight[:, heard] / np.sum(weight[:, heard], axis=0)
-    log_p = sum(w[:, None] * np.log(np.maximum(p[heard], _LEAST)) for w, p in zip(weight, answers, strict=True))
+    # alone, an answer is taken as it is
+    least = np.where(np.max(weight, axis=0) < 1.0, _WRONG / own.shape[1], _LEAST)[:, None]
+    log_p = sum(w[:, None] * np.log(np.maximum(p[heard], least)) for w, p in zip(weight, answers, strict=True))
     pool = np.exp(log_p - np.max(log_p, axis=1, keepdims=True))
     pool /= np.sum(pool, axis=1, keepdims=True)
     M = (np.sum(weight[1:] * m[1:, heard], axis=0) / np.sum(weight[1:], axis=0))[:, None]
