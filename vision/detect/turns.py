@@ -47,8 +47,8 @@ MOST_ROUND = 0.6
 FIRST_FRAMES, LONGEST_US = 10, 1_500_000
 """A first frame, or one so long after the last, is looked at as a whole where that is no more than so many frames'
 worth of pixels: names begin at once, half a second late at the most."""
-LEAD_US = 300_000
-"""Lead of what was never looked at over what is followed: both have their turn, however many there are of the other."""
+MOST_ALONE = 0.4
+"""Share of what is left of a frame's pixels for reports that nothing explains: many may be wrong."""
 REPORTED_US = 350_000
 """Where a vehicle reports to be and none was found is looked at again after so long."""
 KEPT_US, FORGOTTEN_US, AGAIN_US = 1_000_000, 3_000_000, 1_500_000
@@ -79,25 +79,15 @@ class _Place(NamedTuple):
     """When it was looked at last; 0 never."""
     reach_px: float = REACH_PX
     """How far from it the vehicle may be, px of the canvas."""
-    asked_us: int = 0
-    """When it was first asked for, without having been looked at."""
-    reported: int = 0
-    """Who reports to be there and has no box, 0 nobody."""
-
-    @property
-    def waits_since_us(self) -> int:
-        """The moment from which on it waits for its turn; what is new has a lead."""
-        return self.looked_us or self.asked_us - LEAD_US
-
-    @property
-    def is_asked(self) -> bool:
-        """False for what was proposed, looked at, and is empty."""
-        return self.seen_us > 0 or self.looked_us == 0
+    of_report: bool = False
+    """A vehicle reports to be there, and none was found: it is for this frame alone."""
+    empty: bool = False
+    """It was proposed, looked at, and nothing is there."""
 
     def lasts(self, t_us: int, *, looked: bool) -> bool:
         """Tell whether it is kept after a frame in which nothing was found there."""
         if self.seen_us == 0:
-            return not self.looked_us or (not self.reported and t_us - self.looked_us < AGAIN_US)
+            return not self.of_report and (not self.empty or t_us - self.looked_us < AGAIN_US)
         return t_us - self.seen_us < (KEPT_US if looked else FORGOTTEN_US)
 
 
@@ -148,15 +138,13 @@ class LookInTurns:
         places = [_moved(place, moved, dt) for place in self._places]
         places = [place for place in places if 0.0 <= place.at[0] <= width and 0.0 <= place.at[1] <= height]
         proposed, used_px = self._go_round(detector, image, gsd_m, dt)
-        places += _apart(proposed, places, REACH_PX / scale, t_us)
-        waiting = {place.reported: place for place in places if place.reported and not place.looked_us}
-        places = [place for place in places if place.looked_us or not place.reported]
+        places += _apart(proposed, places, REACH_PX / scale)
         asked = reported()
-        places += self._reports_alone(asked, waiting, places, scale, (width, height))
-        order = sorted(
-            (place for place in places if place.is_asked), key=lambda place: (place.waits_since_us, place.at)
-        )
-        parts = _parts(order, scale, (width, height), detector.frame_px / detector.part_price - used_px)
+        left_px = detector.frame_px / detector.part_price - used_px
+        places += _fitting(self._reports_alone(asked, places, scale, (width, height)), MOST_ALONE * left_px)
+        # what was never looked at comes first, then what was not for longest
+        order = sorted((place for place in places if not place.empty), key=lambda place: (place.looked_us, place.at))
+        parts = _parts(order, scale, (width, height), left_px)
         found = detector.detect_in(image, parts, gsd_m=gsd_m) if parts else Detections.empty()
         looked = np.clip(np.array([part.kept for part in parts]).reshape(-1, 4), 0.0, (width, height) * 2)
         found = replace(found, looked=looked)
@@ -199,21 +187,20 @@ class LookInTurns:
     def _reports_alone(
         self,
         reported: Mapping[int, tuple[float, float, float]],
-        waiting: Mapping[int, _Place],
         places: Sequence[_Place],
         scale: float,
         size: tuple[int, int],
     ) -> Iterator[_Place]:
-        """Places of the reports that no place explains, where nobody looked for a while; one each while it waits."""
+        """Places of the reports that no place explains, where nobody looked for a while."""
         known = np.array([place.at for place in places if place.seen_us]).reshape(-1, 2)
         for system_id, (x, y, std) in reported.items():
             reach = min(REACH_PX + 2.0 * std * scale, MOST_REACH_PX)
-            last_us = self._reported_us.get(system_id, -REPORTED_US)
-            if not (0.0 <= x <= size[0] and 0.0 <= y <= size[1] and self._t_us - last_us >= REPORTED_US):
+            last_us = self._reported_us.get(system_id, 0)
+            due = not last_us or self._t_us - last_us >= REPORTED_US
+            if not (due and 0.0 <= x <= size[0] and 0.0 <= y <= size[1]):
                 continue
             if not (np.hypot(known[:, 0] - x, known[:, 1] - y) * scale < reach).any():
-                since_us = waiting[system_id].asked_us if system_id in waiting else self._t_us
-                yield _Place(at=(x, y), reach_px=reach, asked_us=since_us, reported=system_id)
+                yield _Place(at=(x, y), reach_px=reach, looked_us=last_us, of_report=True)
 
     def _followed(self, places: Sequence[_Place], found: Detections, scale: float) -> list[_Place]:
         """The places after a frame, as its boxes have them."""
@@ -233,7 +220,9 @@ class LookInTurns:
         after = [
             _seen(place, tuple(centre[box_of[k]].tolist()), t_us)
             if k in box_of
-            else place._replace(unseen=True, looked_us=t_us if looked[k] and place.is_asked else place.looked_us)
+            else place._replace(unseen=True, looked_us=t_us, empty=not place.seen_us)
+            if looked[k] and not place.empty
+            else place._replace(unseen=True)
             for k, place in enumerate(places)
         ]
         kept = [place for k, place in enumerate(after) if k in box_of or place.lasts(t_us, looked=looked[k])]
@@ -272,15 +261,26 @@ def _seen(place: _Place, at: Point, t_us: int) -> _Place:
     return _Place(at=at, base=at, v=v, seen_us=t_us, looked_us=t_us)
 
 
-def _apart(proposed: Detections, places: Sequence[_Place], reach: float, t_us: int) -> list[_Place]:
+def _apart(proposed: Detections, places: Sequence[_Place], reach: float) -> list[_Place]:
     """New places for the proposals that none has within a reach, px."""
     known = [place.at for place in places]
     new = []
     for x, y in proposed.centre.tolist():
         if all(math.hypot(x - a, y - b) >= reach for a, b in known):
             known.append((x, y))
-            new.append(_Place(at=(x, y), asked_us=t_us))
+            new.append(_Place(at=(x, y)))
     return new
+
+
+def _fitting(places: Iterable[_Place], most_px: float) -> list[_Place]:
+    """Of places those that were not looked at for longest, as many as so many px of the canvas hold, at least one."""
+    chosen, used = list[_Place](), 0.0
+    for place in sorted(places, key=lambda place: (place.looked_us, place.at)):
+        used += (2.0 * (place.reach_px + BORDER_PX)) ** 2
+        if used > most_px and chosen:
+            break
+        chosen.append(place)
+    return chosen
 
 
 def _parts(places: Iterable[_Place], scale: float, size: tuple[int, int], most_px: float) -> list[Tile]:

@@ -126,3 +126,9 @@ def test_reports_where_nobody_is_take_no_turns_from_those_who_are_seen(n):
         worst = max(worst, int((k - last).max()))
     assert worst <= 10, "frames, a second"
     assert len(look._places) <= 8 + 2 * n
+
+
+def test_reports_that_are_wrong_starve_nobody():
+    reports = {k: (x, y, 60.0) for k, (x, y) in enumerate(scattered(20, seed=5).tolist())}
+    seen = [len(found) for found, _ in film(Truth(scattered(4)), 25, reported=lambda: reports)]
+    assert min(np.convolve(seen, np.ones(5))[14:25]) >= 4.0
