@@ -32,7 +32,16 @@ from vision.motion.image_motion import ImageMotion
 MISSION = Mission(
     uav=MissionVehicle(system_id=1), ugv=(MissionVehicle(system_id=2, name="Alpha"), MissionVehicle(system_id=3))
 )
-TABLES = ("identity.csv", "frames.csv", "detections.csv", "looks.csv", "motion.csv", "folds.csv", "unfolded.csv")
+TABLES = (
+    "identity.csv",
+    "frames.csv",
+    "detections.csv",
+    "looks.csv",
+    "elsewhere.csv",
+    "motion.csv",
+    "folds.csv",
+    "unfolded.csv",
+)
 TEXTS = (*TABLES, "identity.jsonl", "events.jsonl")
 
 
