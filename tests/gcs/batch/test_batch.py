@@ -84,6 +84,10 @@ def test_each_camera_of_a_flight_is_a_flight_of_the_batch(tmp_path):
         table = tmp_path / "out" / "identity" / f"flight=flight.{folder}".rstrip(".") / "part-0.parquet"
         logged = read_identity(tmp_path / "identified" / folder / "identity.csv")
         assert logged["system_id"] == pytest.approx(parquet.read_table(table)["system_id"].to_numpy(), nan_ok=True)
+    with (tmp_path / "flight" / "view-2" / "detections.csv").open("a") as seen:
+        seen.write("14,10,10,20,10,0,0.9,\n")
+    again = told(run_gcs(*words)[1])[:-1]
+    assert not any(line["skipped"] for line in again), "each is named with what the other camera saw"
     one = tmp_path / "one.toml"
     one.write_text((tmp_path / "flight" / "session.toml").read_text().partition("[[view]]")[0])
     errors = [line.get("error") for line in told(run_gcs(*words, "--mission", one)[1])[:-1]]
