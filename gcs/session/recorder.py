@@ -106,12 +106,21 @@ class ViewRecorder:
         make: makes a file from its path, its heading and whether it is made with its first row only.
         video: whether there is a camera.
         uav_id: of a further camera's aircraft; what is told of the fleet the first camera's events have.
+        several: whether there are other cameras to hear of.
 
     Attributes:
         video_path: where the process of the video writes; None without a camera.
     """
 
-    def __init__(self, folder: Path, make: Callable[..., LineFile], *, video: bool, uav_id: int = 0) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        make: Callable[..., LineFile],
+        *,
+        video: bool,
+        uav_id: int = 0,
+        several: bool = False,
+    ) -> None:
         self.folder = folder
         self.video_path = folder / "video.mkv" if video else None
 
@@ -124,7 +133,7 @@ class ViewRecorder:
         self._frames, self._detections, self._motion = table(FRAMES), table(DETECTIONS), table(MOTION)
         self._folds, self._unfolded = table(FOLDS), table(UNFOLDED, lazy=True)
         self._looks = table(LOOKS, lazy=True)
-        self._elsewhere = table(ELSEWHERE, lazy=True)
+        self._elsewhere = table(ELSEWHERE, lazy=True) if several else None
 
     def frame_time(self, index: int, t_us: int) -> None:
         """Note when a frame of the recorded video was taken."""
@@ -217,9 +226,9 @@ class Recorder(ViewRecorder):
             started = datetime.fromtimestamp(self.began_us * 1e-6, UTC)
             self._session = SessionFile(self.folder, mission, {"started": started, **notes})
             make = partial(self._make, disk)
-            super().__init__(self.folder, make, video=video)
+            super().__init__(self.folder, make, video=video, several=bool(views))
             self.further = tuple(
-                ViewRecorder(self._view_folder(k), make, video=True, uav_id=mission.view[k - 2].system_id)
+                ViewRecorder(self._view_folder(k), make, video=True, uav_id=mission.view[k - 2].system_id, several=True)
                 for k in views
             )
         except BaseException:

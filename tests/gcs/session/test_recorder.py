@@ -37,7 +37,6 @@ TABLES = (
     "frames.csv",
     "detections.csv",
     "looks.csv",
-    "elsewhere.csv",
     "motion.csv",
     "folds.csv",
     "unfolded.csv",
@@ -90,7 +89,6 @@ def fly(recorder, frames):
             )
         )
         recorder.unfolded(frame, 1)
-        recorder.heard(frame, 2, frame)
         recorder.snapshot(snapshot(frame))
     assert all(file.settle(60.0) for file in recorder._files), "the system has it, or has refused it"
 
