@@ -63,7 +63,7 @@ FOLLOWS = 0.5
 """Share of a new velocity in that of a place."""
 
 
-class _Place(NamedTuple):
+class _LookPlace(NamedTuple):
     """Where to look, px of the image."""
 
     at: Point
@@ -101,7 +101,7 @@ class LookInTurns:
 
     def __init__(self, detector: Detector, score: float) -> None:
         self._detector, self._score = detector, score
-        self._places: list[_Place] = []
+        self._places: list[_LookPlace] = []
         self._reported_us: dict[int, int] = {}
         self._tiles_us: list[int] = []
         self._due = 0.0
@@ -187,10 +187,10 @@ class LookInTurns:
     def _reports_alone(
         self,
         reported: Mapping[int, tuple[float, float, float]],
-        places: Sequence[_Place],
+        places: Sequence[_LookPlace],
         scale: float,
         size: tuple[int, int],
-    ) -> Iterator[_Place]:
+    ) -> Iterator[_LookPlace]:
         """Places of the reports that no place explains, where nobody looked for a while."""
         known = np.array([place.at for place in places if place.seen_us]).reshape(-1, 2)
         for system_id, (x, y, std) in reported.items():
@@ -200,9 +200,9 @@ class LookInTurns:
             if not (due and 0.0 <= x <= size[0] and 0.0 <= y <= size[1]):
                 continue
             if not (np.hypot(known[:, 0] - x, known[:, 1] - y) * scale < reach).any():
-                yield _Place(at=(x, y), reach_px=reach, looked_us=last_us, of_report=True)
+                yield _LookPlace(at=(x, y), reach_px=reach, looked_us=last_us, of_report=True)
 
-    def _followed(self, places: Sequence[_Place], found: Detections, scale: float) -> list[_Place]:
+    def _followed(self, places: Sequence[_LookPlace], found: Detections, scale: float) -> list[_LookPlace]:
         """The places after a frame, as its boxes have them."""
         t_us, centre = self._t_us, found.centre
         at = np.array([place.at for place in places]).reshape(-1, 2)
@@ -227,7 +227,7 @@ class LookInTurns:
         ]
         kept = [place for k, place in enumerate(after) if k in box_of or place.lasts(t_us, looked=looked[k])]
         begun = [j for j in sorted(free) if found.score[j] >= self._score]
-        kept += [_seen(_Place(at=(x, y)), (x, y), t_us) for x, y in centre[begun].tolist()]
+        kept += [_seen(_LookPlace(at=(x, y)), (x, y), t_us) for x, y in centre[begun].tolist()]
         return sorted(kept, key=lambda place: -place.seen_us)[:MOST_PLACES]
 
 
@@ -238,7 +238,7 @@ def in_turns(detector: Detector, size: tuple[int, int], gsd_m: float | None) -> 
     return size[0] * size[1] * detector.scale(gsd_m) ** 2 > detector.frame_px
 
 
-def _moved(place: _Place, H: Floats | None, dt: float) -> _Place:
+def _moved(place: _LookPlace, H: Floats | None, dt: float) -> _LookPlace:
     """A place as it is expected in the next frame, by its own motion and the camera's last one."""
     base = place.base
     if math.isnan(base[0]):
@@ -253,28 +253,28 @@ def _step(at: Point, v: Point, H: Floats | None, dt: float) -> Point:
     return x / w + v[0] * dt, y / w + v[1] * dt
 
 
-def _seen(place: _Place, at: Point, t_us: int) -> _Place:
+def _seen(place: _LookPlace, at: Point, t_us: int) -> _LookPlace:
     """A place at which a vehicle is found."""
     v, since_s = place.v, (t_us - place.seen_us) * 1e-6
     if place.seen_us and since_s > 0.0:
         v = (v[0] + FOLLOWS * (at[0] - place.at[0]) / since_s, v[1] + FOLLOWS * (at[1] - place.at[1]) / since_s)
-    return _Place(at=at, base=at, v=v, seen_us=t_us, looked_us=t_us)
+    return _LookPlace(at=at, base=at, v=v, seen_us=t_us, looked_us=t_us)
 
 
-def _apart(proposed: Detections, places: Sequence[_Place], reach: float) -> list[_Place]:
+def _apart(proposed: Detections, places: Sequence[_LookPlace], reach: float) -> list[_LookPlace]:
     """New places for the proposals that none has within a reach, px."""
     known = [place.at for place in places]
     new = []
     for x, y in proposed.centre.tolist():
         if all(math.hypot(x - a, y - b) >= reach for a, b in known):
             known.append((x, y))
-            new.append(_Place(at=(x, y)))
+            new.append(_LookPlace(at=(x, y)))
     return new
 
 
-def _fitting(places: Iterable[_Place], most_px: float) -> list[_Place]:
-    """Of places those that were not looked at for longest, as many as so many px of the canvas hold, at least one."""
-    chosen, used = list[_Place](), 0.0
+def _fitting(places: Iterable[_LookPlace], most_px: float) -> list[_LookPlace]:
+    """Choose the places that were not looked at for longest, as many as so many px of the canvas hold, at least one."""
+    chosen, used = list[_LookPlace](), 0.0
     for place in sorted(places, key=lambda place: (place.looked_us, place.at)):
         used += (2.0 * (place.reach_px + BORDER_PX)) ** 2
         if used > most_px and chosen:
@@ -283,7 +283,7 @@ def _fitting(places: Iterable[_Place], most_px: float) -> list[_Place]:
     return chosen
 
 
-def _parts(places: Iterable[_Place], scale: float, size: tuple[int, int], most_px: float) -> list[Tile]:
+def _parts(places: Iterable[_LookPlace], scale: float, size: tuple[int, int], most_px: float) -> list[Tile]:
     """Parts of a picture (width, height) round places, as many in their order as so many px of the canvas hold.
 
     Two are one part where that takes no more pixels.
