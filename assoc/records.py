@@ -201,7 +201,7 @@ class Identities:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sighting:
-    """What a view has of its tracks in one frame by itself, as it tells views of other cameras."""
+    """Tracks of a view in one frame by itself, as it tells them to views of other cameras."""
 
     t_us: int
     """Unix µs on telemetry's clock, what the video's clock was found to be off taken out."""

@@ -330,7 +330,7 @@ class Health:
     fit: float = NAN
     """Probability that video and telemetry belong together, NaN while nothing was compared."""
     views_differ: str = ""
-    """What another camera names differently, and which is likelier wrong; empty: nothing."""
+    """Vehicle that another camera names differently, and which is likelier wrong; empty: nothing."""
     undecoded: int = 0
     """Frames that came and could not be decoded."""
     keys: int | None = None

@@ -194,7 +194,7 @@ class Identifier:
         return answer
 
     def _sighting(self, observation: Observation, camera: CameraState, rows: IntArray, p: FloatArray) -> Sighting:
-        """What this view has of some tracks of a frame, as it is told to others; p: (k, n + 1)."""
+        """Some tracks of a frame by this view alone, as it is told to others; p: (k, n + 1)."""
         usable, estimator = _complete_state(camera), self._estimator
         place, cov_m2 = np.full((len(rows), 2), np.nan), np.zeros((len(rows), 2, 2))
         if usable is not None:

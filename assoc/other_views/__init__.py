@@ -1,1 +1,1 @@
-"""What the views of other cameras tell of a view's tracks: which boxes are one vehicle, and whose answer counts."""
+"""Views of other cameras and a view's tracks: which boxes are one vehicle, and whose answer counts."""

@@ -25,7 +25,7 @@ _MORE = 1.2
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class Contradiction:
     """Two views are sure of one object, each of another answer."""
 
     mine: int
@@ -39,16 +39,16 @@ class Difference:
 
 
 class Hearing:
-    """What one view hears of the others, over time."""
+    """Words of the other views that one hears, over time."""
 
     def __init__(self) -> None:
         self._same: dict[int, SameBoxes] = {}
         self._hearsay: dict[int, Hearsay] = {}
-        self.differences: tuple[Difference, ...] = ()
-        """What the views contradicted each other about in the last frame."""
+        self.differences: tuple[Contradiction, ...] = ()
+        """Contradictions of the views in the last frame."""
 
     def answers(self, mine: Sighting, told: Mapping[int, Sequence[Sighting]]) -> FloatArray:
-        """What the tracks of a frame are by all that views know.
+        """Answers on the tracks of a frame by all that views know.
 
         Args:
             mine: By this view alone.
@@ -59,7 +59,7 @@ class Hearing:
             (m, n + 1) probabilities, the last column "none of ours".
         """
         answers, same, fits = [mine.p], [np.ones(len(mine.p))], [mine.fit]
-        differences = list[Difference]()
+        differences = list[Contradiction]()
         for view, theirs in told.items():
             track_id, pairs = self._same.setdefault(view, SameBoxes()).update(mine, theirs)
             said, is_same = said_of(newest_answers(track_id, theirs), pairs)
@@ -74,11 +74,16 @@ class Hearing:
         return without_taken(mine.p, pooled(answers, same, fits))
 
 
-def _differences(view: int, mine: Sighting, said: FloatArray, same: FloatArray, fit: float) -> Iterator[Difference]:
-    """What another view, which fits so far, said (m, n + 1) against what this one is sure of; same: as far as (m,)."""
+def _differences(view: int, mine: Sighting, said: FloatArray, same: FloatArray, fit: float) -> Iterator[Contradiction]:
+    """Contradictions between another view's words (m, n + 1) and what this one is sure of.
+
+    Args:
+        same: (m,) as far as both see one object.
+        fit: as far as the other view fits.
+    """
     own, other = np.argmax(mine.p, axis=1), np.argmax(said, axis=1)
     sure = np.min([np.max(mine.p, axis=1), np.max(said, axis=1), same, np.full(len(same), min(fit, mine.fit))], axis=0)
     known, theirs = mine.fit * founded(mine.p), same * fit * founded(said)
     for row in np.flatnonzero((sure >= _SURE) & (own != other)).tolist():
         wrong = -1 if theirs[row] > _MORE * known[row] else 1 if known[row] > _MORE * theirs[row] else 0
-        yield Difference(int(own[row]), int(other[row]), view, wrong)
+        yield Contradiction(int(own[row]), int(other[row]), view, wrong)

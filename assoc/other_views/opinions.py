@@ -1,4 +1,4 @@
-"""What a view answers once it has heard the others: of several answers about one object the better founded counts.
+"""Answers of a view once it has heard the others: of several answers about one object the better founded counts.
 
 All views compare with the same reports, whose errors they share: two that agree prove no more than one. So answers are
 not multiplied. m_v is the probability that what view v answers about is the same object, and k_v = m_v P_v(fits)
@@ -31,7 +31,7 @@ _COUNTS = 0.05
 _WRONG = 0.05
 """Probability that a view is wrong about all that it holds for impossible: no view forbids what another one knows."""
 _KEPT_S = 8.0
-"""What another view told of a track counts e times less so long after it was seen there last, seconds."""
+"""Seconds after which another view's word about a track that it sees no more counts e times less."""
 
 
 def founded(p: FloatArray) -> FloatArray:
@@ -91,7 +91,7 @@ def without_taken(before: FloatArray, after: FloatArray) -> FloatArray:
 
 
 def said_of(p: FloatArray, same: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """What a view says of the m tracks of another one.
+    """Answers of a view on the m tracks of another one.
 
     Args:
         p: (k, n + 1) of its own k tracks.
@@ -107,7 +107,7 @@ def said_of(p: FloatArray, same: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 class Hearsay:
-    """What another view said of the tracks of this one, for as long as it counts."""
+    """Words of another view about the tracks of this one, for as long as it counts."""
 
     def __init__(self) -> None:
         self._said: dict[int, tuple[float, FloatArray, float]] = {}

@@ -43,7 +43,7 @@ _MOST_TRIED = 64
 _MOST_SHIFTS, _NEGLIGIBLE = 4, 7.0
 """Most shifts that are weighed, and by how many nats less one is worth that is not."""
 _BY_NAME = (-1.0, 2.0)
-"""What both answer counts so much at most, nats: less against one object, so that a contradiction is found."""
+"""Most nats that equal answers of both count: less against one object, so that a contradiction is found."""
 _SURE, _WANDER_M2_S = 0.9, 0.5
 """A shift is remembered from this probability on, and its variance grows so fast then, m²/s."""
 _AGAIN_S = 0.2
@@ -56,7 +56,7 @@ _FORGET_S = 10.0
 
 @dataclass(frozen=True, slots=True)
 class Shift:
-    """What the places of one view are off against those of another one, metres."""
+    """Shift by which the places of one view are off against those of another one, metres."""
 
     mean: FloatArray
     """(2,)."""
@@ -71,7 +71,7 @@ class Shift:
         return cls(np.zeros(2), var * np.eye(2))
 
     def after(self, t: float) -> Shift:
-        """What is known of it at a later time: it wanders."""
+        """The shift as known at a later time: it wanders."""
         return Shift(self.mean, self.cov + _WANDER_M2_S * abs(t - self.t) * np.eye(2), t)
 
 

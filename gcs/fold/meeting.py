@@ -1,4 +1,4 @@
-"""Where the folds of a flight's cameras meet: each leaves what it has by itself, and hears what the others left.
+"""Meeting of the folds of a flight's cameras: each leaves what it has by itself, and hears what the others left.
 
 Which frames of the others a frame heard is up to who folds: in flight the newest that are folded, and these are
 recorded; of a recording the same ones again.
@@ -30,7 +30,7 @@ _SIDE_M = 1000.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Left:
-    """What a view left of a frame."""
+    """A frame as a view left it."""
 
     frame: int
     sighting: Sighting
@@ -82,7 +82,7 @@ class Meeting:
 
 
 class Seat:
-    """What one view tells the others and hears of them.
+    """Place of one view among the others: it tells them and hears them.
 
     Args:
         meeting: of all.
@@ -115,7 +115,7 @@ class Seat:
         return self._hearing.answers(mine, {other: sightings for other, sightings in usable.items() if sightings})
 
     def differences(self, mission: Mission) -> str:
-        """What another camera contradicted in the last frame, in words, and which is likelier wrong; empty: nothing."""
+        """Contradictions of another camera in the last frame, in words, and which is likelier wrong; empty: nothing."""
         names = [*(mission.name_of(system_id) for system_id in mission.ugv_ids), "none of ours"]
         for each in self._hearing.differences:
             if max(each.mine, each.theirs) < len(names):
@@ -125,7 +125,7 @@ class Seat:
         return ""
 
     def _moved(self, left: _Left, origin: LocalFrame) -> Sighting:
-        """What another view left, with its places in this one's world."""
+        """A frame that another view left, with its places in this one's world."""
         if left.origin == origin:
             return left.sighting
         into, R, t = self._moves.get(left.origin, (None, None, None))

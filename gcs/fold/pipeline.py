@@ -118,7 +118,7 @@ class Pipeline:
         self._crowded, self._score = False, mission.detector.score
         self._tracker: Tracker | None = None
         self._looked_us: dict[int, int] = {}
-        """When somebody looked last where a vehicle reports to be, while not all of the picture is looked at."""
+        """Time of the last look at where a vehicle reports to be, while not all of the picture is looked at."""
         self._parts = Parts()
         self._params = IdentifierParams(threshold=mission.identity.threshold)
         if auto := mission.clock.video_offset_s == "auto":
@@ -212,7 +212,7 @@ class Pipeline:
         return ground_sampling(view.intrinsics, view.pose, view.ground_z)
 
     def reported_px(self, t_us: int, image: NDArray[np.uint8]) -> dict[int, tuple[float, float, float]]:
-        """Where the vehicles' reports put them in a frame (H, W, 3), by system id: x, y and the 1σ of both, px."""
+        """Places in a frame (H, W, 3) that the vehicles report, by system id: x, y and the 1σ of both, px."""
         state = self.fleet.at(self.telemetry_time(t_us))
         view = self._frame_camera(state, _size_of(image))
         if view is None:

@@ -1,4 +1,4 @@
-"""What other cameras of a flight see, beside one's snapshot: their aircraft, footprints, and who is named there."""
+"""Views of other cameras of a flight, beside one's snapshot: their aircraft, footprints, and who is named there."""
 
 from __future__ import annotations
 

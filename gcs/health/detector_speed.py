@@ -1,4 +1,4 @@
-"""How fast a detector looks at frames of a flight, by the height that they are taken from.
+"""Speed at which a detector looks at frames of a flight, by the height that they are taken from.
 
 Measured with so many reports that no box explains that a frame has no room for more: what a flight takes at the most.
 """

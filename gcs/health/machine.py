@@ -112,7 +112,7 @@ def _detector(gsd_m: float | None, opened: Callable[[], Detector] | None, camera
 
 
 def carried(fps: float, cameras: int) -> Check:
-    """How many cameras a detector of that speed looks at in time.
+    """Count of cameras that a detector of that speed looks at in time.
 
     Args:
         fps: frames that it looks at in a second.

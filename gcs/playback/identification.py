@@ -106,7 +106,7 @@ def _identify_views(
     folders: Sequence[Path],
     report: Callable[[int, int], None],
     hindsight: bool | None,
-) -> list[_View]:
+) -> list[_NamedCamera]:
     """Name the boxes of all cameras; again, with what was found of them, where that leaves fewer without a name."""
     views = _identify_in_step(opened, folders, report, hindsight)
     found = [view.found() for view in views]
@@ -133,13 +133,13 @@ def _identify_in_step(
     folders: Sequence[Path],
     report: Callable[[int, int], None],
     hindsight: bool | None,
-) -> list[_View]:
+) -> list[_NamedCamera]:
     """Name the boxes of all cameras once, side by side: that of the earliest frame goes on first."""
     company = InStep() if len(opened) > 1 else None
     with contextlib.ExitStack() as stack:
-        views = list[_View]()
+        views = list[_NamedCamera]()
         for opening, folder in zip(opened, folders, strict=True):
-            view = _View(opening(company=company), folder, hindsight)
+            view = _NamedCamera(opening(company=company), folder, hindsight)
             stack.callback(view.analysis.close)
             views.append(view)
         ways = [stack.enter_context(contextlib.closing(view.identify())) for view in views]
@@ -176,7 +176,7 @@ def _as_session_error(out: Path) -> Iterator[None]:
         raise SessionError(f"{out}: cannot be written: {error.strerror}; choose another place") from error
 
 
-class _View:
+class _NamedCamera:
     """A camera whose boxes are named.
 
     Args:
@@ -224,8 +224,8 @@ class _View:
         self.notes += _doubts(self._last, calls, blind=blind, seen=seen)
 
     def found(self) -> dict[str, Any]:
-        """What names had to wait for, as :class:`Analysis` takes it: the video's offset where it was far off, and the
-        camera by the film; nothing for a flight that kept its order, which is named as it was seen.
+        """Findings that names had to wait for, as :class:`Analysis` takes them: the video's offset where it was far off,
+        and the camera by the film; nothing for a flight that kept its order, which is named as it was seen.
         """
         if self.analysis.as_flown or self._last is None:
             return {}

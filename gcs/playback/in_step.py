@@ -28,7 +28,7 @@ Moment = tuple[int, Snapshot]
 Heard = Mapping[int, Mapping[int, int]]
 
 
-class _Course:
+class _FoldedCamera:
     """A camera's recording on its way.
 
     Args:
@@ -45,7 +45,7 @@ class _Course:
         self._kept = deque[Moment]()
         self._frame, self._moves = -1, False
         self.latest: Snapshot | None = None
-        """Of one that is followed the newest."""
+        """The newest moment of one that is followed."""
 
     def begin(self, moments: Iterator[Moment]) -> None:
         """Begin at the start."""
@@ -90,7 +90,7 @@ class _Course:
             pass
 
     def taken_us(self, frame: int) -> int:
-        """When a frame was taken, Unix µs by the offset that the mission declares; past the last: never."""
+        """The time of a frame, Unix µs by the offset that the mission declares; past the last: never."""
         if frame >= len(self.analysis.times_us):
             return int(np.iinfo(np.int64).max)
         offset = self.analysis.mission.clock.video_offset_s
@@ -106,7 +106,7 @@ class InStep:
 
     def __init__(self, tell: Callable[[str], None] = lambda text: None) -> None:
         self._tell = tell
-        self._courses: dict[int, _Course] = {}
+        self._courses: dict[int, _FoldedCamera] = {}
         self._meeting = Meeting(self._heard)
 
     def join(self, analysis: Analysis, *, followed: bool) -> None:
@@ -116,10 +116,10 @@ class InStep:
             analysis: folds it.
             followed: it is folded for others' sake, and not shown.
         """
-        self._courses[analysis.uav_id] = _Course(analysis, followed=followed, tell=self._tell)
+        self._courses[analysis.uav_id] = _FoldedCamera(analysis, followed=followed, tell=self._tell)
 
     def begin(self, uav_id: int) -> Seat | None:
-        """Where a fold that begins at the start meets the others; those that are not shown begin anew, too.
+        """Seat among the others of a fold that begins at the start; those that are not shown begin anew, too.
 
         Args:
             uav_id: of the aircraft whose camera it is.
@@ -171,7 +171,7 @@ class InStep:
 
 
 def _heard_in(folder: Path) -> Heard:
-    """By frame of a flight the last frame of each other camera, by its aircraft, that it heard; of older ones none."""
+    """Last frame, by frame of a flight, of each other camera, by its aircraft, that it heard; none of older flights."""
     heard: dict[int, dict[int, int]] = {}
     if segments(folder / ELSEWHERE.name):
         table = read_table(folder / ELSEWHERE.name, ELSEWHERE)
