@@ -41,7 +41,7 @@ class AnswerDoubt(IntEnum):
     COMMON_BOX = 8
     """The box is probably round two vehicles."""
     ELSEWHERE = 9
-    """Another camera sees the same object and names it differently."""
+    """Another camera sees this object, or another one with this name, and answers otherwise."""
     COASTING = 10
     """The track is predicted, and one that is seen has the name."""
     OWN_WORD = 11

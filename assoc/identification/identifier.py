@@ -155,7 +155,7 @@ class Identifier:
             unlooked_s: For how long nobody looked where a vehicle reports to be, seconds, by system id: that it has no
                 box says nothing. 0, or none, where somebody looked in this frame.
             heard: From what this view alone has of the tracks that it sees, their probabilities by what is known
-                elsewhere, too; they change the names of this frame, and nothing that is learnt.
+                elsewhere, too; they change the names of this frame, and neither evidence nor pose.
 
         Returns:
             The names, in the order of the observation.
@@ -174,9 +174,9 @@ class Identifier:
         p = self._common_boxes.limited(t, observation, beliefs.p, stated)
         doubt = lowered(AnswerDoubt.COMMON_BOX, beliefs.p, p, beliefs.doubt)
         if heard is not None:
-            own, seen = p, np.flatnonzero((observation.gap_s <= 0.0) & ~stated)
+            own, free = p, np.flatnonzero(~stated)
             p = own.copy()
-            p[seen] = heard(self._sighting(observation, camera, seen, own[seen]))
+            p[free] = heard(self._sighting(observation, camera, free, own[free]))
             doubt = lowered(AnswerDoubt.ELSEWHERE, own, p, doubt)
         answer = compose_identities(
             self._ids,
@@ -200,6 +200,7 @@ class Identifier:
         if usable is not None:
             at = usable.R_enu_cam, usable.p_enu, usable.ground_z
             place = rays_to_ground(observation.ray_cam[rows], *at, estimator.theta)
+            place[observation.gap_s[rows] > 0.0] = np.nan
             cov_m2 = place_covariance(place - usable.p_enu[:2], usable.p_enu[2] - usable.ground_z)
         fit = np.nan_to_num(self.fit_probability)
         return Sighting(

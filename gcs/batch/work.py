@@ -187,8 +187,8 @@ def _open(path: Path, options: BatchOptions) -> tuple[Session, list[Path]]:
         files += input_files(session.tlog.parent)
         if mission and session.mission and not session.mission.view:
             raise BatchError(f"{path}: {mission} has no [[view]], so it does not tell whose camera this is")
-    for view in session.other_views:  # names rest on what the flight's other cameras saw, too
-        files += input_files(view.folder)
+    for folder in session.other_folders:  # names rest on what the flight's other cameras saw, too
+        files += input_files(folder)
     return session, [*dict.fromkeys(files), *([mission] if mission else []), *mission_files(session.mission)]
 
 

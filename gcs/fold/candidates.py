@@ -31,7 +31,7 @@ _WORDS = {
     AnswerDoubt.MISSING: "a vehicle of ours is not accounted for",
     AnswerDoubt.UNSTEADY: "not as sure for two seconds yet",
     AnswerDoubt.COMMON_BOX: "its box is probably round two vehicles",
-    AnswerDoubt.ELSEWHERE: "another camera names it differently",
+    AnswerDoubt.ELSEWHERE: "by what another camera sees it is somebody else",
     AnswerDoubt.COASTING: "its box is predicted, and one that is seen has the name",
     AnswerDoubt.OWN_WORD: "it doubts its own position",
     AnswerDoubt.CONTESTED: "several senders use its id",

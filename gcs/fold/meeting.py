@@ -92,7 +92,7 @@ class Seat:
 
     def __init__(self, meeting: Meeting, system_id: int, note: Callable[[int, int, int], None]) -> None:
         self._meeting, self._system_id, self._note = meeting, system_id, note
-        self._hearing = Hearing()
+        self._hearing, self._system_ids = Hearing(), tuple[int, ...]()
         self._moves: dict[LocalFrame, tuple[LocalFrame, FloatArray, FloatArray]] = {}
 
     def answers(self, frame: int, origin: LocalFrame, system_ids: tuple[int, ...], mine: Sighting) -> FloatArray:
@@ -104,6 +104,8 @@ class Seat:
             system_ids: who can be named.
             mine: what the view has by itself.
         """
+        if system_ids != self._system_ids:  # what was heard is of the fleet as it was
+            self._hearing, self._system_ids = Hearing(), system_ids
         told = self._meeting.told(self._system_id, frame)
         for other, left in told.items():
             self._note(frame, other, left[-1].frame)

@@ -14,7 +14,8 @@ import numpy as np
 from vision.detect.detector import Detector
 from vision.detect.turns import LookInTurns, in_turns
 
-HEIGHTS_M = (30.0, 60.0, 120.0)
+USUAL_M = 60.0
+HEIGHTS_M = (30.0, USUAL_M, 120.0)
 """Heights above the ground that tell how the time grows with it."""
 FRAME_SIZE = (1920, 1080)
 MEASURED_S = 0.6

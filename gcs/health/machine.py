@@ -15,7 +15,7 @@ from typing import Literal
 import av
 import onnxruntime as ort
 
-from gcs.health.detector_speed import FRAME_SIZE, HEIGHTS_M, ground_sampling, looks_in_turns, seconds_a_frame
+from gcs.health.detector_speed import FRAME_SIZE, HEIGHTS_M, USUAL_M, ground_sampling, looks_in_turns, seconds_a_frame
 from gcs.health.preflight import Check, Verdict
 from gcs.health.station_alarms import FULL_BYTES, LOW_BYTES
 from mavlink.errors import LinkError
@@ -46,7 +46,7 @@ def checks(
     open_detector: Callable[[], Detector] | None = None,
     cameras: int = 1,
 ) -> Iterator[Check]:
-    """Look at everything but the terminal; takes some two seconds, for the detector is measured.
+    """Look at everything but the terminal; takes some three seconds, for the detector is measured.
 
     Args:
         sessions: where flights are recorded; it need not exist yet.
@@ -99,7 +99,7 @@ def _detector(gsd_m: float | None, opened: Callable[[], Detector] | None, camera
         f" ({scale * 100:.1f} cm a pixel)"
         for where, scale in scales.items()
     )
-    fps = min(rates.values())
+    fps = rates.get("", rates.get(f" {USUAL_M:g} m up", 0.0))
     which = "the mission's" if opened else "the bundled"
     advice = "" if fps >= LIVE_FPS else "close other programs, or choose a smaller stream"
     yield Check(

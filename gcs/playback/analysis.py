@@ -26,7 +26,7 @@ from gcs.playback.recorded_order import GroundScale, PacketsInOrder, RecordedTur
 from gcs.playback.session_warnings import session_warnings
 from gcs.session.event_log import read_statements, video_awaited_us
 from gcs.session.fold_order import NO_FRAME, FoldTurn
-from gcs.session.session import Session
+from gcs.session.session import Session, open_session
 from gcs.snapshot import Event, Health, Snapshot
 from mavlink.errors import MavlinkError
 from mavlink.protocol.packet import Packet
@@ -105,21 +105,24 @@ class Analysis:
         self._company = company or InStep(self._warn)
         self._company.join(self, followed=followed)
         if company is None:
-            self._open_others()
+            self._open_others(redetect=redetect)
 
     def _warn(self, text: str) -> None:
         """Report in the next snapshot what was found to be wrong with the recording."""
         if self._folded:
             self._folded.add_event(Event(t_us=int(self.times_us[0]), level="warning", kind="recording", text=text))
 
-    def _open_others(self) -> None:
-        """Open what the flight's other cameras recorded; what cannot be used is left out, with a warning."""
+    def _open_others(self, *, redetect: bool) -> None:
+        """Open what the flight's other cameras recorded; one that cannot be used is left out, with a warning."""
         shared: Any = {"open_detector": self._open_detector, "looking_threads": self._looking_threads}
-        try:
-            for session in self.opened.session.other_views:
-                Analysis(session, **shared, company=self._company, followed=True)
-        except (GcsError, MavlinkError, VisionError) as error:
-            self.warnings += (f"what the flight's other cameras saw does not count here: {error}",)
+        for folder in self.opened.session.other_folders:
+            try:
+                view = open_session(folder)
+                if view.video or view.frames:
+                    again = redetect and view.video is not None
+                    Analysis(view, **shared, redetect=again, company=self._company, followed=True)
+            except (GcsError, MavlinkError, VisionError) as error:
+                self.warnings += (f"what another camera of the flight saw does not count here: {error}",)
 
     @property
     def uav_id(self) -> int:

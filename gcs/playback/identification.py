@@ -224,8 +224,8 @@ class _NamedCamera:
         self.notes += _doubts(self._last, calls, blind=blind, seen=seen)
 
     def found(self) -> dict[str, Any]:
-        """Findings that names had to wait for, as :class:`Analysis` takes them: the video's offset where it was far off,
-        and the camera by the film; nothing for a flight that kept its order, which is named as it was seen.
+        """Findings that names had to wait for, as :class:`Analysis` takes them: the video's offset where it was far
+        off, and the camera by the film; nothing for a flight that kept its order, which is named as it was seen.
         """
         if self.analysis.as_flown or self._last is None:
             return {}

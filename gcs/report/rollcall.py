@@ -164,9 +164,12 @@ class RollCall:
         self.frames += 1
         self.attitude_frames += snapshot.pose == "known"
         named = {box.system_id for box in snapshot.new_boxes if not box.coasting}
+        # where a picture is looked at in turns, a frame tells nothing of who goes on with a name until its turn comes
+        partial = snapshot.health.looked_share < 1.0
+        waits = {box.system_id for box in snapshot.new_boxes if box.coasting} if partial else set[int]()
         for row in snapshot.vehicles:
             if (entry := self._entries.get(row.system_id)) is not None:
-                entry.frames_in_view += row.in_view is True
+                entry.frames_in_view += row.in_view is True and row.system_id not in waits
                 entry.named_in_view += row.in_view is True and row.system_id in named
                 entry.frames_out_of_view += row.in_view is False
                 entry.frames_positioned += row.position_state in ("ok", "stale")

@@ -74,12 +74,17 @@ class Session:
         Raises:
             SessionError, ConfigError: one of them cannot be opened.
         """
+        views = map(open_session, self.other_folders)
+        return tuple(view for view in views if view.video or view.frames)
+
+    @property
+    def other_folders(self) -> tuple[Path, ...]:
+        """Folders of the flight's other cameras, whether they can be opened or not."""
         if self.mission is None or not self.mission.view or self.path.is_file():
             return ()
         home, own = self.tlog.parent, self.path.resolve()
-        folders = [home, *(home / VIEW_FOLDER.format(k + 2) for k in range(len(self.mission.view)))]
-        views = (open_session(folder) for folder in folders if folder.is_dir() and folder.resolve() != own)
-        return tuple(view for view in views if view.video or view.frames)
+        folders = (home, *(home / VIEW_FOLDER.format(k + 2) for k in range(len(self.mission.view))))
+        return tuple(folder for folder in folders if folder.is_dir() and folder.resolve() != own)
 
     @property
     def is_first_view(self) -> bool:

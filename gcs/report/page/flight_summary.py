@@ -159,8 +159,11 @@ class FlightSummary:
             self.vehicles[system_id].named_us += step_us
         self._looked_us, self._named = at_us, set()
         for box in snapshot.new_boxes:
-            if box.system_id in self.vehicles and not box.coasting:
+            if box.system_id not in self.vehicles:
+                continue
+            if not box.coasting or snapshot.health.looked_share < 1.0:
                 self._named.add(box.system_id)
+            if not box.coasting:
                 self._add_box(self.vehicles[box.system_id], at_us, box, snapshot)
 
     def tell(self, alarms: Sequence[AlarmSpan], events: Iterable[Event]) -> None:
