@@ -44,6 +44,8 @@ ROUND_S = 0.9
 """Time in which the whole picture is gone through."""
 MOST_ROUND = 0.6
 """Share of a frame's pixels for the rounds at most, however slow frames come."""
+WORTH_FRAMES = 1.3
+"""Frames' worth of pixels up to which a picture is looked at as a whole: turns would save a sixth, and miss more."""
 FIRST_FRAMES, LONGEST_US = 10, 1_500_000
 """A first frame, or one so long after the last, is looked at as a whole where that is no more than so many frames'
 worth of pixels: names begin at once, half a second late at the most."""
@@ -235,7 +237,7 @@ def in_turns(detector: Detector, size: tuple[int, int], gsd_m: float | None) -> 
     """Tell whether an image of a width and height, px, is looked at in turns."""
     if gsd_m is None or not isinstance(detector, PartialDetector):
         return False
-    return size[0] * size[1] * detector.scale(gsd_m) ** 2 > detector.frame_px
+    return size[0] * size[1] * detector.scale(gsd_m) ** 2 > WORTH_FRAMES * detector.frame_px
 
 
 def _moved(place: _LookPlace, H: Floats | None, dt: float) -> _LookPlace:
