@@ -19,7 +19,7 @@ from av.packet import Packet
 from av.video.stream import VideoStream as CodedStream
 
 from vision.stream.source import Source
-from vision.stream.srt_relay import SrtRelay
+from vision.stream.srt_relay import SrtRelay, kept_back_s
 
 Packets: TypeAlias = "Iterator[Packet[CodedStream]]"
 
@@ -71,10 +71,10 @@ class ByteStream:
     """
 
     def __init__(self, source: Source, timeout: tuple[float, float]) -> None:
-        self.arrival_s = 0.0
+        self.arrival_s = self._kept_back_s = 0.0
         self._line: SrtRelay | InputContainer
         if source.address.startswith("srt:"):
-            self._line = SrtRelay(source.address, timeout)
+            self._line, self._kept_back_s = SrtRelay(source.address, timeout), kept_back_s(source.address)
         else:
             options = dict(source.options) | _AT_ONCE
             self._line = av.open(source.address, format="data", options=options, timeout=timeout)
@@ -111,5 +111,5 @@ class ByteStream:
 
     def _receive(self) -> bytes:
         self._rest = next(self._chunks, b"")
-        self.arrivals.add(len(self._rest), time.time())
+        self.arrivals.add(len(self._rest), time.time() - self._kept_back_s)
         return self._rest

@@ -21,6 +21,8 @@ from vision.errors import VideoError
 KEYS = ("mode", "latency", "streamid")
 """Options of an address that are passed on, as FFmpeg has them: latency in µs."""
 LISTEN_S = 35
+LATENCY_S = 0.12
+"""Time for which SRT keeps what came, in case something has to be sent again, where the address has no other."""
 ASK_S = 10.0
 READ_BYTES = 32768
 NO_PROGRAM = (
@@ -58,6 +60,12 @@ def relayed_address(text: str, any_host: tuple[str, ...]) -> tuple[str, bool]:
         options |= {"listen_timeout": str(LISTEN_S * 1_000_000)}
     place = f"[{host}]" if ":" in host else host or "0.0.0.0"
     return f"srt://{place}:{port}?{urlencode(options)}", mode == "listener"
+
+
+def kept_back_s(address: str) -> float:
+    """The time for which our side of an SRT connection keeps back what came, at least, seconds."""
+    latency_us = dict(parse_qsl(urlsplit(address).query)).get("latency", "")
+    return 1e-6 * int(latency_us) if latency_us.isascii() and latency_us.isdecimal() else LATENCY_S
 
 
 class SrtRelay:

@@ -7,6 +7,7 @@ import pytest
 from vision.errors import VideoError
 from vision.stream.port import are_one_place, bind
 from vision.stream.source import offered, parse_source
+from vision.stream.srt_relay import kept_back_s
 
 NO_HOST = "h" * 70
 
@@ -92,6 +93,7 @@ def test_rtmp_to_any_address_of_ours_is_waited_for(text, waits):
 def test_srt_waits_for_a_sender_at_an_address_of_ours_and_calls_another(text, address, waits):
     source = parse_source(text)
     assert (source.address, source.waits) == (address, waits)
+    assert kept_back_s(address) == (0.08 if "latency" in text else 0.12)
 
 
 def test_a_password_may_hold_what_ends_an_address():
