@@ -54,7 +54,7 @@ Sent = dict[int, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class StampErrors:
     """Errors of one kind."""
 
     kind: str
@@ -141,7 +141,7 @@ def called(frames: Sequence[Sequence[bytes]], port: int) -> Sent:
     return sent
 
 
-def live(kind: str, url: str, sender: Callable[[], Sent]) -> Row:
+def live(kind: str, url: str, sender: Callable[[], Sent]) -> StampErrors:
     """Errors of a stream that is received."""
     rows: list[tuple[int, int]] = []
     sent: Sent = {}
@@ -162,7 +162,7 @@ def live(kind: str, url: str, sender: Callable[[], Sent]) -> Row:
     return summed(kind, errors)
 
 
-def rtsp(kind: str, n: int, *, over_udp: bool) -> Row:
+def rtsp(kind: str, n: int, *, over_udp: bool) -> StampErrors:
     with RtspServer(packed(n), datagrams=over_udp) as server:
         begin_s = server._begin_s + time.time() - time.monotonic()
         sent = {number: begin_s + number / FPS for number in range(n)}
@@ -174,7 +174,7 @@ def rtsp(kind: str, n: int, *, over_udp: bool) -> Row:
         return live(kind, server.url, sender)
 
 
-def kept(n: int) -> Iterator[Row]:
+def kept(n: int) -> Iterator[StampErrors]:
     """Errors of the times of files, against those that were written."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -190,14 +190,14 @@ def kept(n: int) -> Iterator[Row]:
                 yield summed(kind, 1e-6 * film.times_us - 1e-3 * (steady(n)[first:] - steady(n)[first]))
 
 
-def summed(kind: str, errors: Sequence[float]) -> Row:
+def summed(kind: str, errors: Sequence[float]) -> StampErrors:
     ms = 1e3 * np.asarray(errors, float)
     if not len(ms):
-        return Row(kind, 0, np.nan, np.nan)
-    return Row(kind, len(ms), round(float(np.median(ms)), 1), round(float(ms[np.argmax(np.abs(ms))]), 1))
+        return StampErrors(kind, 0, np.nan, np.nan)
+    return StampErrors(kind, len(ms), round(float(np.median(ms)), 1), round(float(ms[np.argmax(np.abs(ms))]), 1))
 
 
-def measured(n: int) -> Iterator[Row]:
+def measured(n: int) -> Iterator[StampErrors]:
     """All kinds, one after the other."""
     port, place = free_port(), free_port(socket.SOCK_STREAM)
     raw = list(pictures(n, "libx264", "yuv420p", **RAW))
@@ -225,7 +225,7 @@ def main() -> None:
         rows.append(row)
         print(*astuple(row), flush=True)
     args.out.mkdir(parents=True, exist_ok=True)
-    write(args.out / "stamps.csv", Row, rows)
+    write(args.out / "stamps.csv", StampErrors, rows)
     text = "| kind | pictures | median error, ms | worst, ms |\n|---|--:|--:|--:|\n" + "".join(
         f"| {row.kind} | {row.pictures} | {row.median_ms:+.1f} | {row.worst_ms:+.1f} |\n" for row in rows
     )
