@@ -51,7 +51,11 @@ class RecordedLooks:
 
     def __init__(self, boxes: FrameDetections, motions: FrameMotions | None) -> None:
         self.boxes, self._motions = boxes, motions
-        self.skipped = {"detections.csv": boxes.skipped, "motion.csv": motions.skipped if motions else 0}
+        self.skipped = {
+            "detections.csv": boxes.skipped,
+            "looks.csv": boxes.looks_skipped,
+            "motion.csv": motions.skipped if motions else 0,
+        }
 
     @classmethod
     def read(cls, detections: Path, motion: Path | None) -> RecordedLooks:

@@ -101,7 +101,7 @@ class FrameDetections:
         order = np.argsort(table["frame"], kind="stable")
         self._frame = table["frame"][order].astype(np.int64)
         self._columns = {k: v[order] for k, v in table.columns.items() if k != "frame"}
-        self.skipped = table.skipped + (looks.skipped if looks else 0)
+        self.skipped, self.looks_skipped = table.skipped, looks.skipped if looks else 0
         rows = np.array([looks[name] for name in LOOKS.columns]) if looks else np.zeros((len(LOOKS.columns), 0))
         rows = rows[:, np.argsort(rows[0], kind="stable")]
         self._looked_frame, self._looked = rows[0].astype(np.int64), rows[1:].T

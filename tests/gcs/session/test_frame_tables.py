@@ -23,3 +23,10 @@ def test_what_was_looked_at_is_read_as_it_was_written(parts, tmp_path):
         assert again.at(k).looked_at(places).tolist() == now.looked_at(places).tolist()
         assert again.at(k).looked_share((10, 10)) == now.looked_share((10, 10))
         assert (again.at(k).looked is None) == (now.looked is None)
+
+
+def test_rows_that_cannot_be_used_are_counted_by_table(tmp_path):
+    (tmp_path / DETECTIONS.name).write_text(DETECTIONS.header)
+    (tmp_path / LOOKS.name).write_text(LOOKS.header + "0,a,1,2,3\n0,1,1,2,2\n")
+    seen = read_detections(tmp_path / DETECTIONS.name)
+    assert (seen.skipped, seen.looks_skipped) == (0, 1)
