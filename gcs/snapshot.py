@@ -239,6 +239,8 @@ class Box:
     score: float
     coasting: bool = False
     """Predicted, not seen in this frame."""
+    in_turn: bool = False
+    """Predicted since its turn to be looked at has not come, and not because it was missed."""
     system_id: int = 0
     """System id, 0 unknown."""
     confidence: float = NAN

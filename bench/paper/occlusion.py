@@ -152,6 +152,7 @@ class ByteTrack:
             hits=np.ones(len(seen), np.int64),
             age_s=none,
             gap_s=none.copy(),
+            missed_s=none.copy(),
             vx=none.copy(),
             vy=none.copy(),
             expected=np.full((len(seen), 2), np.nan),

@@ -120,8 +120,11 @@ def _tracked(
     """
     predicted = _places(tracks) if min(seen, default=0) < 0 else []
     places = [detected[at] if at >= 0 else predicted[k] for k, at in enumerate(seen)]
-    state = _rows(tracks, ("track_id", "heading"))
-    rows = [place | own | {"coasting": at < 0} for place, own, at in zip(places, state, seen, strict=True)]
+    state, looked_for = _rows(tracks, ("track_id", "heading")), (tracks.missed_s > 0.0).tolist()
+    rows = [
+        place | own | {"coasting": at < 0, "in_turn": at < 0 and not missed}
+        for place, own, at, missed in zip(places, state, seen, looked_for, strict=True)
+    ]
     if identities is not None:
         evidence, none = _rows(identities, EVIDENCE), identities.candidates.none_of_ours.tolist()
         doubts = doubt_words(identities)
@@ -237,7 +240,7 @@ def standing_of(row: VehicleRow, box: Box | None, now: Snapshot, *, lapsed: bool
         lapsed: The last frame came so long ago that nothing is known of what the camera sees.
     """
     if box is not None:
-        if box.coasting:
+        if box.coasting and not box.in_turn:
             return "coasting"
         sure = box.confidence >= CONFIRMED and row.system_id not in now.doubted
         return "confirmed" if sure else "tentative"

@@ -52,7 +52,7 @@ FONT: Final = cv2.FONT_HERSHEY_SIMPLEX
 
 def standing_of(snapshot: Snapshot, box: Box) -> Standing:
     """The certainty of a box's name, in the same words as the fleet table."""
-    if box.coasting:
+    if box.coasting and not box.in_turn:
         return "coasting"
     if not box.system_id:
         return "unidentified"

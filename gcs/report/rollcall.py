@@ -88,6 +88,8 @@ class _Entry:
     first_us: int = 0
     boxes: int = 0
     frames_in_view: int = 0
+    frames_in_turn: int = 0
+    """Frames in which another one had its turn to be looked at."""
     named_in_view: int = 0
     frames_out_of_view: int = 0
     frames_positioned: int = 0
@@ -164,11 +166,10 @@ class RollCall:
         self.frames += 1
         self.attitude_frames += snapshot.pose == "known"
         named = {box.system_id for box in snapshot.new_boxes if not box.coasting}
-        # where a picture is looked at in turns, a frame tells nothing of who goes on with a name until its turn comes
-        partial = snapshot.health.looked_share < 1.0
-        waits = {box.system_id for box in snapshot.new_boxes if box.coasting} if partial else set[int]()
+        waits = {box.system_id for box in snapshot.new_boxes if box.in_turn}  # of whom this frame tells nothing
         for row in snapshot.vehicles:
             if (entry := self._entries.get(row.system_id)) is not None:
+                entry.frames_in_turn += row.in_view is True and row.system_id in waits
                 entry.frames_in_view += row.in_view is True and row.system_id not in waits
                 entry.named_in_view += row.in_view is True and row.system_id in named
                 entry.frames_out_of_view += row.in_view is False
@@ -255,7 +256,7 @@ class RollCall:
         return ("no position", entry.waits_for) if entry.heard else ("never heard", "")
 
     def _unknown(self, entry: _Entry) -> int:
-        return self.frames - entry.frames_in_view - entry.frames_out_of_view
+        return self.frames - entry.frames_in_view - entry.frames_in_turn - entry.frames_out_of_view
 
     def _outcome_out_of_view(self, entry: _Entry) -> tuple[Outcome, str]:
         """Outcome for one that had a position at some time, but was never in view."""

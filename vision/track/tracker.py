@@ -399,6 +399,7 @@ class Tracker:
             hits=hits,
             age_s=age_s,
             gap_s=gap_s,
+            missed_s=state.missed_s,
             vx=vx,
             vy=vy,
             expected=state.expected,

@@ -92,6 +92,8 @@ class Tracks:
     """Since first seen."""
     gap_s: Floats
     """Since last seen, 0 when seen now; in a box around several at most 0.2."""
+    missed_s: Floats
+    """Part of the time since it was last seen in which it was looked for."""
     vx: Floats
     """px/s, camera motion removed as far as the warps contain it."""
     vy: Floats

@@ -161,7 +161,7 @@ class FlightSummary:
         for box in snapshot.new_boxes:
             if box.system_id not in self.vehicles:
                 continue
-            if not box.coasting or snapshot.health.looked_share < 1.0:
+            if not box.coasting or box.in_turn:
                 self._named.add(box.system_id)
             if not box.coasting:
                 self._add_box(self.vehicles[box.system_id], at_us, box, snapshot)

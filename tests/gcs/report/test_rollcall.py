@@ -98,3 +98,15 @@ def test_an_alarm_counts_once_whatever_its_levels_and_comes_again():
     shown = [replace(each, alarms=tuple(now)) for each, now in zip(flown(), on, strict=True)]
     calls = called([replace(shown[0], events=(marked,)), *shown[1:]])
     assert (calls.alarms.alarms, calls.alarms.warnings, calls.marks) == (1, 1, 1)
+
+
+def test_frames_in_which_another_one_had_its_turn_tell_nothing():
+    seen = list(flown(frames=6, **POSITIONED | {"in_view": True}))
+    turns = [
+        replace(each, boxes=tuple(replace(b, coasting=True, in_turn=True) for b in each.boxes))
+        if each.frame % 2
+        else each
+        for each in seen
+    ]
+    first = called(turns).rows()[0]
+    assert (first.frames_in_view, first.share, first.frames_unknown) == (3, 1.0, 0)

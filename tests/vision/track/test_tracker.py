@@ -400,5 +400,7 @@ def test_a_track_where_nobody_looks_is_not_missed(looked, lives):
         tracker.update(boxes([[500.0, 500.0]]), k * STEP)
     nothing = replace(Detections.empty(), looked=None if looked is None else np.array(looked, float))
     for k in range(2, 13):
-        tracker.update(nothing, k * STEP)
+        tracks = tracker.update(nothing, k * STEP)
+        if k < 5:
+            assert (tracks.missed_s.tolist() == [0.0]) == lives
     assert bool(tracker.living) == lives
