@@ -52,7 +52,7 @@ class FleetTlog:
     assumed: tuple[str, ...] = ()
     """In words, about the recorder's clock and the vehicles' times."""
     skipped: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
-    """Positions that tell no path, by reason; they are in the log all the same."""
+    """Positions that tell no path, by reason, which are in the log all the same, and damaged bytes."""
 
     @property
     def system_ids(self) -> frozenset[int]:
@@ -120,6 +120,8 @@ def _with_tracks(fleet: FleetTlog) -> FleetTlog:
         ImportFileError: a vehicle's times are of no clock.
     """
     tracks, words, skipped = dict[int, PlaceTrack](), list(fleet.assumed), Counter[str]()
+    if fleet.tlog.index.damage:
+        skipped["damaged bytes"] = sum(damage.stop - damage.start for damage in fleet.tlog.index.damage)
     for system_id in (*fleet.aircraft, *fleet.ground):
         places = _track(fleet, system_id)
         at = np.column_stack([places.lat_deg, places.lon_deg])

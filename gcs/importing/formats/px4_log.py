@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import os
+import struct
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -54,6 +55,8 @@ _COLUMNS = (
     *("vel_n_m_s", "vel_e_m_s", "vel_d_m_s"),
 )
 _MOST_BYTES = 1 << 30
+_HEADER_BYTES, _MESSAGE, _KINDS = 16, struct.Struct("<HB"), frozenset(b"ABCDFILMOPQRST")
+"""ULog's header, the head of each message, and the letters of the kinds that there are."""
 _GAP_US = 2_000_000
 _LATEST_US = 1 << 53
 _LEAST_UTC_US = 1_000_000_000_000_000
@@ -133,7 +136,20 @@ def _read(question: _UlogQuestion) -> UlogTopics:
     ]
     system_id = log.initial_parameters.get("MAV_SYS_ID", 0)
     known = isinstance(system_id, int) and 1 <= system_id <= 255
-    return UlogTopics(topics, system_id if known else 0, bool(log.file_corruption))
+    return UlogTopics(topics, system_id if known else 0, bool(log.file_corruption) or _is_damaged(question.path))
+
+
+def _is_damaged(path: str) -> bool:
+    """Tell whether a message begins where none of the kinds that there are can begin; pyulog goes on as it can."""
+    with open(open_to_read(path), "rb") as file:  # noqa: PTH123 - of a descriptor
+        data = file.read()
+    at = _HEADER_BYTES
+    while at + _MESSAGE.size <= len(data):
+        size, kind = _MESSAGE.unpack_from(data, at)
+        if kind not in _KINDS:
+            return True
+        at += _MESSAGE.size + size
+    return False
 
 
 def _columns(data: dict[str, NDArray[np.generic]], wanted: list[str]) -> list[_UlogColumn]:

@@ -123,6 +123,14 @@ def test_a_number_that_signals_that_it_is_none_is_passed_over(flown, tmp_path):
     assert np.isfinite(log.places.v_ned).all()
 
 
+def test_bytes_between_the_messages_of_a_ulog_are_damage(flown, tmp_path):
+    whole = ulog(flown, 12)
+    at = int(0.3 * len(whole))
+    for data, damaged in ((whole, False), (whole[:-9], False), (whole[:at] + bytes(range(7)) + whole[at:], True)):
+        (log,) = read(tmp_path, "rover.ulg", data)
+        assert ("damaged places" in log.notes.skipped) == damaged
+
+
 def test_without_pyulog_it_is_told_what_to_install(flown, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyulog", None)
     with pytest.raises(ImportFileError, match=r"pip install 'rollcall-gcs\[import\]'"):

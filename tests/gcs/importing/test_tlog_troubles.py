@@ -130,3 +130,12 @@ def test_a_log_without_stamps_has_the_vehicles_times(suffix, tmp_path):
 def test_a_log_without_stamps_whose_vehicles_know_no_date_is_refused(trouble, tmp_path):
     with pytest.raises(ImportFileError, match="no vehicle tells the date"):
         open_fleet(unstamped(tmp_path / "fleet.rlog", **trouble))
+
+
+def test_damaged_bytes_of_a_log_are_counted(tmp_path):
+    path = written(tmp_path / "fleet.tlog")
+    assert "damaged bytes" not in open_fleet(path).skipped
+    data = bytearray(path.read_bytes())
+    data[3000:3600] = bytes(600)
+    path.write_bytes(data)
+    assert open_fleet(path).skipped["damaged bytes"] >= 600
