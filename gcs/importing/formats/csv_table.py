@@ -99,8 +99,11 @@ def unix_us(name: str, times: Floats, *, dated: bool, where: str) -> tuple[Float
     Raises:
         ImportFileError: they can be of no clock.
     """
-    if name in ("elapsed_s", "frame"):
-        return times * (1e6 if name == "elapsed_s" else 1.0), "video" if name == "elapsed_s" else "frame", ()
+    if name == "frame":
+        return times, "frame", ()
+    if name == "elapsed_s":
+        _check_steps(times, 1e6, "s", where, "give seconds since the film's first frame")
+        return times * 1e6, "video", ()
     if dated:
         return times * 1e6, "utc", ()
     middle = float(np.median(times))
@@ -118,7 +121,13 @@ def unix_us(name: str, times: Floats, *, dated: bool, where: str) -> tuple[Float
     return times * us, "own", ()
 
 
-def _check_steps(times: Floats, us: float, unit: str, where: str) -> None:
+_GIVE = (
+    "time since a start does not tell when that was: "
+    "give Unix time, ISO 8601, or elapsed_s since the film's first frame"
+)
+
+
+def _check_steps(times: Floats, us: float, unit: str, where: str, give: str = _GIVE) -> None:
     """See that rows follow each other as those of a path.
 
     Raises:
@@ -127,10 +136,7 @@ def _check_steps(times: Floats, us: float, unit: str, where: str) -> None:
     steps = np.abs(np.diff(times))
     steps = steps[steps > 0.0]
     if len(steps) and float(np.median(steps)) * us * 1e-6 > _LONGEST_STEP_S:
-        raise ImportFileError(
-            f"{where}: cannot be {unit}, since rows are {np.median(steps):.6g} apart; time since a start does not tell "
-            "when that was: give Unix time, ISO 8601, or elapsed_s since the film's first frame"
-        )
+        raise ImportFileError(f"{where}: cannot be {unit}, since rows are {np.median(steps):.6g} apart; {give}")
 
 
 def in_our_units(columns: dict[str, Floats], names: set[str], where: str) -> tuple[dict[str, Floats], tuple[str, ...]]:

@@ -141,6 +141,11 @@ def by_time(time):
             by_time(lambda k: 65_000 + 500 * k),
             "column timestamp: cannot be s, since rows are 500 apart",
         ),
+        (
+            "elapsed_s,lat,lon,alt",
+            by_time(lambda k: 250 * k),
+            "column elapsed_s: cannot be s, since rows are 250 apart; give seconds since the film's first frame",
+        ),
         ("time,lat,lon,alt", by_time(lambda k: 5 * 10**10 + k), "50000000030 is no Unix time"),
         (
             "time,lat,lon,alt",
