@@ -195,6 +195,8 @@ _APART = (
     "the UAV took off {:+.0f} m from the fleet's median altitude: a hill, or one of them counts altitudes from the "
     "ellipsoid and not from the sea"
 )
+_TABLES = (".csv", ".tsv", ".txt")
+"""Suffixes of files whose columns anybody may name."""
 _FAR_M = 100_000.0
 """A UAV that is farther from its fleet than this is not above it."""
 _TIME = struct.Struct(">Q")
@@ -385,12 +387,22 @@ def _home_m(uav: VehicleLog, fleet: GroundVehicles) -> float:
 
 
 def _above(uav: VehicleLog, fleet: GroundVehicles) -> tuple[VehicleLog, tuple[str, ...]]:
-    """The log of a UAV that is above its fleet; latitude and longitude are changed over where only that makes it so."""
+    """The log of a UAV that is above its fleet; latitude and longitude are changed over where only that makes it so.
+
+    Raises:
+        ImportFileError: it is far from the fleet, or both are tables and one of them has them changed over.
+    """
     lat, lon = float(np.median(uav.places.lat_deg)), float(np.median(uav.places.lon_deg))
     away_m = separation_m(lat, lon, *fleet.middle)
     if away_m < _FAR_M:
         return uav, ()
     if abs(lon) <= 90.0 and separation_m(lon, lat, *fleet.middle) < _FAR_M:
+        tables = [log.source for log in fleet.logs.values() if log.source.lower().endswith(_TABLES)]
+        if tables and fleet.tlog is None:
+            raise ImportFileError(
+                f"{uav.source} and {tables[0]}: latitude and longitude stand the other way round in one of them, and "
+                "nothing tells in which; change them over there"
+            )
         places = replace(uav.places, lat_deg=uav.places.lon_deg, lon_deg=uav.places.lat_deg)
         return replace(uav, places=places), (f"{uav.source}: latitude and longitude stand the other way round in it",)
     raise ImportFileError(

@@ -322,3 +322,15 @@ def test_latitude_and_longitude_the_other_way_round(flown, tmp_path):
     code, told, _ = run_gcs(*import_words(flown, session, "--uav", subtitles, "--json"))
     assert code == 0
     assert any("the other way round" in text for text in json.loads(told)["assumed"])
+
+
+@pytest.mark.parametrize("turned", ["uav", "rover"])
+def test_of_two_tables_neither_is_turned_round(turned, flown, tmp_path):
+    for name, alt in (("uav", 60.0), ("rover", 20.0)):
+        at = ("lon", "lat") if name == turned else ("lat", "lon")
+        rows = (f"{flown.frames_us[0] + 200_000 * k},{47.1 + 1e-6 * k:.7f},8.1,{alt}" for k in range(40))
+        (tmp_path / f"{name}.csv").write_text("\n".join([f"time_us,{at[0]},{at[1]},alt", *rows]) + "\n")
+    words = ("import", "-o", tmp_path / "session", "--video", flown.video, "--fov", FOV_DEG)
+    code, _, said = run_gcs(*words, "--uav", tmp_path / "uav.csv", "--ugv", f"11={tmp_path / 'rover.csv'}")
+    assert code == 2
+    assert "uav.csv and rover.csv: latitude and longitude stand the other way round in one of them" in said
