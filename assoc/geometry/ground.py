@@ -32,6 +32,8 @@ decimetres elsewhere."""
 _AHEAD_S, _AHEAD_M = 0.25, 1.5
 """A camera's position is extrapolated beyond its reports for so long, seconds, or so far, metres: a UAV that brakes
 hard is half a metre elsewhere by then."""
+_BOX_STD_M, _BOX_STD_RAD = 0.4, 0.004
+"""1σ of a box's place on the ground, metres, and of its angle, radians: boxes are not round quite the same points."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,10 +52,6 @@ class GroundTracks:
     """(F, T) ground length of one pixel, metres."""
     theta: FloatArray
     """(9,) the correction that was applied."""
-
-
-_BOX_STD_M, _BOX_STD_RAD = 0.4, 0.004
-"""1σ of a box's place on the ground, metres, and of its angle, radians: boxes are not round quite the same points."""
 
 
 def _interpolation(times: FloatArray, query: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:

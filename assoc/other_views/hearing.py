@@ -35,7 +35,7 @@ class Contradiction:
     view: int
     """The other one."""
     wrong: int
-    """Which view is likelier wrong: −1 this one, 1 the other one, 0 not known."""
+    """The view that is likelier wrong: −1 this one, 1 the other one, 0 not known."""
 
 
 class Hearing:
@@ -44,7 +44,7 @@ class Hearing:
     def __init__(self) -> None:
         self._same: dict[int, SameBoxes] = {}
         self._hearsay: dict[int, Hearsay] = {}
-        self.differences: tuple[Contradiction, ...] = ()
+        self.contradictions: tuple[Contradiction, ...] = ()
         """Contradictions of the views in the last frame."""
 
     def answers(self, mine: Sighting, told: Mapping[int, Sequence[Sighting]]) -> FloatArray:
@@ -59,22 +59,24 @@ class Hearing:
             (m, n + 1) probabilities, the last column "none of ours".
         """
         answers, same, fits = [mine.p], [np.ones(len(mine.p))], [mine.fit]
-        differences = list[Contradiction]()
+        contradictions = list[Contradiction]()
         for view, theirs in told.items():
             track_id, pairs = self._same.setdefault(view, SameBoxes()).update(mine, theirs)
             said, is_same = said_of(newest_answers(track_id, theirs), pairs)
             fit = theirs[-1].fit
-            differences += _differences(view, mine, said, is_same, fit)
+            contradictions += _contradictions(view, mine, said, is_same, fit)
             hearsay = self._hearsay.setdefault(view, Hearsay())
             said, is_same = hearsay.update(1e-6 * mine.t_us, mine.track_id, said, is_same)
             answers.append(said)
             same.append(is_same)
             fits.append(fit)
-        self.differences = tuple(differences)
+        self.contradictions = tuple(contradictions)
         return without_taken(mine.p, pooled(answers, same, fits))
 
 
-def _differences(view: int, mine: Sighting, said: FloatArray, same: FloatArray, fit: float) -> Iterator[Contradiction]:
+def _contradictions(
+    view: int, mine: Sighting, said: FloatArray, same: FloatArray, fit: float
+) -> Iterator[Contradiction]:
     """Contradictions between another view's words (m, n + 1) and what this one is sure of.
 
     Args:

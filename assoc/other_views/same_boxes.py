@@ -1,4 +1,4 @@
-"""Which tracks of two views are one object, by where both have them on the ground.
+"""Pairs of tracks of two views that are one object, by where both have them on the ground.
 
 Each view has its places by a pose of its own, which is off by something that all its boxes share. With
 d_ij = g_i − g'_j between track i of one view and j of the other at one time, and s the shift between the two poses,
@@ -131,7 +131,7 @@ def newest_answers(track_id: IntArray, sightings: Sequence[Sighting]) -> FloatAr
 
 
 def places_at(t_us: int, sightings: Sequence[Sighting]) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Where the tracks of a view are at a time, by straight lines through their places of about a second.
+    """Places of the tracks of a view at a time, by straight lines through their places of about a second.
 
     Args:
         t_us: Unix µs.

@@ -1,4 +1,4 @@
-"""What is counted on one session, so that families can be added up exactly.
+"""Counts of one session, so that families can be added up exactly.
 
 The words are those of :mod:`gcs.report.score`; beyond them: an appearance of a vehicle begins when it is first seen and
 after every two seconds unseen; its time to identity is how long it is seen before a right name that then holds for a

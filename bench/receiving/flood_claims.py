@@ -86,7 +86,7 @@ class ClaimResult:
     """Events of the link with the time since the flood began."""
     flood_s: float
     silent: bool
-    """Whether a vehicle was said to send no heartbeat during the flood."""
+    """True if a vehicle was said to send no heartbeat during the flood."""
 
 
 def run(case: ClaimCase, seconds: float, folder: Path) -> ClaimResult:

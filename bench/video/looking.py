@@ -9,8 +9,9 @@ import csv
 import time
 
 from bench.command_line import parser_of, print_results
-from gcs.health.detector_speed import ground_sampling, looks_in_turns, seconds_a_frame
+from gcs.health.detector_speed import ground_sampling, seconds_a_frame
 from vision.detect.detector import open_detector
+from vision.detect.turns import in_turns
 
 HEIGHTS_M = (30.0, 60.0, 90.0, 120.0, 150.0)
 SIZES = ((1920, 1080), (3840, 2160))
@@ -27,7 +28,7 @@ def main() -> None:
             gsd_m = ground_sampling(height_m, size[0])
             whole_s = seconds_a_frame(detector, gsd_m, size, whole=True, clock=time.process_time)
             flight_s = seconds_a_frame(detector, gsd_m, size, clock=time.process_time)
-            turns = looks_in_turns(detector, gsd_m, size)
+            turns = in_turns(detector, size, gsd_m)
             rows.append((size[0], height_m, round(whole_s * 1e3, 1), round(flight_s * 1e3, 1), int(turns)))
     args.out.mkdir(parents=True, exist_ok=True)
     path = args.out / "looking.csv"

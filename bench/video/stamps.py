@@ -39,12 +39,12 @@ from tests.support.video_senders import (
     number_of,
     packed,
     pictures,
+    remuxed,
     steady,
     write_clip,
 )
-from tests.vision.video.test_shown_pictures import remuxed
 from vision.errors import VideoError
-from vision.stream.srt_relay import _program
+from vision.stream.srt_relay import ffmpeg_program
 from vision.stream.stream import VideoStream
 from vision.video.video import VideoFile
 
@@ -125,7 +125,7 @@ def _muxed(container: OutputContainer) -> Callable[[bytes], None]:
 def called(frames: Sequence[Sequence[bytes]], port: int) -> Sent:
     """SRT, sent by a program."""
     words = ("-loglevel", "quiet", "-f", "data", "-i", "pipe:0", "-map", "0", "-c", "copy", "-f", "data")
-    command = [_program(), *words, "-flush_packets", "1", f"srt://127.0.0.1:{port}?pkt_size=1316"]
+    command = [ffmpeg_program(), *words, "-flush_packets", "1", f"srt://127.0.0.1:{port}?pkt_size=1316"]
     with subprocess.Popen(command, stdin=subprocess.PIPE) as program:
         assert program.stdin is not None
         pipe = program.stdin
@@ -212,7 +212,7 @@ def measured(n: int) -> Iterator[StampErrors]:
     yield live("MJPEG over HTTP", f"http://127.0.0.1:{place}/", lambda: served(list(mjpeg(n, True)), place, head))
     yield live("RTMP, pushed", f"rtmp://0.0.0.0:{place}/live", lambda: pushed(n, place))
     with contextlib.suppress(VideoError):
-        _program()
+        ffmpeg_program()
         yield live("SRT", f"srt://127.0.0.1:{port}?mode=listener", lambda: called(coded(n), port))
     yield from kept(n)
 

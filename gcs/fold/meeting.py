@@ -116,10 +116,10 @@ class Seat:
         }
         return self._hearing.answers(mine, {other: sightings for other, sightings in usable.items() if sightings})
 
-    def differences(self, mission: Mission) -> str:
+    def contradictions(self, mission: Mission) -> str:
         """Contradictions of another camera in the last frame, in words, and which is likelier wrong; empty: nothing."""
         names = [*(mission.name_of(system_id) for system_id in mission.ugv_ids), "none of ours"]
-        for each in self._hearing.differences:
+        for each in self._hearing.contradictions:
             if max(each.mine, each.theirs) < len(names):
                 other = mission.name_of(each.view)
                 wrong = {-1: "this one is likelier wrong", 1: f"{other} is likelier wrong", 0: "either may be wrong"}

@@ -428,7 +428,7 @@ class Pipeline:
     def _unlooked_s(
         self, t_us: int, expected: dict[int, tuple[float, float]], detections: Detections
     ) -> dict[int, float]:
-        """For how long nobody looked where vehicles report to be, seconds."""
+        """Seconds for which nobody looked where vehicles report to be, by system id."""
         if detections.looked is None:
             return {}
         looked = detections.looked_at(list(expected.values())).tolist()
@@ -505,7 +505,7 @@ class Pipeline:
                 replace(self._link_rates.with_rates(t_us, health or Health()), looked_share=looked_share),
                 *(self._identifier, self._offset_s),
                 guessed=self._cameras.guessed,
-                differ=self.seat.differences(self.mission) if self.seat else "",
+                differ=self.seat.contradictions(self.mission) if self.seat else "",
             ),
             camera=camera_aim(view, state.uav) if view else None,
             pose="unknown" if view is None else "known" if view.attitude_known else "no attitude",

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from vision.detect.detector import Detector
-from vision.detect.turns import LookInTurns, in_turns
+from vision.detect.turns import LookInTurns
 
 USUAL_M = 60.0
 HEIGHTS_M = (30.0, USUAL_M, 120.0)
@@ -29,11 +29,6 @@ REPORTS = 48
 def ground_sampling(height_m: float, width: int = FRAME_SIZE[0]) -> float:
     """Ground metres a pixel straight below a usual lens."""
     return 2.0 * HALF_VIEW * height_m / width
-
-
-def looks_in_turns(detector: Detector, gsd_m: float, size: tuple[int, int] = FRAME_SIZE) -> bool:
-    """Tell whether a flight goes through such frames in turns."""
-    return in_turns(detector, size, gsd_m)
 
 
 def seconds_a_frame(

@@ -15,13 +15,14 @@ from typing import Literal
 import av
 import onnxruntime as ort
 
-from gcs.health.detector_speed import FRAME_SIZE, HEIGHTS_M, USUAL_M, ground_sampling, looks_in_turns, seconds_a_frame
+from gcs.health.detector_speed import FRAME_SIZE, HEIGHTS_M, USUAL_M, ground_sampling, seconds_a_frame
 from gcs.health.preflight import Check, Verdict
 from gcs.health.station_alarms import FULL_BYTES, LOW_BYTES
 from mavlink.errors import LinkError
 from mavlink.links.kinds import open_link
 from mavlink.links.udp import LEAST_BUFFER_BYTES
 from vision.detect.detector import Detector, open_detector
+from vision.detect.turns import in_turns
 
 PACKAGES = ("pymavlink", "mavsdk", "numpy", "scipy", "opencv-python-headless", "onnxruntime", "av", "textual")
 DECODERS, ENCODERS = ("h264", "hevc", "mjpeg"), ("libx264",)
@@ -95,11 +96,11 @@ def _detector(gsd_m: float | None, opened: Callable[[], Detector] | None, camera
     scales = {"": gsd_m} if gsd_m else {f" {height_m:g} m up": ground_sampling(height_m) for height_m in HEIGHTS_M}
     rates = {where: 1.0 / seconds_a_frame(detector, scale) for where, scale in scales.items()}
     found = ", ".join(
-        f"{rates[where]:.1f} frames/s{where}{' in turns' * looks_in_turns(detector, scale)}"
+        f"{rates[where]:.1f} frames/s{where}{' in turns' * in_turns(detector, FRAME_SIZE, scale)}"
         f" ({scale * 100:.1f} cm a pixel)"
         for where, scale in scales.items()
     )
-    fps = rates.get("", rates.get(f" {USUAL_M:g} m up", 0.0))
+    fps = rates["" if gsd_m else f" {USUAL_M:g} m up"]
     which = "the mission's" if opened else "the bundled"
     advice = "" if fps >= LIVE_FPS else "close other programs, or choose a smaller stream"
     yield Check(

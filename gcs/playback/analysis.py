@@ -107,10 +107,10 @@ class Analysis:
         if company is None:
             self._open_others(redetect=redetect)
 
-    def _warn(self, text: str) -> None:
+    def _warn(self, t_us: int, text: str) -> None:
         """Report in the next snapshot what was found to be wrong with the recording."""
         if self._folded:
-            self._folded.add_event(Event(t_us=int(self.times_us[0]), level="warning", kind="recording", text=text))
+            self._folded.add_event(Event(t_us=t_us, level="warning", kind="recording", text=text))
 
     def _open_others(self, *, redetect: bool) -> None:
         """Open what the flight's other cameras recorded; one that cannot be used is left out, with a warning."""

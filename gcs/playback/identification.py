@@ -197,14 +197,14 @@ class _NamedCamera:
         self._last: Snapshot | None = None
 
     def identify(self) -> Generator[int, None, None]:
-        """Name all frames; yields once before, and then the time of each."""
+        """Name all frames; yields the time of the first before, and then that of each."""
         analysis, calls, blind = self.analysis, self.calls, False
         with IdentityLog(self._folder) as log, contextlib.closing(EventLog(self._folder / EVENTS)) as events:
             reports, trouble = FlownReports.of(analysis.opened)
             if trouble:
                 self.notes.append(trouble)
             moments = analysis.moments(reports.flown)
-            yield 0
+            yield int(analysis.times_us[0]) if len(analysis.times_us) else 0
             snapshots = _frames(moments, reports, calls, events, self.notes.append)
             if self._hindsight:
                 snapshots = by_hindsight(snapshots, analysis.mission)

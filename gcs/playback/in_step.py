@@ -34,10 +34,10 @@ class _FoldedCamera:
     Args:
         analysis: folds it.
         followed: it is folded for others' sake, and not shown.
-        tell: called with what is wrong with one that is followed, and goes on no further.
+        tell: called with the time, Unix µs, from which on one that is followed goes no further, and why.
     """
 
-    def __init__(self, analysis: Analysis, *, followed: bool, tell: Callable[[str], None]) -> None:
+    def __init__(self, analysis: Analysis, *, followed: bool, tell: Callable[[int, str], None]) -> None:
         self.analysis, self.followed, self._tell = analysis, followed, tell
         # a flight that kept its order is as it was, also where it heard nothing
         self.heard = _heard_in(analysis.opened.session.folder) if analysis.as_flown else None
@@ -66,7 +66,8 @@ class _FoldedCamera:
         except (GcsError, MavlinkError, VisionError) as error:
             if not self.followed:
                 raise
-            self._tell(f"what another camera saw does not count from here on: {error}")
+            since_us = self.latest.t_us if self.latest else int(self.analysis.times_us[0])
+            self._tell(since_us, f"what another camera saw does not count from here on: {error}")
             return False
         finally:
             self._moves = False
@@ -101,12 +102,12 @@ class InStep:
     """Cameras of a flight, each folded as far as another one needs it.
 
     Args:
-        tell: called with what is wrong with a camera that is folded for others' sake.
+        tell: called with the time, Unix µs, from which on a camera that is folded for others' sake is lost, and why.
     """
 
-    def __init__(self, tell: Callable[[str], None] = lambda text: None) -> None:
+    def __init__(self, tell: Callable[[int, str], None] = lambda t_us, text: None) -> None:
         self._tell = tell
-        self._courses: dict[int, _FoldedCamera] = {}
+        self._cameras: dict[int, _FoldedCamera] = {}
         self._meeting = Meeting(self._heard)
 
     def join(self, analysis: Analysis, *, followed: bool) -> None:
@@ -116,7 +117,7 @@ class InStep:
             analysis: folds it.
             followed: it is folded for others' sake, and not shown.
         """
-        self._courses[analysis.uav_id] = _FoldedCamera(analysis, followed=followed, tell=self._tell)
+        self._cameras[analysis.uav_id] = _FoldedCamera(analysis, followed=followed, tell=self._tell)
 
     def begin(self, uav_id: int) -> Seat | None:
         """Seat among the others of a fold that begins at the start; those that are not shown begin anew, too.
@@ -124,50 +125,50 @@ class InStep:
         Args:
             uav_id: of the aircraft whose camera it is.
         """
-        if len(self._courses) == 1:
+        if len(self._cameras) == 1:
             return None
-        followed = {other: course for other, course in self._courses.items() if course.followed}
+        followed = {other: camera for other, camera in self._cameras.items() if camera.followed}
         if followed:
             self._meeting = Meeting(self._heard)
-        for other, course in followed.items():
-            course.begin(course.analysis.folded(self._meeting.seat(other)))
+        for other, camera in followed.items():
+            camera.begin(camera.analysis.folded(self._meeting.seat(other)))
         return self._meeting.seat(uav_id)
 
     def shown(self, uav_id: int, moments: Iterator[Moment]) -> Iterator[Moment]:
         """The moments of a camera, which others may have folded before they are wanted."""
-        course = self._courses[uav_id]
-        course.begin(moments)
-        return course.shown()
+        camera = self._cameras[uav_id]
+        camera.begin(moments)
+        return camera.shown()
 
     def followed(self) -> list[tuple[str, Snapshot]]:
         """Name of the aircraft of each camera that is folded for others' sake, and its newest snapshot."""
         return [
-            (course.analysis.mission.name_of(uav_id), course.latest)
-            for uav_id, course in self._courses.items()
-            if course.latest is not None
+            (camera.analysis.mission.name_of(uav_id), camera.latest)
+            for uav_id, camera in self._cameras.items()
+            if camera.latest is not None
         ]
 
     def _heard(self, uav_id: int, frame: int) -> Mapping[int, int]:
         """The last frame of each other camera that one hears at a frame, once they are folded so far."""
-        own, others = self._courses[uav_id], {k: each for k, each in self._courses.items() if k != uav_id}
+        own, others = self._cameras[uav_id], {k: each for k, each in self._cameras.items() if k != uav_id}
         if own.heard is not None:
             heard = {other: of for other, of in own.heard.get(frame, {}).items() if other in others}
             for other, of_frame in heard.items():
                 others[other].advance_to(of_frame)
             return heard
         t_us, before = own.taken_us(frame), {}
-        for other, course in others.items():
-            course.advance_before(t_us)
+        for other, camera in others.items():
+            camera.advance_before(t_us)
             before[other] = self._meeting.newest(other)
-            while before[other] >= 0 and course.taken_us(before[other]) >= t_us:
+            while before[other] >= 0 and camera.taken_us(before[other]) >= t_us:
                 before[other] -= 1
         return before
 
     def close(self) -> None:
         """Close those that are not shown."""
-        for course in self._courses.values():
-            if course.followed:
-                course.analysis.opened.close()
+        for camera in self._cameras.values():
+            if camera.followed:
+                camera.analysis.opened.close()
 
 
 def _heard_in(folder: Path) -> Heard:

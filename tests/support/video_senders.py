@@ -57,6 +57,27 @@ def write_clip(path, pts_ms, *, gop=12, bframes=2, aspect=1):
     return path
 
 
+def remuxed(source, out, *, earlier_ms=0, turned=0, cover=False):
+    """A copy of a clip, its first part hidden by an edit list, its pictures turned, behind a picture of one frame."""
+    with av.open(str(source)) as old, av.open(str(out), "w") as new:
+        stream = old.streams.video[0]
+        if cover:
+            picture = new.add_stream("mjpeg")
+            picture.width, picture.height, picture.pix_fmt = WIDTH, HEIGHT, "yuvj420p"
+        copy = new.add_stream_from_template(stream)
+        if turned:
+            copy.set_display_rotation(turned)
+        if cover:
+            new.mux(picture.encode(av.VideoFrame.from_ndarray(image(1000), format="bgr24")))
+            new.mux(picture.encode(None))
+        for packet in old.demux(stream):
+            if packet.size:
+                earlier = round(earlier_ms / 1000 / packet.time_base)
+                packet.pts, packet.dts, packet.stream = packet.pts - earlier, packet.dts - earlier, copy
+                new.mux(packet)
+    return out
+
+
 def pictures(n, codec, pixels, **options):
     """The first n pictures, each as coded alone."""
     encoder = av.CodecContext.create(codec, "w")

@@ -85,7 +85,7 @@ class SrtRelay:
         words = ("-nostdin", "-hide_banner", "-loglevel", "error", "-protocol_whitelist", "srt", "-f", "data")
         self._process = subprocess.Popen(
             [
-                _program(),
+                ffmpeg_program(),
                 *words,
                 "-i",
                 address,
@@ -131,7 +131,12 @@ class SrtRelay:
 
 
 @functools.cache
-def _program() -> str:
+def ffmpeg_program() -> str:
+    """An ffmpeg program that can, the system's or that of the extra.
+
+    Raises:
+        VideoError: there is none.
+    """
     for path in (shutil.which("ffmpeg"), _packaged()):
         if path and "srt" in _protocols(path):
             return path

@@ -6,6 +6,7 @@ Units and frames: WGS-84 degrees, Unix µs, 1σ in metres; NaN is unknown.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -133,7 +134,7 @@ def _by_owner(ways: Ways) -> Owners:
     return [(group[0].title, group) for group in groups]
 
 
-class WaysExport:
+class WaysExport(ABC):
     """A file of all ways, which is written at the end."""
 
     def __init__(self, job: ExportJob) -> None:
@@ -151,6 +152,6 @@ class WaysExport:
             file.writelines(self.lines(self._name, _by_owner(self._ways)))
         self._unfinished.finish()
 
+    @abstractmethod
     def lines(self, name: str, owners: Owners) -> Iterator[str]:
         """The whole file, by the format."""
-        raise NotImplementedError

@@ -142,13 +142,12 @@ def _read(question: _UlogQuestion) -> UlogTopics:
 def _is_damaged(path: str) -> bool:
     """Tell whether a message begins where none of the kinds that there are can begin; pyulog goes on as it can."""
     with open(open_to_read(path), "rb") as file:  # noqa: PTH123 - of a descriptor
-        data = file.read()
-    at = _HEADER_BYTES
-    while at + _MESSAGE.size <= len(data):
-        size, kind = _MESSAGE.unpack_from(data, at)
-        if kind not in _KINDS:
-            return True
-        at += _MESSAGE.size + size
+        file.seek(_HEADER_BYTES)
+        while len(head := file.read(_MESSAGE.size)) == _MESSAGE.size:
+            size, kind = _MESSAGE.unpack(head)
+            if kind not in _KINDS:
+                return True
+            file.seek(size, os.SEEK_CUR)
     return False
 
 

@@ -136,8 +136,8 @@ def test_of_three_views_the_one_that_knows_answers():
     knows, guesses = ([sighting(0.1 * k, GRID[:3], p) for k in range(10)] for p in (sure_of(0, 1, 2), None))
     mine, hearing = sighting(0.9, GRID[:3] - 1.0, sure_of(1, 1, 2), ids=[5, 6, 7], fit=0.2), Hearing()
     assert np.argmax(hearing.answers(mine, {2: guesses, 3: knows}), axis=1).tolist() == [0, 1, 2]
-    assert not hearing.differences, "what does not fit contradicts nobody"
+    assert not hearing.contradictions, "what does not fit contradicts nobody"
     sure = sighting(0.95, GRID[:3] - 1.0, sure_of(1, 1, 2), ids=[5, 6, 8])
     assert np.max(hearing.answers(sure, {2: guesses, 3: knows})[0]) < 0.8
-    (difference,) = hearing.differences
+    (difference,) = hearing.contradictions
     assert (difference.mine, difference.theirs, difference.view) == (1, 0, 3)

@@ -37,10 +37,10 @@ def stand_in(tmp_path, monkeypatch):
         program.chmod(0o755)
         monkeypatch.setenv("PATH", str(tmp_path))
         monkeypatch.setattr(srt_relay, "_packaged", lambda: None)
-        srt_relay._program.cache_clear()
+        srt_relay.ffmpeg_program.cache_clear()
 
     yield put
-    srt_relay._program.cache_clear()
+    srt_relay.ffmpeg_program.cache_clear()
 
 
 def frames_of(address):
@@ -76,7 +76,7 @@ def test_a_sender_that_connects_is_received(tmp_path):
     port, film = free_port(), tmp_path / "film.ts"
     film.write_bytes(b"".join(piece for frame in coded(N) for piece in frame))
     words = ["-nostdin", "-loglevel", "error", "-re", "-i", str(film), "-c", "copy", "-f", "mpegts"]
-    sender = subprocess.Popen([srt_relay._program(), *words, f"srt://127.0.0.1:{port}?connect_timeout=20000"])
+    sender = subprocess.Popen([srt_relay.ffmpeg_program(), *words, f"srt://127.0.0.1:{port}?connect_timeout=20000"])
     try:
         assert (
             frames_of(f"srt://127.0.0.1:{port}?mode=listener") >= N // 2

@@ -7,33 +7,12 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.support.video_senders import HEIGHT, WIDTH, image, number_of, steady, write_clip
+from tests.support.video_senders import HEIGHT, WIDTH, image, number_of, remuxed, steady, write_clip
 from vision.errors import VideoError
 from vision.video.coded_frames import CodedFilm
 from vision.video.video import VideoFile
 
 FRAMES = 60
-
-
-def remuxed(source, out, *, earlier_ms=0, turned=0, cover=False):
-    """A copy of a clip, its first part hidden by an edit list, its pictures turned, behind a picture of one frame."""
-    with av.open(str(source)) as old, av.open(str(out), "w") as new:
-        stream = old.streams.video[0]
-        if cover:
-            picture = new.add_stream("mjpeg")
-            picture.width, picture.height, picture.pix_fmt = WIDTH, HEIGHT, "yuvj420p"
-        copy = new.add_stream_from_template(stream)
-        if turned:
-            copy.set_display_rotation(turned)
-        if cover:
-            new.mux(picture.encode(av.VideoFrame.from_ndarray(image(1000), format="bgr24")))
-            new.mux(picture.encode(None))
-        for packet in old.demux(stream):
-            if packet.size:
-                earlier = round(earlier_ms / 1000 / packet.time_base)
-                packet.pts, packet.dts, packet.stream = packet.pts - earlier, packet.dts - earlier, copy
-                new.mux(packet)
-    return out
 
 
 @pytest.mark.parametrize(("gop", "copied"), [(12, 12 * 3), (250, 0)])
