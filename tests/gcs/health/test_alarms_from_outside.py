@@ -404,7 +404,7 @@ class Misled:
     def __init__(self, uav_id, from_us):
         meeting = Meeting()
         self.own, self.other = meeting.seat(UAV), meeting.seat(uav_id)
-        self.differences, self.from_us = self.own.differences, from_us
+        self.contradictions, self.from_us = self.own.contradictions, from_us
 
     def answers(self, frame, origin, system_ids, mine):
         n = len(system_ids)
