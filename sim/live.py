@@ -99,7 +99,8 @@ def play(
     lead_s = LEAD_S + LEAD_PER_VEHICLE_SECOND * (scenario.fleet_size + len(views)) * scenario.duration_s
     start_us = now_us() + round((lead_s - TELEMETRY_FROM_S) * 1e6)
     uavs = range(UAV_ID, UAV_ID + len(views) + 1)
-    packets = dict.fromkeys((*uavs, *scenario.ugv_ids), 0)
+    masts = [uav for uav, view in zip(uavs[1:], scenario.views, strict=True) if view.mast]
+    packets = dict.fromkeys((i for i in (*uavs, *scenario.ugv_ids) if i not in masts), 0)
     cameras = [_camera_frames(each.scenario, url, i) for each, url, i in zip((world, *views), urls, uavs, strict=True)]
     camera_due_us = 0
     troubles = Troubles(tuple(packets), practise_port)
@@ -123,7 +124,7 @@ def play(
             if tells_camera and packet.t_us >= camera_due_us:
                 camera_due_us = packet.t_us + CAMERA_US
                 for system_id, told in zip(uavs, cameras, strict=True):
-                    for raw in next(told):
+                    for raw in next(told) if system_id not in masts else ():
                         sockets[system_id].sendto(raw, target)
     return PlaybackCounts(
         packets=packets,

@@ -17,6 +17,7 @@ from infra.session_format import DETECTIONS, FRAMES, LOG, METADATA, TRUTH, VIEW_
 from sim.errors import ScenarioError, SessionWriteError
 from sim.telemetry.detections import DetectorModel, truth_rows
 from sim.telemetry.vehicle_telemetry import fleet_telemetry
+from sim.world.earth import to_geodetic
 from sim.world.scenario import UAV_ID, Scenario
 from sim.world.scenario_file import save_scenario
 from sim.world.world import World, random_stream
@@ -61,7 +62,7 @@ def write_session(
     filmed = world if film is None else World(film)
     with new_session(folder) as made:
         save_scenario(scenario, made / "scenario.toml")
-        (made / METADATA).write_bytes(tomli_w.dumps(session_toml(scenario)).encode())
+        (made / METADATA).write_bytes(tomli_w.dumps(session_toml(scenario, views)).encode())
         write_tlog(made / LOG, world, views)
         _write_seen(made, filmed, scenario, video=video, ours=film is None, report=report)
         for number, view in enumerate(views, 2):
@@ -132,14 +133,38 @@ def frame_times(scenario: Scenario) -> tuple[FloatArray, NDArray[np.int64]]:
     return t, stamps
 
 
-def session_toml(scenario: Scenario) -> dict[str, Any]:
-    """The flight's ``session.toml``."""
-    views = [(UAV_ID + k, _camera_tables(scenario.of_view(k + 1))) for k in range(1, len(scenario.views) + 1)]
+def session_toml(scenario: Scenario, views: Sequence[World] = ()) -> dict[str, Any]:
+    """The flight's ``session.toml``.
+
+    Args:
+        scenario: what flew.
+        views: it as each further camera has it.
+    """
+    further = [
+        {**(_mast_table(each) if view.mast else {"system_id": UAV_ID + k}), **_camera_tables(each.scenario)}
+        for k, (view, each) in enumerate(zip(scenario.views, views, strict=True), 1)
+    ]
     return {
         "uav": {"system_id": UAV_ID},
         "ugv": [{"system_id": i, "name": f"UGV-{i}"} for i in scenario.ugv_ids],
         **_camera_tables(scenario),
-        **({"view": [{"system_id": i, **tables} for i, tables in views]} if views else {}),
+        **({"view": further} if further else {}),
+    }
+
+
+def _mast_table(world: World) -> dict[str, Any]:
+    """Table in which the mission has the place of a camera on a mast, and how well it knows the direction."""
+    scenario, stand = world.scenario, world.at(0.0).uav
+    lat, lon, _ = to_geodetic(stand.p_enu, scenario.latitude_deg, scenario.longitude_deg, scenario.altitude_m)
+    return {
+        "mast": {
+            "latitude_deg": round(float(lat), 7),
+            "longitude_deg": round(float(lon), 7),
+            "height_m": round(float(stand.p_enu[2]), 1),
+            "heading_deg": round(float(np.degrees(stand.yaw)) % 360.0, 1),
+            "heading_std_deg": max(abs(scenario.declared.yaw_deg), 1.0),
+            "pitch_std_deg": max(abs(scenario.declared.pitch_deg), 0.5),
+        }
     }
 
 

@@ -54,12 +54,18 @@ def sim(
             help="Number of cameras, each from another side, instead of the scenario's.",
         ),
     ] = None,
+    masts: Annotated[
+        int,
+        typer.Option(callback=check_range(0, MOST_VIEWS - 1), help="So many of --views, the last, are on masts."),
+    ] = 0,
     as_json: AsJson = False,
 ) -> None:
     """Simulate a flight with truth: write a session, or play it live for ``gcs fly``."""
     world = _scenario(scenario, duration, seed)
+    if masts >= (views or 1):
+        raise GcsError(f"--masts {masts}: the first camera flies, so that --views has to be more")
     if views is not None:
-        world = world.filmed_by(views)
+        world = world.filmed_by(views, masts)
     if not live:
         folder = out or Path(Path(scenario).stem)
         with progress("sim") as report:

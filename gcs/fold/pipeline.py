@@ -14,9 +14,15 @@ from numpy.typing import NDArray
 
 from assoc.geometry.ground import YAW
 from assoc.identification.identifier import Identifier
-from assoc.params import IdentifierParams
 from assoc.records import CameraState, Identities
-from gcs.fold.camera.frame_camera import FrameCamera, camera_aim, expected_pixels, ground_warp, reported_pixels
+from gcs.fold.camera.frame_camera import (
+    FrameCamera,
+    camera_aim,
+    expected_pixels,
+    ground_warp,
+    identifier_params,
+    reported_pixels,
+)
 from gcs.fold.camera.frame_cameras import FrameCameras
 from gcs.fold.candidates import CandidateWords
 from gcs.fold.contradictions import Contradictions
@@ -113,6 +119,7 @@ class Pipeline:
             gimbal_id=gimbal_id,
             links=links,
             address=address,
+            stand=mission.mast.stand if mission.mast else None,
         )
         self._elsewhere = {view.system_id for view in mission.view}
         self._crowded, self._score = False, mission.detector.score
@@ -120,7 +127,7 @@ class Pipeline:
         self._looked_us: dict[int, int] = {}
         """Time of the last look at where a vehicle reports to be, while not all of the picture is looked at."""
         self._parts = Parts()
-        self._params = IdentifierParams(threshold=mission.identity.threshold)
+        self._params = identifier_params(mission)
         if auto := mission.clock.video_offset_s == "auto":
             self._params = replace(self._params, time_offset_std_s=self._params.unknown_offset_std_s)
         self._identifier = Identifier(mission.ugv_ids, self._params)

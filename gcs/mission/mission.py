@@ -20,6 +20,7 @@ from msgspec import Meta
 from gcs.errors import ConfigError
 from gcs.limits import Limits
 from gcs.mission.fence import Fence
+from gcs.mission.mast import MAST_ID, Mast, check_mast
 from infra.files.safe_open import read_small
 from infra.session_format import METADATA
 from infra.toml_tables import MOST_TOML_BYTES, build, parse_toml
@@ -190,30 +191,42 @@ class MapChoice:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
-    """A further camera over the same fleet, on an aircraft of its own."""
+    """A further camera over the same fleet, on an aircraft of its own or on a mast."""
 
-    system_id: SystemId
-    """MAVLink system id of the aircraft that carries it."""
+    system_id: Annotated[int, Meta(ge=0, le=255)] = 0
+    """MAVLink system id of the aircraft that carries it; of one on a mast, from ``MAST_ID`` on, by its mission."""
     name: str = ""
     """Name that operators call that aircraft by; ``UAV-<id>`` when empty."""
+    mast: Mast | None = None
+    """The mast that it is on; None: on an aircraft."""
     camera: Camera | None = None
     """Its camera; None: as the aircraft reports it."""
     clock: Clock = field(default_factory=Clock)
     video: str = ""
     """Source of its video in flight, as ``[links] video``; the command line overrides it."""
 
+    def __post_init__(self) -> None:
+        if self.mast is None and not self.system_id:
+            raise ValueError("system_id is missing; give that of the aircraft that carries the camera, or its mast")
+        if self.mast is not None and 0 < self.system_id < MAST_ID:
+            raise ValueError("system_id is of an aircraft; a camera on a mast has none")
+        check_mast(self.mast, self.camera.mount if self.camera else "", self.video)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mission:
     """Who flies and how: all that a flight or a replay is configured with."""
 
-    uav: MissionVehicle
+    uav: MissionVehicle = MissionVehicle(system_id=MAST_ID)
+    """The aircraft with the first camera."""
     ugv: tuple[MissionVehicle, ...]
+    mast: Mast | None = None
+    """The mast that the first camera is on; None: on ``uav``."""
     camera: Camera | None = None
     """None: taken from the UAV's CAMERA_INFORMATION or CAMERA_FOV_STATUS once received."""
     clock: Clock = field(default_factory=Clock)
     view: tuple[View, ...] = ()
-    """The other cameras; ``uav``, ``camera`` and ``clock`` are the first."""
+    """The other cameras; ``uav`` or ``mast``, ``camera`` and ``clock`` are the first."""
     detector: DetectorChoice = field(default_factory=DetectorChoice)
     identity: IdentityChoice = field(default_factory=IdentityChoice)
     links: Links = field(default_factory=Links)
@@ -223,6 +236,13 @@ class Mission:
     map: MapChoice = field(default_factory=MapChoice)
 
     def __post_init__(self) -> None:
+        check_mast(self.mast, self.camera.mount if self.camera else "", self.links.video)
+        if self.mast:
+            object.__setattr__(self, "uav", replace(self.uav, name=self.uav.name or self.mast.name))
+        numbered = (
+            view if view.system_id else replace(view, system_id=MAST_ID + k) for k, view in enumerate(self.view, 1)
+        )
+        object.__setattr__(self, "view", tuple(numbered))
         ids = Counter(self.system_ids)
         twice = sorted(i for i, count in ids.items() if count > 1)
         if twice:
@@ -239,7 +259,8 @@ class Mission:
     @property
     def system_ids(self) -> tuple[int, ...]:
         """System ids of all who fly and drive: the aircraft with cameras first."""
-        return (self.uav.system_id, *(view.system_id for view in self.view), *self.ugv_ids)
+        films = (self.uav.system_id, *(view.system_id for view in self.view))
+        return (*(each for each in films if each < MAST_ID), *self.ugv_ids)
 
     @property
     def views(self) -> tuple[Mission, ...]:
@@ -248,6 +269,7 @@ class Mission:
         first = View(
             system_id=uav.system_id,
             name=self.name_of(uav.system_id),
+            mast=self.mast,
             camera=self.camera,
             clock=self.clock,
             video=self.links.video,
@@ -257,6 +279,7 @@ class Mission:
             replace(
                 self,
                 uav=MissionVehicle(system_id=view.system_id, name=self.name_of(view.system_id)) if k else uav,
+                mast=view.mast,
                 camera=view.camera,
                 clock=view.clock,
                 links=replace(self.links, video=view.video),
@@ -287,12 +310,15 @@ class Mission:
                 return vehicle.name or usual_name(system_id, films=vehicle is self.uav)
         for view in self.view:
             if view.system_id == system_id:
-                return view.name or f"UAV-{system_id}"
+                on_mast = view.mast.name or usual_name(system_id, films=True) if view.mast else ""
+                return view.name or on_mast or f"UAV-{system_id}"
         return usual_name(system_id, films=False)
 
 
 def usual_name(system_id: int, *, films: bool) -> str:
     """Name of a vehicle that was given none."""
+    if system_id >= MAST_ID:
+        return f"Mast-{system_id - MAST_ID + 1}" if system_id > MAST_ID else "Mast"
     return "UAV" if films else f"UGV-{system_id}"
 
 
@@ -420,6 +446,20 @@ def _with_lens(camera: Camera | None, folder: Path, where: str) -> Camera | None
     return replace(camera, lens="", name=camera.name or Path(camera.lens).name, distortion=distortion, **numbers)
 
 
+def _check_pitch(table: object, where: str) -> None:
+    """Refuse a camera on a mast that looks straight down since nobody said how far down it looks.
+
+    Raises:
+        ConfigError: it is one.
+    """
+    if isinstance(table, Mapping) and "mast" in table:
+        camera = table.get("camera", {})
+        if isinstance(camera, Mapping) and "pitch_deg" not in camera:
+            raise ConfigError(
+                f"{where}: pitch_deg is missing; a camera on a mast looks so far above the horizon (-: below)"
+            )
+
+
 def parse_mission(table: Mapping[str, Any], where: str) -> Mission:
     """Check a parsed TOML table and build the mission.
 
@@ -430,13 +470,16 @@ def parse_mission(table: Mapping[str, Any], where: str) -> Mission:
     Raises:
         ConfigError: an unknown key, a wrong or missing value, no vehicles.
     """
-    if "uav" not in table or not table.get("ugv"):
-        raise ConfigError(f"{where}: needs [uav] and at least one [[ugv]] with a system_id")
+    if ("uav" in table) == ("mast" in table) or not table.get("ugv"):
+        raise ConfigError(f"{where}: needs [uav], or [mast] instead, and at least one [[ugv]] with a system_id")
     if not isinstance(table["ugv"], list):
         raise ConfigError(f"{where}: write [[ugv]] with two brackets, once for each ground vehicle")
     parts = {name: part for name, part in table.items() if name != _NOTES}
     if isinstance(parts.get("fence"), Mapping):
         parts["fence"] = [parts["fence"]]  # one may be written as [fence]
+    _check_pitch(parts, f"{where}: [camera]")
+    for view in parts["view"] if isinstance(parts.get("view"), list) else ():
+        _check_pitch(view, f"{where}: [view.camera]")
     try:
         return build(Mission, parts, where)
     except ValueError as error:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gcs.errors import ConfigError
-from gcs.mission.mission import NO_KEYS, Mission, MissionVehicle, keys_folder, load_mission
+from gcs.mission.mission import NO_KEYS, Mission, MissionVehicle, View, keys_folder, load_mission
 from infra.files.safe_open import create
 from infra.toml_tables import toml_text
 
@@ -22,13 +22,16 @@ _DEFAULTS = Mission(uav=MissionVehicle(system_id=1), ugv=())
 
 def mission_tables(mission: Mission) -> dict[str, Any]:
     """Tables of a mission, as TOML has them; without addresses and folders of keys, which are of one computer."""
-    table: dict[str, Any] = {"uav": _vehicle(mission, mission.uav.system_id)}
+    films = _vehicle(mission, mission.uav.system_id)
+    table: dict[str, Any] = (
+        {"mast": _values(replace(mission.mast, name=mission.uav.name))} if mission.mast else {"uav": films}
+    )
     table["ugv"] = [_vehicle(mission, i) for i in mission.ugv_ids]
     for name in _PARTS:
         if (part := getattr(mission, name)) is not None:
             table[name] = _values(part)
     if mission.view:
-        table["view"] = [_values(replace(view, video="")) for view in mission.view]
+        table["view"] = [_view(view) for view in mission.view]
     if mission.fence:
         table["fence"] = [_values(fence) for fence in mission.fence]
     if mission.map != _DEFAULTS.map:
@@ -51,17 +54,18 @@ def mission_text(mission: Mission, origins: Mapping[str, str]) -> str:
     tables, usual = mission_tables(mission), mission_tables(_DEFAULTS)
     if (keys := mission.signing.keys) not in ("", keys_folder()):
         tables["signing"]["keys"] = keys
-    blocks = [_comment(origins.get("")), _block("[uav]", tables["uav"], origins.get(str(mission.uav.system_id)))]
+    first = "mast" if mission.mast else "uav"
+    blocks = [_comment(origins.get("")), _block(f"[{first}]", tables[first], origins.get(str(mission.uav.system_id)))]
     blocks += [_block("[[ugv]]", each, origins.get(str(each["system_id"]))) for each in tables["ugv"]]
     if mission.camera is None:
         blocks.append(_comment(origins.get("camera")))
     for name, values in tables.items():
-        if name not in ("uav", "ugv", "view", "fence") and values != usual.get(name):
+        if name not in (first, "ugv", "view", "fence") and values != usual.get(name):
             blocks.append(_block(f"[{name}]", values, origins.get(name)))
     for each, view in zip(tables.get("view", ()), mission.view, strict=True):
         each |= {"video": view.video} if view.video else {}
-        parts = {name: each.pop(name) for name in ("camera", "clock") if name in each}
-        blocks.append(_block("[[view]]", each, origins.get(str(each["system_id"]))))
+        parts = {name: each.pop(name) for name in ("mast", "camera", "clock") if name in each}
+        blocks.append(_block("[[view]]", each, origins.get(str(view.system_id))) or "[[view]]\n")
         blocks += [_block(f"[view.{name}]", part, None) for name, part in parts.items()]
     blocks += [_block("[[fence]]", each, origins.get("fence")) for each in tables.get("fence", ())]
     blocks.append(_block("[links]", _values(mission.links), origins.get("links")))
@@ -108,6 +112,13 @@ def _values(part: Any) -> dict[str, Any]:  # noqa: ANN401 - any part of a missio
         for name in part.__slots__
         if (value := getattr(part, name)) not in ("", None, ())
     }
+
+
+def _view(view: View) -> dict[str, Any]:
+    values = _values(replace(view, video=""))
+    if view.mast:  # its number is of its place alone
+        del values["system_id"]
+    return values
 
 
 def _vehicle(mission: Mission, system_id: int) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -24,7 +25,8 @@ from mavlink.estimation.ground_distance import GroundDistance
 from mavlink.estimation.interpolation import ATTITUDE_LOST_S, Fix
 from mavlink.estimation.origin import FLEET_SPAN_M, LOCAL_REACH_M, TOO_FAR, Origin
 from mavlink.estimation.position_quality import Doubt
-from mavlink.estimation.positions import VehicleLimits, in_frame
+from mavlink.estimation.positions import VehicleLimits, altitude_known, in_frame
+from mavlink.fleet.stand import Stand
 from mavlink.fleet.vehicle import PositionReport, Vehicle
 from mavlink.geodesy import R_ENU_NED, LocalFrame, rotation_from_euler
 from mavlink.protocol.decode import decode
@@ -165,6 +167,7 @@ class Fleet:
         gimbal_id: which of its gimbals, the same way; 0: the camera's, else the first that reports.
         links: names of the links by index, for messages to the operator.
         address: of a link's index and a peer's number, in words; empty where it is not known.
+        stand: of a camera that is on no aircraft, and takes the place of the UAV.
     """
 
     def __init__(
@@ -178,8 +181,11 @@ class Fleet:
         gimbal_id: int = 0,
         links: Sequence[str] = (),
         address: Callable[[int, int], str] = lambda link, peer: "",
+        stand: Stand | None = None,
     ) -> None:
-        self._origin = Origin(origin)
+        self._origin, self._stand = Origin(origin), stand
+        if stand and math.isfinite(stand.alt_m):
+            self._place_stand(stand)
         names, limits = tuple(links), limits or VehicleLimits()
         self._uav = Vehicle(uav_id, drives=False, limits=_UAV_LIMITS, links=names, address=address)
         self._new_ugv = partial(Vehicle, drives=True, limits=limits, links=names, address=address)
@@ -278,21 +284,28 @@ class Fleet:
             std_m=np.array([_widened(std, v.doubt(t_us)) for std, v in zip(rows[:, 7], self._ugvs, strict=True)]),
             up_std_m=rows[:, 9],
             valid=np.array(valid, dtype=np.bool_),
-            vehicles=(_status(self._uav, status_us), *statuses),
+            vehicles=(self._uav_status(status_us), *statuses),
         )
 
     def uav_at(self, t_us: int) -> UavState:
         """The UAV alone at a Unix time in µs."""
+        if self._stand:
+            return self._stand.state(self.origin)
         return uav_state(self._uav, self._gimbals, self._camera.report, self._ground_distance, t_us)
 
     def attitude_times(self, after_us: int, until_us: int) -> list[int]:
         """Times at which the UAV's attitude was measured after one Unix time and up to another, µs."""
+        if self._stand:
+            return [until_us]  # it is known at any time
         clock = self._uav.clock
         return [clock.unix_of(t) for t in self._uav.attitudes.times(clock.boot_of(after_us), clock.boot_of(until_us))]
 
     def awaits(self, t_us: int) -> bool:
         """Tell whether reports of the UAV's pose about a Unix time, which is interpolated, are still to come."""
         return is_awaited(self._uav, self._gimbals, t_us)
+
+    def _uav_status(self, t_us: int) -> VehicleStatus:
+        return self._stand.status(self._uav.system_id) if self._stand else _status(self._uav, t_us)
 
     @property
     def uav_delay_us(self) -> float:
@@ -377,12 +390,16 @@ class Fleet:
 
     def _found_origin(self, vehicle: Vehicle, report: PositionReport) -> bool:
         """Sets the origin if this report may; else keeps the report for when it is known."""
-        sample = report.sample
+        sample, stand = report.sample, self._stand
         self._waiting_since_us = self._waiting_since_us or sample.t_us
-        if vehicle is not self._uav and sample.t_us - self._waiting_since_us < _ORIGIN_PATIENCE_US:
+        told = vehicle is self._uav or (stand is not None and altitude_known(sample.alt_m))
+        if not told and sample.t_us - self._waiting_since_us < _ORIGIN_PATIENCE_US:
             self._waiting.append((vehicle, vehicle.clock.epoch, report))
             return False
-        self._origin.move_to(sample)
+        if stand:  # its height is above the ground of the vehicle that is heard first
+            self._place_stand(replace(stand, alt_m=(sample.alt_m if told else 0.0) + stand.height_m))
+        else:
+            self._origin.move_to(sample)
         if vehicle is self._uav:
             self._origin.set_home_altitude(sample)
         for other, epoch, waiting in self._waiting:
@@ -391,6 +408,11 @@ class Fleet:
                 self._keep_position(other, waiting)
         self._waiting.clear()
         return True
+
+    def _place_stand(self, stand: Stand) -> None:
+        """Takes the stand, whose altitude is known, for the origin."""
+        self._stand, self._origin.home_alt_m = stand, stand.ground_alt_m
+        self._origin.frame = LocalFrame(stand.lat_deg, stand.lon_deg, stand.alt_m)
 
     def _keep_position(self, vehicle: Vehicle, report: PositionReport) -> tuple[Notice, ...]:
         assert self.origin is not None

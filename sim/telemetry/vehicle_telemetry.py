@@ -52,7 +52,7 @@ def fleet_telemetry(
 
     Args:
         start_us: Unix time of the first frame, in place of the scenario's.
-        views: the same with each further camera's aircraft.
+        views: the same with each further camera's aircraft; those on masts send nothing.
     """
     scenario = _begun(world.scenario, start_us)
     sensors = Sensors(world)
@@ -60,6 +60,8 @@ def fleet_telemetry(
     ids = (UAV_ID, *scenario.ugv_ids)
     sent = [_sent(scenario, vehicle - 1, ids[vehicle], stream) for vehicle, stream in enumerate(vehicles)]
     for k, view in enumerate(views, 1):
+        if scenario.views[k - 1].mast:
+            continue
         own = _begun(view.scenario, start_us)
         sent.append(_sent(own, -1, UAV_ID + k, _uav(own, Sensors(view))))
     return heapq.merge(*sent, key=lambda packet: packet.t_us)

@@ -95,6 +95,10 @@ class ScenarioFlight:
     climb_mps: float = 0.0
 
 
+MAST_FLIGHT = ScenarioFlight(height_m=25.0, follow=False, sway_m=0.0, tilt_sway_deg=0.0, yaw_sway_deg=0.0)
+"""Flight of a mast: off what is filmed, and still."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioCamera:
     """Intrinsics in pixels and mount, as in ``session.toml``."""
@@ -303,6 +307,9 @@ class ScenarioDeclared:
 class ScenarioView:
     """A further camera over the same fleet, on an aircraft of its own; its errors are drawn anew."""
 
+    mast: bool = False
+    """It is on a mast: ``flight`` should not move, nothing is sent, and the mission has the place. What the mission has
+    of direction is off by ``declared``, and so much is stated as 1σ."""
     aside_m: tuple[float, float] = (0.0, 0.0)
     """East and north of where ``flight`` alone would have it, metres."""
     flight: ScenarioFlight = field(default_factory=ScenarioFlight)
@@ -351,11 +358,16 @@ class Scenario:
     def of_view(self, number: int) -> Scenario:
         """The flight as its camera of that number, from 2 on, has it."""
         view = self.views[number - 2]
-        own = {name: getattr(view, name) for name in ScenarioView.__slots__ if name != "aside_m"}
+        own = {name: getattr(view, name) for name in ScenarioView.__slots__ if name not in ("mast", "aside_m")}
         return replace(self, seed=(self.seed + _SEED_STEP * (number - 1)) % 2**63, views=(), **own)
 
-    def filmed_by(self, cameras: int) -> Scenario:
-        """The flight filmed by so many: each further one from another side, higher up, with a clock of its own."""
+    def filmed_by(self, cameras: int, masts: int = 0) -> Scenario:
+        """The flight filmed by so many: each further one from another side, higher up, with a clock of its own.
+
+        Args:
+            cameras: all of them.
+            masts: so many of the further ones, the last, are on masts.
+        """
         further = [
             ScenarioView(
                 flight=replace(
@@ -371,6 +383,15 @@ class Scenario:
             )
             for k in range(1, cameras)
         ]
+        for k in range(len(further) - min(masts, len(further)), len(further)):
+            further[k] = replace(
+                further[k],
+                mast=True,
+                flight=replace(MAST_FLIGHT, yaw_deg=further[k].flight.yaw_deg),
+                camera=replace(self.camera, mount="stabilized", roll_deg=0.0, pitch_deg=-20.0, yaw_deg=0.0),
+                attitude=ScenarioAttitude(),
+                declared=replace(self.declared, yaw_deg=4.0, pitch_deg=-1.5),
+            )
         return replace(self, views=tuple(further))
 
     @property

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from mavlink.geodesy import LocalFrame
 from sim.errors import ScenarioError, SessionWriteError
 from sim.session import frame_times, write_session
 from sim.world.presets import curved_road
@@ -69,6 +70,25 @@ def test_two_cameras_over_one_fleet(folder, tmp_path):
     one, two = (senders(path / "telemetry.tlog") for path in (folder, tmp_path / "two"))
     assert two.keys() - one.keys() == {2}
     assert {system_id: two[system_id] for system_id in one} == one
+
+
+def test_a_camera_on_a_mast_sends_nothing_and_is_where_the_mission_has_it(tmp_path):
+    scenario = SHORT.filmed_by(3, masts=1)
+    world = write_session(scenario, tmp_path / "three")
+    table = tomllib.loads((tmp_path / "three" / "session.toml").read_text())
+    assert senders(tmp_path / "three" / "telemetry.tlog").keys() & {1, 2, 3} == {1, 2}
+    flies, stands = table["view"]
+    assert "mast" not in flies and "system_id" not in stands
+    truth = world.views[1]
+    assert np.allclose(truth.at(0.0).uav.p_enu, truth.at(3.0).uav.p_enu)
+    frame = LocalFrame(scenario.latitude_deg, scenario.longitude_deg, scenario.altitude_m)
+    place = frame.to_enu_point(stands["mast"]["latitude_deg"], stands["mast"]["longitude_deg"], scenario.altitude_m)
+    assert place[:2] == pytest.approx(truth.at(0.0).uav.p_enu[:2], abs=0.1)
+    assert (stands["mast"]["height_m"], stands["camera"]["yaw_deg"], stands["camera"]["pitch_deg"]) == (
+        25.0,
+        4.0,
+        -21.5,
+    )
 
 
 def senders(path):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from assoc.params import IdentifierParams
 from gcs.camera_aim import CameraAim
 from gcs.fold.ground.surface import GroundSurface
+from gcs.mission.mission import Mission
 from mavlink.state import FleetState, UavState
 from vision.camera.camera import CameraPose, image_warp, project
 from vision.camera.intrinsics import Intrinsics
@@ -36,6 +37,8 @@ class FrameCamera:
     """(3, 3) telemetry's rotation, where that of the pose is another; None: the same."""
     of_image_time: bool = False
     """The rotation is that of the frame's own moment, as its boxes show; else telemetry's, by telemetry's clock."""
+    usual: IdentifierParams = PRIOR
+    """Has the usual errors of its pose."""
 
     @property
     def ground_z(self) -> float:
@@ -46,7 +49,7 @@ class FrameCamera:
         """Uncertainty of places (k, 3) that were worked out from pixels, before any vehicle's report is compared.
 
         Returns:
-            (k,) 1σ per level axis, m, of the reported pose's usual errors (``assoc.params``), to first order; NaN where
+            (k,) 1σ per level axis, m, of the reported pose's usual errors, to first order; NaN where
             the place, or the camera's attitude or position, is unknown.
         """
         reach = p_enu - self.pose.p_enu
@@ -56,13 +59,21 @@ class FrameCamera:
             # an angle ε of the ray moves the place along it by s²/h·ε, across it by h·ε (tilt), s·ε (pixel), d·ε (yaw);
             # σ² is the mean of both
             along2 = s2**2 / h2
-            tilt2 = (along2 + h2) / 2 * np.radians(PRIOR.tilt_std_deg) ** 2
-            yaw2 = d2 / 2 * np.radians(PRIOR.yaw_std_deg) ** 2
-            pixel2 = (along2 + s2) / 2 * PRIOR.pixel_std**2 / f2
-            height2 = d2 / h2 / 2 * PRIOR.height_std_m**2
-        level = self.position_std_m if math.isfinite(self.position_std_m) else PRIOR.position_std_m
+            tilt2 = (along2 + h2) / 2 * np.radians(self.usual.tilt_std_deg) ** 2
+            yaw2 = d2 / 2 * np.radians(self.usual.yaw_std_deg) ** 2
+            pixel2 = (along2 + s2) / 2 * self.usual.pixel_std**2 / f2
+            height2 = d2 / h2 / 2 * self.usual.height_std_m**2
+        level = self.position_std_m if math.isfinite(self.position_std_m) else self.usual.position_std_m
         std_m = np.sqrt(level**2 + tilt2 + yaw2 + pixel2 + height2)
         return np.where(self.attitude_known and self.position_sure, std_m, np.nan)
+
+
+def identifier_params(mission: Mission) -> IdentifierParams:
+    """Numbers of the identifier for a mission's first camera: of one on a mast the errors are stated."""
+    usual = replace(PRIOR, threshold=mission.identity.threshold)
+    if mission.mast is None:
+        return usual
+    return replace(usual, yaw_std_deg=mission.mast.heading_std_deg, tilt_std_deg=mission.mast.pitch_std_deg)
 
 
 def camera_aim(view: FrameCamera, uav: UavState) -> CameraAim:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +13,10 @@ from numpy.typing import NDArray
 from gcs.errors import ConfigError
 from gcs.fold.camera.direction import CameraDirection
 from gcs.fold.camera.finder import CameraFinder
-from gcs.fold.camera.frame_camera import FrameCamera
+from gcs.fold.camera.frame_camera import FrameCamera, identifier_params
 from gcs.fold.camera.optics import Optics
 from gcs.fold.camera.silent_zoom import SilentZoom, magnified
-from gcs.fold.ground.height import GroundHeight
+from gcs.fold.ground.height import FOOT, TAKEOFF, GroundHeight
 from gcs.fold.ground.surface import Relief
 from gcs.fold.position_steps import StepFilter
 from gcs.mission.mission import Camera, Mission
@@ -52,10 +53,13 @@ class FrameCameras:
     """
 
     def __init__(self, mission: Mission, *, sized: bool = True) -> None:
-        self._uav_id = mission.uav.system_id
+        self._uav_id, self._usual = mission.uav.system_id, identifier_params(mission)
         self._steps = StepFilter()
-        self._takeoff_known = mission.map.takeoff_known
-        self._heights = GroundHeight(takeoff_known=self._takeoff_known)
+        home = FOOT if mission.mast else TAKEOFF
+        self._new_heights = partial(
+            GroundHeight, takeoff_known=mission.map.takeoff_known or bool(mission.mast), home=home
+        )
+        self._heights = self._new_heights()
         self._terrain, self._terrain_fault = _terrain_of(mission)
         self._optics = Optics(mission.camera, sized=sized)
         self._zoom = SilentZoom()
@@ -128,7 +132,7 @@ class FrameCameras:
 
     def forget_places(self) -> None:
         """Take positions as they are reported again: they are given in another frame from now on."""
-        self._steps, self._heights = StepFilter(), GroundHeight(takeoff_known=self._takeoff_known)
+        self._steps, self._heights = StepFilter(), self._new_heights()
         self._zoom.restart()
         self._restart()
 
@@ -322,6 +326,7 @@ class FrameCameras:
             attitude_known=uav.attitude_valid,
             position_sure=not state.vehicles[0].doubted_for,
             position_std_m=uav.std_m if uav.std_m >= COARSE_M else math.nan,
+            usual=self._usual,
         )
         return camera, events
 

@@ -41,7 +41,7 @@ RELIEF_SLOPE_STD = 0.005
 FILE_STD_M = 5.0
 """1σ of a terrain file's height against the UAV's altitude: a map's own error, and another sea level or none."""
 FILE = HeightSource(name="the terrain file", z=0.0, std_m=FILE_STD_M)
-TAKEOFF, ALTITUDES, FILM = "the take-off", "the vehicles' altitudes", "the film"
+TAKEOFF, FOOT, ALTITUDES, FILM = "the take-off", "the mission's height_m", "the vehicles' altitudes", "the film"
 FILM_STD_M = 2.0
 """1σ of the ground by the film is never less: focal lengths are off by per cents."""
 ON_FILE_STD_M = 2.0
@@ -85,9 +85,12 @@ TOLD_GAP_M = 10.0
 class GroundHeight:
     """Follows the ground from frame to frame."""
 
-    def __init__(self, *, takeoff_known: bool = True) -> None:
-        """Args: takeoff_known: whether the UAV's height above its take-off is more than what altitudes tell."""
-        self._takeoff_known = takeoff_known
+    def __init__(self, *, takeoff_known: bool = True, home: str = TAKEOFF) -> None:
+        """Args:
+        takeoff_known: whether the UAV's height above its take-off is more than what altitudes tell.
+        home: what its height is counted from, in words.
+        """
+        self._takeoff_known, self._home = takeoff_known, home
         self.ground: GroundSurface | None = None
         self.step_m = 0.0
         """Step by which it rose at once, with the last update."""
@@ -162,10 +165,10 @@ class GroundHeight:
             or not 0 <= ago_us < FIND_EVERY_US
             or (found.relief is None) != (relief is None)
         ):
-            found = find_ground(self._moments, std_m, home_z, uav_enu, measured, relief, self._left_out)
+            found = find_ground(self._moments, std_m, home_z, uav_enu, measured, relief, self._left_out, self._home)
             self._found, self._found_us = found, state.t_us
             if self._leave_out_above(uav):
-                found = find_ground(self._moments, std_m, home_z, uav_enu, measured, relief, self._left_out)
+                found = find_ground(self._moments, std_m, home_z, uav_enu, measured, relief, self._left_out, self._home)
                 self._found = found
             if found.divided and not self._divided_told:
                 self._divided_told = True
@@ -199,7 +202,7 @@ class GroundHeight:
         """
         measured = [(replace(source, z=source.z - float(rise[0])), uav.p_enu[:2]) for source in _below_uav(uav)]
         if relief is not None and self._takeoff_en is not None and math.isfinite(home_z):
-            measured.append((HeightSource(name=TAKEOFF, z=home_z, std_m=ON_FILE_STD_M), self._takeoff_en))
+            measured.append((HeightSource(name=self._home, z=home_z, std_m=ON_FILE_STD_M), self._takeoff_en))
         if self._film is not None:
             source, place_en = self._film
             measured.append((replace(source, z=source.z - float(rise[1])), place_en))
@@ -242,7 +245,7 @@ class GroundHeight:
                     f"{GUESS_M:.0f} m above the ground is guessed until the film tells"
                 )
         elif uav.height_m > FLYING_M:
-            self._leave_out(lambda source: source.z > uav_z - LEAST_HEIGHT_M, uav_z - uav.height_m, TAKEOFF)
+            self._leave_out(lambda source: source.z > uav_z - LEAST_HEIGHT_M, uav_z - uav.height_m, self._home)
         return len(self._left_out) > before
 
     def _leave_out(self, is_wrong: Callable[[HeightSource], bool], z: float, witness: str) -> None:
@@ -311,6 +314,7 @@ def find_ground(
     measured: Sequence[tuple[HeightSource, FloatArray]] = (),
     relief: Relief | None = None,
     left_out: Collection[str] = (),
+    home: str = TAKEOFF,
 ) -> GroundSurface:
     """The most probable ground; all heights are above the relief where there is one.
 
@@ -322,6 +326,7 @@ def find_ground(
         measured: Heights of the ground at places (2,).
         relief: Heights of a terrain file.
         left_out: names of sources that do not count; of the vehicles' altitudes only their level does not.
+        home: what the UAV's height is counted from, in words.
     """
     slope_std = SLOPE_STD if relief is None else RELIEF_SLOPE_STD
     known = np.flatnonzero((moments[:, 0, 0] > 0.0) & np.isfinite(std_m))
@@ -363,8 +368,8 @@ def find_ground(
             z, var = level, GUESS_STD_M**2
         if [source.name for source in sources] in ([ALTITUDES], [GUESS]):
             datums_m = tuple(m for m in DATUMS_M if uav_enu[2] - z + m > LEAST_HEIGHT_M)
-    elif TAKEOFF not in [*left_out, *(source.name for source in sources)]:
-        sources.append(HeightSource(name=TAKEOFF, z=home_z, std_m=float(HOME_STDS_M[0])))
+    elif home not in [*left_out, *(source.name for source in sources)]:
+        sources.append(HeightSource(name=home, z=home_z, std_m=float(HOME_STDS_M[0])))
         z, var = _with_home(z, var, home_z)
     rise = float(relief.heights(at[None])[0]) if relief is not None else 0.0
     said = tuple(replace(source, z=source.z + rise) for source in sources)

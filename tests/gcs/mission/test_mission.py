@@ -3,6 +3,7 @@ import tomllib
 import pytest
 
 from gcs.errors import ConfigError
+from gcs.fold.camera.frame_camera import identifier_params
 from gcs.mission.mission import BUNDLED, load_mission, parse_mission, user_keys
 from gcs.session.metadata import mission_table
 
@@ -79,7 +80,7 @@ def test_says_what_is_wrong_and_where(change, message):
 
 
 def test_needs_vehicles():
-    with pytest.raises(ConfigError, match=r"needs \[uav\] and at least one"):
+    with pytest.raises(ConfigError, match=r"or \[mast\] instead, and at least one"):
         parse_mission({"uav": {"system_id": 1}}, "m.toml")
     with pytest.raises(ConfigError, match="two brackets"):
         parse_mission({"uav": {"system_id": 1}, "ugv": {"system_id": 2}}, "m.toml")
@@ -168,3 +169,59 @@ def test_signing_and_forwarding_that_cannot_be(text, message):
 def test_links_to_forward_to():
     links = parse_mission(tomllib.loads(GOOD + '[links]\nforward = ["udpout:127.0.0.1:14551"]\n'), "m.toml").links
     assert links.forward == ("udpout:127.0.0.1:14551",)
+
+
+MAST = """
+[[ugv]]
+system_id = 11
+[mast]
+name = "Bridge"
+latitude_deg = 48.1
+longitude_deg = 11.6
+height_m = 20
+heading_deg = 352
+[camera]
+pitch_deg = -4
+[[view]]
+system_id = 2
+[[view]]
+[view.mast]
+latitude_deg = 48.2
+longitude_deg = 11.6
+altitude_m = 570
+heading_deg = 90
+heading_std_deg = 15
+[view.camera]
+pitch_deg = -20
+"""
+
+
+def test_cameras_on_masts():
+    mission = parse_mission(tomllib.loads(MAST), "m.toml")
+    assert [each.name_of(each.uav.system_id) for each in mission.views] == ["Bridge", "UAV-2", "Mast-3"]
+    assert [each.uav.system_id for each in mission.views] == [256, 2, 258]
+    assert mission.system_ids == (2, 11), "masts send nothing"
+    assert mission.views[2].mast.stand.heading == pytest.approx(1.5708, abs=1e-3)
+    assert identifier_params(mission.views[2]).yaw_std_deg == 15.0
+    assert [identifier_params(each).yaw_std_deg for each in mission.views[:2]] == [7.0, 7.0]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("pitch_deg = -4", "", "[camera]: pitch_deg is missing"),
+        ("[camera]\npitch_deg = -4", "", "[camera]: pitch_deg is missing"),
+        ("pitch_deg = -20", "", "[view.camera]: pitch_deg is missing"),
+        ("height_m = 20", "", "height_m is missing"),
+        ("height_m = 20", "height_m = 1", "must lie between 3"),
+        ("[view.mast]", "system_id = 3\n[view.mast]", "a camera on a mast has none"),
+        ("system_id = 2\n", "", "system_id is missing"),
+        ("[mast]", "[uav]\nsystem_id = 1\n[mast]", "needs [uav], or [mast] instead"),
+        ("[view.mast]", "video = 'auto'\n[view.mast]", "no aircraft offers that of a mast"),
+        ("pitch_deg = -4", "pitch_deg = -4\nmount = 'gimbal'", "nothing reports one on a mast"),
+    ],
+)
+def test_masts_that_cannot_be(old, new, message):
+    with pytest.raises(ConfigError) as refused:
+        parse_mission(tomllib.loads(MAST.replace(old, new, 1)), "m.toml")
+    assert message in str(refused.value)

@@ -6,6 +6,7 @@ import pytest
 
 from gcs.limits import Limits
 from gcs.mission.fence import Fence
+from gcs.mission.mast import Mast
 from gcs.mission.mission import (
     Camera,
     Clock,
@@ -27,6 +28,8 @@ HEARD = Mission(
     links=Links(telemetry=("udpin:0.0.0.0:14550", "/dev/ttyUSB0,57600"), video="rtsp://u:p@host/main"),
 )
 LENS = Camera(width=1920, height=1080, fx=1200.0, fy=1200.5, cx=960.0, cy=540.0, pitch_deg=-60.0, mount="gimbal")
+LOW = Camera(pitch_deg=-10.0)
+MAST = Mast(name="Bridge", latitude_deg=48.1, longitude_deg=11.6, altitude_m=570.0, heading_deg=352.0)
 FENCE = Fence(polygon=((48.1, 11.6), (48.2, 11.6), (48.2, 11.7)), keep="out", name="pond")
 
 
@@ -42,6 +45,7 @@ FENCE = Fence(polygon=((48.1, 11.6), (48.2, 11.6), (48.2, 11.7)), keep="out", na
             map=MapChoice(tiles="/m.mbtiles"),
         ),
         replace(HEARD, view=(View(system_id=2), View(system_id=3, name="Mast", camera=LENS, video="udp://:5601"))),
+        Mission(mast=MAST, camera=LOW, ugv=HEARD.ugv, view=(View(mast=MAST, camera=LOW), View(system_id=2))),
         replace(HEARD, signing=SigningChoice(keys="none")),
         replace(HEARD, signing=SigningChoice(keys="/keys", unsigned=(), keyless="open")),
     ],
