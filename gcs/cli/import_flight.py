@@ -22,7 +22,9 @@ def import_flight(
     video: Annotated[Path, typer.Option(help="The film.")],
     uav: Annotated[
         Path | None,
-        typer.Option(help="Log of the UAV that filmed: .srt (DJI), .bin, .log, .ulg, .tlog, .csv and others."),
+        typer.Option(
+            help="Log of the UAV that filmed: .srt (DJI), .bin, .log, .ulg, .tlog, .csv and others; a mast's .toml."
+        ),
     ] = None,
     ugv: Annotated[
         list[str] | None,
@@ -34,7 +36,8 @@ def import_flight(
         list[str] | None,
         typer.Option(
             metavar="FILM[=LOG]",
-            help="Film of another aircraft of the same flight, and its log where the film has none; may be repeated.",
+            help="Film of another aircraft of the same flight, and its log where the film has none; of a camera on a "
+            "mast the TOML file with its [mast]; may be repeated.",
         ),
     ] = None,
     tlog: Annotated[

@@ -95,6 +95,22 @@ def choose_camera(
     return ChosenCamera(camera=camera, optics=optics, direction=direction, assumed=assumed), uav
 
 
+def mast_camera(film: ImportedFilm, camera: Camera, options: CameraOptions) -> ChosenCamera:
+    """The camera of a mast, with the lens that the user knows where its own file has none.
+
+    Raises:
+        ImportFileError: a camera of that name is not known.
+        CameraError: the lens file cannot be used.
+    """
+    lens, optics = camera.intrinsics, "as its file has it"
+    if lens is None:
+        lens, optics = _intrinsics(film, None, options)
+    if lens is not None:
+        numbers = {name: getattr(lens, name) for name in ("width", "height", "fx", "fy", "cx", "cy")}
+        camera = replace(camera, distortion=tuple(lens.distortion.tolist()), **numbers)
+    return ChosenCamera(camera=camera, optics=optics, direction=f"{camera.pitch_deg:g}° (as its file has it)")
+
+
 def _intrinsics(film: ImportedFilm, uav: VehicleLog | None, options: CameraOptions) -> tuple[Intrinsics | None, str]:
     size = film.width, film.height
     if options.lens is not None:

@@ -225,7 +225,15 @@ def _tracks(boxes: FilmBoxes, lens: Intrinsics) -> TrackHistory:
 def _views(boxes: FilmBoxes, logs: FilmedFleetLogs) -> tuple[list[tuple[int, FrameCamera]], LocalFrame | None]:
     """The camera as the UAV reports it, with the time of each pose, and the frame in which its places are given."""
     mission = logs.mission
-    fleet, cameras = Fleet(mission.uav.system_id, ()), FrameCameras(mission)
+    cameras = FrameCameras(mission)
+    if mission.mast:
+        stands = Fleet(mission.uav.system_id, (), stand=mission.mast.stand)
+        about = boxes.t_us[0] - ABOUT_US, boxes.t_us[-1] + ABOUT_US
+        places = (
+            (t_us, cameras.at(stands.at(t_us), boxes.size)[0]) for t_us in np.linspace(*about, 9).astype(int).tolist()
+        )
+        return [(t_us, view) for t_us, view in places if view is not None], stands.origin
+    fleet = Fleet(mission.uav.system_id, ())
     found: list[tuple[int, FrameCamera]] = []
     first, last = -(1 << 62), 1 << 62
     if not logs.uav_with_fleet:
@@ -356,8 +364,8 @@ def searched_times(
     dated = uav is not None and uav.clock == "utc"
     # what --clock counts from
     start_us = film.created_us if dated and film.created_us else times.film_us
-    kept = list(records)
-    logs = FilmedFleetLogs(mission=mission, uav=lambda: kept, uav_with_fleet=uav is None or dated, fleet=fleet.places)
+    kept, with_fleet = list(records), dated or (uav is None and not mission.mast)
+    logs = FilmedFleetLogs(mission=mission, uav=lambda: kept, uav_with_fleet=with_fleet, fleet=fleet.places)
     either = bool(dated and film.created_us)
     bounds_s, where = (-within_s, within_s), str(film.path)
     spans = _LookedParts(boxes_of_spans(film.path, start_us, mission.detector))

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from gcs.errors import ImportFileError
-from gcs.importing.camera_choice import CameraOptions, ChosenCamera, choose_camera
-from gcs.importing.clock_choice import searched_times
+from gcs.importing.camera_choice import CameraOptions, ChosenCamera, choose_camera, mast_camera
+from gcs.importing.clock_choice import LEAST_HEIGHT_M, searched_times
 from gcs.importing.film import ImportedFilm, open_film
 from gcs.importing.film_log import read_film_log
 from gcs.importing.ground_vehicles import LAST_ID, GroundVehicles, clock_words, read_ground_vehicles
@@ -26,9 +26,10 @@ from gcs.importing.messages import TlogRecord, vehicle_records
 from gcs.importing.row_times import gaps
 from gcs.importing.smoothing import filled_in
 from gcs.importing.sources import read_vehicle_logs
-from gcs.importing.timeline import FilmTimes, check_overlap, find_timeline, on_film
+from gcs.importing.timeline import FilmTimes, check_overlap, film_length_us, find_timeline, on_film
 from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog
-from gcs.mission.mission import Clock, MapChoice, Mission, MissionVehicle, View
+from gcs.mission.mast import Mast
+from gcs.mission.mission import Clock, MapChoice, Mission, MissionVehicle, View, load_mast
 from gcs.session.metadata import PROGRAM, import_rows, mission_table
 from gcs.session.session import VIDEO_SUFFIXES
 from infra.session_format import FRAMES, LOG, METADATA, VIEW_FOLDER
@@ -225,11 +226,11 @@ class ImportOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FurtherFilm:
-    """A film that another aircraft took of the same flight."""
+    """A film that another aircraft took of the same flight, or a camera on a mast."""
 
     video: Path
     uav: Path | None = None
-    """Log of its aircraft, None where the film or the fleet's log has it."""
+    """Log of its aircraft, None where the film or the fleet's log has it; of one on a mast the TOML file with that."""
 
     def of(self, options: ImportOptions) -> ImportOptions:
         """The options of an import of this film; its clock is searched for."""
@@ -260,8 +261,7 @@ def import_flight(out: Path, options: ImportOptions) -> ImportReport:
     unused = (("not read", unread), ("not in the mission", _not_in_mission(fleet, [each.uav_id for each in filmed])))
     report = replace(report, found=(*report.found, *((subject, text) for subject, text in unused if text)))
     known = all(each.mission.map.takeoff_known for each in filmed)
-    views = tuple(View(system_id=each.uav_id, camera=each.mission.camera, clock=each.mission.clock) for each in others)
-    mission = replace(mission, view=views, map=replace(mission.map, takeoff_known=known))
+    mission = replace(mission, view=tuple(each.view for each in others), map=replace(mission.map, takeoff_known=known))
     streams = [*fleet.streams(), *(each.records for each in filmed)]
     write_imported(out, [(each.film, each.film_us) for each in filmed], streams, mission, report.table())
     return report
@@ -282,10 +282,19 @@ class _Filmed:
     unread: tuple[str, ...]
     """Telemetry in the film that cannot be read."""
 
+    @property
+    def view(self) -> View:
+        """The same as a further camera."""
+        mission = self.mission
+        system_id, name = (0, mission.uav.name) if mission.mast else (self.uav_id, "")
+        return View(system_id=system_id, name=name, mast=mission.mast, camera=mission.camera, clock=mission.clock)
+
 
 def _import_film(options: ImportOptions, fleet: GroundVehicles, taken: Collection[int] = ()) -> _Filmed:
     """Put a film on the fleet's time line; taken: system ids of aircraft that filmed others."""
     film = open_film(options.video)
+    if options.uav is not None and options.uav.suffix.lower() == ".toml":
+        return _import_from_mast(film, options.uav, options, fleet)
     aircraft = [i for i in fleet.aircraft if i not in taken]
     uav, unread = _uav_log(options, coarse=not aircraft)
     uav, swapped = _above(on_film(uav, film), fleet) if uav is not None else (None, ())
@@ -320,6 +329,50 @@ def _import_film(options: ImportOptions, fleet: GroundVehicles, taken: Collectio
         report=replace(report, assumed=(*report.assumed, *swapped, *partly, *_uav_clock(uav, fleet))),
         unread=unread,
     )
+
+
+def _import_from_mast(film: ImportedFilm, path: Path, options: ImportOptions, fleet: GroundVehicles) -> _Filmed:
+    """Put the film of a camera on a mast on the fleet's time line, by the offset of its file or by the film."""
+    view = load_mast(path)
+    assert view.mast is not None and view.camera is not None
+    offset_s, clock_s = view.clock.video_offset_s, options.clock_s
+    if clock_s is None and offset_s != "auto":
+        clock_s = -float(offset_s)
+    chosen = mast_camera(film, view.camera, options.camera)
+    timeline = find_timeline(film, None, fleet.span_us, clock_s)
+    mission = Mission(
+        mast=replace(view.mast, name=view.name or view.mast.name),
+        ugv=tuple(MissionVehicle(system_id=i) for i in sorted(fleet.places)),
+        camera=chosen.camera,
+        clock=Clock(video_offset_s="auto"),
+    )
+    if clock_s is None:
+        standing = replace(mission, mast=_with_altitude(view.mast, fleet))
+        timeline = searched_times(film, None, fleet, standing, (), timeline, options.clock_within_s)
+    whole = timeline.film_us, timeline.film_us + film_length_us(film)
+    partly = check_overlap(film, timeline, (path.name, whole), fleet.span_us, dict.fromkeys(fleet.assumed))
+    report = _report(film, fleet, None, chosen, timeline, mission.uav.system_id)
+    stands = f"{path.name}: on a mast at {view.mast.latitude_deg:.5f}, {view.mast.longitude_deg:.5f}"
+    found = tuple((what, stands if what == "uav" else text) for what, text in report.found)
+    report = replace(report, found=found, assumed=(*report.assumed, *partly))
+    return _Filmed(
+        film=film,
+        film_us=timeline.film_us,
+        uav_id=mission.uav.system_id,
+        records=(),
+        mission=mission,
+        report=report,
+        unread=(),
+    )
+
+
+def _with_altitude(mast: Mast, fleet: GroundVehicles) -> Mast:
+    """The mast with both of its heights, by the fleet's ground."""
+    ground_m = 0.0 if np.isnan(fleet.ground_m) else fleet.ground_m
+    if mast.height_m is None and mast.altitude_m is not None:
+        return replace(mast, height_m=max(mast.altitude_m - ground_m, LEAST_HEIGHT_M))
+    altitude_m = ground_m + (mast.height_m or 0.0) if mast.altitude_m is None else mast.altitude_m
+    return replace(mast, altitude_m=altitude_m)
 
 
 def _uav_log(options: ImportOptions, *, coarse: bool) -> tuple[VehicleLog | None, tuple[str, ...]]:

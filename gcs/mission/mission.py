@@ -364,6 +364,23 @@ def load_mission(path: Path) -> Mission:
     return replace(mission, detector=detector, camera=camera, view=tuple(views), signing=signing, map=shown)
 
 
+def load_mast(path: Path) -> View:
+    """Read a camera on a mast from a file of its own, with what a ``[[view]]`` has.
+
+    Raises:
+        ConfigError: no such file, not TOML, an unknown key, a wrong or missing value.
+    """
+    table = load_table(path)
+    if "mast" not in table:
+        raise ConfigError(f"{path}: needs [mast]: where the camera is, and which way it looks")
+    _check_pitch(table, f"{path}: [camera]")
+    try:
+        view = build(View, table, str(path))
+    except ValueError as error:
+        raise ConfigError(str(error)) from None
+    return replace(view, camera=_with_lens(view.camera, path.parent, f"{path}: [camera]"))
+
+
 def unheeded_links(path: Path) -> tuple[str, ...]:
     """Addresses in the file of a recording, which do not count; none of a mission file.
 

@@ -85,6 +85,37 @@ def test_two_drones_above_rovers(flown, tmp_path):
     assert score_files(flown.session / "truth.csv", tmp_path / "names" / "view-2" / "identity.csv").right >= RIGHT
 
 
+MAST = """
+name = "Gate"
+[mast]
+latitude_deg = 48.1
+longitude_deg = 11.6
+height_m = 20
+heading_deg = 90
+[camera]
+pitch_deg = -30
+"""
+
+
+def test_a_film_from_a_mast(flown, tmp_path):
+    subtitles, mast, session = tmp_path / "DJI_0001.SRT", tmp_path / "mast.toml", tmp_path / "session"
+    subtitles.write_text(srt("keyed", flown.spots()))
+    mast.write_text(MAST + "[clock]\nvideo_offset_s = -0.5\n")
+    words = import_words(flown, session, "--uav", subtitles, "--clock=+0", "--view", f"{flown.video}={mast}", "--json")
+    code, told, stderr = run_gcs(*words)
+    assert code == 0, stderr
+    found = dict(json.loads(told)["found"])
+    assert "on a mast at 48.10000, 11.60000" in found["uav 2"] and "+0.5 s as given" in found["clock 2"]
+    (view,) = load_mission(session / "session.toml").view
+    assert (view.name, view.system_id, view.mast.height_m, view.camera.pitch_deg) == ("Gate", 257, 20.0, -30.0)
+    assert view.camera.intrinsics is not None and (session / "view-2" / "video.mp4").is_file()
+    senders = {packet.system_id for packet in Tlog.open(session / "telemetry.tlog").packets()}
+    assert senders == {1, *UGVS}, "it sends nothing"
+    mast.write_text(MAST.replace("[mast]", "[masts]"))
+    code, _, stderr = run_gcs(*words[:2], tmp_path / "other", *words[3:])
+    assert code == 2 and "mast.toml: needs [mast]" in stderr
+
+
 def test_a_further_film_whose_clock_is_not_found_is_to_be_imported_by_itself(flown, tmp_path, monkeypatch):
     monkeypatch.setattr("gcs.importing.importer.searched_times", Mock(side_effect=ImportFileError("give --clock=+1")))
     subtitles = tmp_path / "DJI_0001.SRT"
