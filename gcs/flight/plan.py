@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from gcs.errors import GcsError
 from gcs.flight.listening import open_ingest
-from gcs.flight.video import check_source
+from gcs.flight.video import AUTO, check_source
 from gcs.fold.detector_factory import open_mission_detector
 from gcs.mission.mission import Mission
 from mavlink.ingest.ingest import Ingest
@@ -40,6 +41,20 @@ class FlightPlan:
     """Origin of each part of the mission in words, for the file that it may be saved in."""
     practise_port: int = 0
     """UDP port at which a simulated fleet of this computer takes troubles, 0 none."""
+
+    def __post_init__(self) -> None:
+        """Check what a camera on a mast cannot be asked for.
+
+        Raises:
+            GcsError: it is asked for it.
+        """
+        if self.command and self.mission.mast:
+            raise GcsError("--command is for a UAV; the first camera of this mission is on a mast")
+        views = self.mission.views
+        for place, video in self.videos.items():
+            if video == AUTO and views[place].mast:
+                name = views[place].name_of(views[place].uav.system_id)
+                raise GcsError(f'{name}: its video is "auto", and no aircraft offers that of a mast; give its address')
 
     @property
     def videos(self) -> dict[int, str]:

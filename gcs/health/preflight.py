@@ -106,7 +106,7 @@ def _vehicle(row: VehicleRow, now: Snapshot, rates: Sequence[Rate]) -> Iterator[
         return
     positions = max((rate.measured_hz for rate in mine if rate.message == "GLOBAL_POSITION_INT"), default=math.nan)
     parts = [
-        f"position {positions:.1f}/s" if positions > 0.0 else "heard",
+        f"position {positions:.1f}/s" if positions > 0.0 else "stands" if row.kind == "mast" else "heard",
         f"fix {row.fix}" if row.fix else "",
         "signed" if row.signs else "unsigned" if now.health.keys == 0 else "",
     ]

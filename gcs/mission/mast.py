@@ -51,13 +51,11 @@ class Mast:
         )
 
 
-def check_mast(mast: Mast | None, mount: str, video: str) -> None:
-    """Check that a camera on a mast needs no aircraft; one that is on none passes.
+def check_mount(mast: Mast | None, mount: str) -> None:
+    """Check that a camera on a mast is no gimbal's; one that is on none passes.
 
     Raises:
-        ValueError: its mount or its video is an aircraft's.
+        ValueError: it is.
     """
     if mast is not None and mount == "gimbal":
         raise ValueError('mount is "gimbal", and nothing reports one on a mast; leave it out')
-    if mast is not None and video == "auto":
-        raise ValueError('video is "auto", and no aircraft offers that of a mast; give its address')

@@ -20,7 +20,7 @@ from msgspec import Meta
 from gcs.errors import ConfigError
 from gcs.limits import Limits
 from gcs.mission.fence import Fence
-from gcs.mission.mast import MAST_ID, Mast, check_mast
+from gcs.mission.mast import MAST_ID, Mast, check_mount
 from infra.files.safe_open import read_small
 from infra.session_format import METADATA
 from infra.toml_tables import MOST_TOML_BYTES, build, parse_toml
@@ -210,7 +210,7 @@ class View:
             raise ValueError("system_id is missing; give that of the aircraft that carries the camera, or its mast")
         if self.mast is not None and 0 < self.system_id < MAST_ID:
             raise ValueError("system_id is of an aircraft; a camera on a mast has none")
-        check_mast(self.mast, self.camera.mount if self.camera else "", self.video)
+        check_mount(self.mast, self.camera.mount if self.camera else "")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -236,7 +236,7 @@ class Mission:
     map: MapChoice = field(default_factory=MapChoice)
 
     def __post_init__(self) -> None:
-        check_mast(self.mast, self.camera.mount if self.camera else "", self.links.video)
+        check_mount(self.mast, self.camera.mount if self.camera else "")
         if self.mast:
             object.__setattr__(self, "uav", replace(self.uav, name=self.uav.name or self.mast.name))
         numbered = (

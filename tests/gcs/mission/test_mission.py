@@ -2,7 +2,8 @@ import tomllib
 
 import pytest
 
-from gcs.errors import ConfigError
+from gcs.errors import ConfigError, GcsError
+from gcs.flight.plan import FlightPlan
 from gcs.fold.camera.frame_camera import identifier_params
 from gcs.mission.mission import BUNDLED, load_mission, parse_mission, user_keys
 from gcs.session.metadata import mission_table
@@ -217,7 +218,6 @@ def test_cameras_on_masts():
         ("[view.mast]", "system_id = 3\n[view.mast]", "a camera on a mast has none"),
         ("system_id = 2\n", "", "system_id is missing"),
         ("[mast]", "[uav]\nsystem_id = 1\n[mast]", "needs [uav], or [mast] instead"),
-        ("[view.mast]", "video = 'auto'\n[view.mast]", "no aircraft offers that of a mast"),
         ("pitch_deg = -4", "pitch_deg = -4\nmount = 'gimbal'", "nothing reports one on a mast"),
     ],
 )
@@ -225,3 +225,17 @@ def test_masts_that_cannot_be(old, new, message):
     with pytest.raises(ConfigError) as refused:
         parse_mission(tomllib.loads(MAST.replace(old, new, 1)), "m.toml")
     assert message in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("video", "further", "command", "message"),
+    [
+        ("", "auto", False, "Mast-3: its video is"),
+        ("auto", "", False, "Bridge: its"),
+        ("", "", True, "--command is for"),
+    ],
+)
+def test_nothing_is_asked_of_a_mast(video, further, command, message, tmp_path):
+    mission = parse_mission(tomllib.loads(MAST.replace("[view.mast]", f"video = '{further}'\n[view.mast]")), "m.toml")
+    with pytest.raises(GcsError, match=message):
+        FlightPlan(mission=mission, links=("14550",), video=video, sessions=tmp_path, command=command)
