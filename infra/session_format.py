@@ -51,7 +51,7 @@ FOLDS = TableFormat(
     "time_us,records,record_us,heard_us,frame,boxes,width,height",
     frozenset({"frame", "boxes", "width", "height"}),
 )
-ELSEWHERE = TableFormat("elsewhere.csv", "frame,system_id,of_frame")
+ELSEWHERE = TableFormat("elsewhere.csv", "frame,camera,of_frame")
 UNFOLDED = TableFormat("unfolded.csv", "record,count")
 TRUTH = TableFormat("truth.csv", "frame,cx,cy,w,h,angle,system_id")
 IDENTITY = TableFormat(

@@ -26,7 +26,7 @@ from gcs.playback.recorded_order import GroundScale, PacketsInOrder, RecordedTur
 from gcs.playback.session_warnings import session_warnings
 from gcs.session.event_log import read_statements, video_awaited_us
 from gcs.session.fold_order import NO_FRAME, FoldTurn
-from gcs.session.session import Session, open_session
+from gcs.session.session import Session
 from gcs.snapshot import Event, Health, Snapshot
 from mavlink.errors import MavlinkError
 from mavlink.protocol.packet import Packet
@@ -103,7 +103,8 @@ class Analysis:
         self._awaited_us = video_awaited_us(session.folder)
         self.warnings = tuple(session_warnings(opened))
         self._company = company or InStep(self._warn)
-        self._company.join(self, followed=followed)
+        if trouble := self._company.join(self, followed=followed):
+            self.warnings += (trouble,)
         if company is None:
             self._open_others(redetect=redetect)
 
@@ -117,7 +118,7 @@ class Analysis:
         shared: Any = {"open_detector": self._open_detector, "looking_threads": self._looking_threads}
         for folder in self.opened.session.other_folders:
             try:
-                view = open_session(folder)
+                view = self.opened.session.opened_beside(folder)
                 if view.video or view.frames:
                     again = redetect and view.video is not None
                     Analysis(view, **shared, redetect=again, company=self._company, followed=True)

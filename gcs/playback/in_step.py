@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.errors import GcsError
+from gcs.errors import GcsError, SessionError
 from gcs.fold.meeting import Meeting, Seat
 from gcs.session.tables import read_table
 from gcs.snapshot import Snapshot
@@ -39,8 +39,7 @@ class _FoldedCamera:
 
     def __init__(self, analysis: Analysis, *, followed: bool, tell: Callable[[int, str], None]) -> None:
         self.analysis, self.followed, self._tell = analysis, followed, tell
-        # a flight that kept its order is as it was, also where it heard nothing
-        self.heard = _heard_in(analysis.opened.session.folder) if analysis.as_flown else None
+        self.heard, self.trouble = _heard_in(analysis.opened.session.folder) if analysis.as_flown else (None, "")
         self._moments: Iterator[Moment] = iter(())
         self._kept = deque[Moment]()
         self._frame, self._moves = -1, False
@@ -110,14 +109,18 @@ class InStep:
         self._cameras: dict[int, _FoldedCamera] = {}
         self._meeting = Meeting(self._heard)
 
-    def join(self, analysis: Analysis, *, followed: bool) -> None:
+    def join(self, analysis: Analysis, *, followed: bool) -> str:
         """Add a camera.
 
         Args:
             analysis: folds it.
             followed: it is folded for others' sake, and not shown.
+
+        Returns:
+            What is wrong with what it heard in flight, empty for nothing.
         """
-        self._cameras[analysis.uav_id] = _FoldedCamera(analysis, followed=followed, tell=self._tell)
+        camera = self._cameras[analysis.uav_id] = _FoldedCamera(analysis, followed=followed, tell=self._tell)
+        return camera.trouble
 
     def begin(self, uav_id: int) -> Seat | None:
         """Seat among the others of a fold that begins at the start; those that are not shown begin anew, too.
@@ -171,12 +174,20 @@ class InStep:
                 camera.analysis.opened.close()
 
 
-def _heard_in(folder: Path) -> Heard:
-    """Last frame, by frame of a flight, of each other camera, by its aircraft, that it heard; none of older flights."""
+def _heard_in(folder: Path) -> tuple[Heard | None, str]:
+    """Last frame, by frame of a flight, of each other camera that it heard, and what is wrong with the table.
+
+    A flight that kept its order is as it was, also where it heard nothing. Where the table cannot be read it is None.
+    """
     heard: dict[int, dict[int, int]] = {}
-    if segments(folder / ELSEWHERE.name):
+    if not segments(folder / ELSEWHERE.name):
+        return heard, ""
+    try:
         table = read_table(folder / ELSEWHERE.name, ELSEWHERE)
-        columns = (table[name].astype(np.int64).tolist() for name in ELSEWHERE.columns)
-        for frame, uav_id, of_frame in zip(*columns, strict=True):
-            heard.setdefault(frame, {})[uav_id] = of_frame
-    return heard
+    except SessionError as error:
+        return None, f"{error}; other cameras count as far as they had taken frames before"
+    columns = (table[name].astype(np.int64).tolist() for name in ELSEWHERE.columns)
+    for frame, camera, of_frame in zip(*columns, strict=True):
+        heard.setdefault(frame, {})[camera] = of_frame
+    skipped = f"{ELSEWHERE.name}: {table.skipped} rows could not be read and were skipped: names may differ there"
+    return heard, skipped if table.skipped else ""

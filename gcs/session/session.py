@@ -61,6 +61,8 @@ class Session:
     notes: FlightNotes = field(default_factory=FlightNotes)
     truth: Path | None = None
     identity: Path | None = None
+    mission_file: Path | None = None
+    """Mission file that was given in place of the session's own, for all cameras; None: none."""
 
     @property
     def folder(self) -> Path:
@@ -74,8 +76,16 @@ class Session:
         Raises:
             SessionError, ConfigError: one of them cannot be opened.
         """
-        views = map(open_session, self.other_folders)
+        views = map(self.opened_beside, self.other_folders)
         return tuple(view for view in views if view.video or view.frames)
+
+    def opened_beside(self, folder: Path) -> Session:
+        """The recording of another camera of the flight, with the same mission.
+
+        Raises:
+            SessionError, ConfigError: it cannot be opened.
+        """
+        return open_session(folder, mission=self.mission_file)
 
     @property
     def other_folders(self) -> tuple[Path, ...]:
@@ -160,6 +170,7 @@ def open_session(
         notes=notes,
         truth=_existing(path / TRUTH.name),
         identity=_existing(path / IDENTITY.name),
+        mission_file=mission,
     )
 
 

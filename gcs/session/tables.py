@@ -43,6 +43,7 @@ class _Range:
 
 _RANGES: Mapping[str, _Range] = {
     "frame": _Range(0, _MOST_FRAMES, whole=True),
+    "camera": _Range(0, 511, whole=True),  # those on masts come after the 255 of MAVLink
     "of_frame": _Range(0, _MOST_FRAMES, whole=True),
     "record": _Range(0, _MOST_RECORDS, whole=True),
     "time_us": _Range(0, _LATEST_US, whole=True),

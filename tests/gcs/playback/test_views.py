@@ -9,6 +9,7 @@ from gcs.errors import SessionError
 from gcs.fold.meeting import Meeting
 from gcs.playback.analysis import Analysis
 from gcs.playback.identification import identify_session
+from gcs.playback.in_step import _heard_in
 from gcs.playback.replay import Replay
 from gcs.report.score import score_files
 from gcs.session.frame_tables import read_times
@@ -120,6 +121,30 @@ def test_a_replay_goes_from_camera_to_camera(flight):
     finally:
         first.stop()
     assert not any(thread.is_alive() for view in (first, second) for thread in view._threads)
+
+
+@pytest.mark.parametrize(
+    ("text", "heard", "told"),
+    [
+        (None, {}, ""),
+        ("frame,camera,of_frame\n3,2,4\n3,256,5\n4,2,4\n", {3: {2: 4, 256: 5}, 4: {2: 4}}, ""),
+        ("frame,camera,of_frame\n3,2,4\nx,2,4\n4,900,4\n", {3: {2: 4}}, "elsewhere.csv: 2 rows could not be read"),
+        ("frame,of\n3,2\n", None, "column 'camera' is missing"),
+        ("", None, "is missing"),
+    ],
+)
+def test_what_a_camera_heard_in_flight_may_be_damaged(text, heard, told, tmp_path):
+    if text is not None:
+        (tmp_path / "elsewhere.csv").write_text(text)
+    found, trouble = _heard_in(tmp_path)
+    assert found == heard and told in trouble and bool(told) == bool(trouble)
+
+
+def test_another_mission_is_that_of_all_cameras(flight, tmp_path):
+    own = tmp_path / "own.toml"
+    own.write_text((flight / "session.toml").read_text().replace('"UGV-11"', '"Alpha"', 1))
+    session = open_session(flight, mission=own)
+    assert [each.mission.name_of(11) for each in (session, *session.other_views)] == ["Alpha", "Alpha"]
 
 
 def test_a_camera_that_recorded_nothing_is_none(flight, tmp_path):
