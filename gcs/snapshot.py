@@ -230,6 +230,8 @@ class Box:
 
     track_id: int
     """0 for a detection that no track took; with a name it is another part of the vehicle that has this name."""
+    number: int = 0
+    """Number of what it is in all pictures of a flight with several cameras; 0 of one camera, or without a track."""
     cx: float
     cy: float
     w: float
@@ -269,6 +271,11 @@ class Box:
     """1σ per level axis of that place by the camera's reported pose alone, NaN unknown."""
     lat_deg: float = NAN
     lon_deg: float = NAN
+
+    @property
+    def known_as(self) -> int:
+        """Number of what has no name: the same in all pictures, of one camera its track's."""
+        return self.number or self.track_id
 
     @property
     def margin(self) -> float:

@@ -17,6 +17,7 @@ from assoc.other_views.same_boxes import SameBoxes, newest_answers
 from assoc.records import Sighting
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 _SURE = 0.8
 """Probability from which on two answers that differ are a contradiction."""
@@ -46,6 +47,8 @@ class Hearing:
         self._hearsay: dict[int, Hearsay] = {}
         self.contradictions: tuple[Contradiction, ...] = ()
         """Contradictions of the views in the last frame."""
+        self.pairs: Mapping[int, tuple[IntArray, FloatArray]] = {}
+        """Tracks (k,) of each other view in the last frame, and the probability (m, k) of each pair to be one."""
 
     def answers(self, mine: Sighting, told: Mapping[int, Sequence[Sighting]]) -> FloatArray:
         """Answers on the tracks of a frame by all that views know.
@@ -59,9 +62,10 @@ class Hearing:
             (m, n + 1) probabilities, the last column "none of ours".
         """
         answers, same, fits = [mine.p], [np.ones(len(mine.p))], [mine.fit]
-        contradictions = list[Contradiction]()
+        contradictions, every = list[Contradiction](), dict[int, tuple[IntArray, FloatArray]]()
         for view, theirs in told.items():
             track_id, pairs = self._same.setdefault(view, SameBoxes()).update(mine, theirs)
+            every[view] = track_id, pairs
             said, is_same = said_of(newest_answers(track_id, theirs), pairs)
             fit = theirs[-1].fit
             contradictions += _contradictions(view, mine, said, is_same, fit)
@@ -70,7 +74,7 @@ class Hearing:
             answers.append(said)
             same.append(is_same)
             fits.append(fit)
-        self.contradictions = tuple(contradictions)
+        self.contradictions, self.pairs = tuple(contradictions), every
         return without_taken(mine.p, pooled(answers, same, fits))
 
 

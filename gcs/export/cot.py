@@ -59,7 +59,7 @@ def cot_uid(box: Box, source: str) -> str:
         source: the session's name: two stations on one network tell of different things.
     """
     station = re.sub(r"[^A-Za-z0-9_.-]", "-", source)[:_MOST_LETTERS]
-    what = f"vehicle.{box.system_id}" if box.system_id else f"track.{box.track_id}"
+    what = f"vehicle.{box.system_id}" if box.system_id else f"track.{box.known_as}"
     return f"rollcall.{station}.{what}"
 
 
@@ -98,7 +98,7 @@ def cot_event(snapshot: Snapshot, box: Box, *, source: str, t_us: int | None = N
         le=_NOT_KNOWN,
     )
     detail = ElementTree.SubElement(event, "detail")
-    name = plain(snapshot.name_of(box.system_id)) if box.system_id else f"unknown {box.track_id}"
+    name = plain(snapshot.name_of(box.system_id)) if box.system_id else f"unknown {box.known_as}"
     ElementTree.SubElement(detail, "contact", callsign=name[:_MOST_LETTERS])
     ElementTree.SubElement(detail, "__rollcall", _evidence(snapshot, box))
     data: bytes = ElementTree.tostring(event, encoding="utf-8", xml_declaration=False)

@@ -14,6 +14,7 @@ from itertools import dropwhile
 import numpy as np
 from numpy.typing import NDArray
 
+from assoc.other_views.first_seen import FirstSeen, FirstSeenTracks, Heard
 from assoc.other_views.hearing import Hearing
 from assoc.records import Sighting
 from gcs.mission.mission import Mission
@@ -36,6 +37,8 @@ class _Left:
     sighting: Sighting
     origin: LocalFrame
     system_ids: tuple[int, ...]
+    first_seen: Mapping[int, FirstSeen]
+    """Objects that its tracks were before it heard the others."""
 
 
 class Meeting:
@@ -93,6 +96,7 @@ class Seat:
     def __init__(self, meeting: Meeting, system_id: int, note: Callable[[int, int, int], None]) -> None:
         self._meeting, self._system_id, self._note = meeting, system_id, note
         self._hearing, self._system_ids = Hearing(), tuple[int, ...]()
+        self._first_seen = FirstSeenTracks(system_id)
         self._moves: dict[LocalFrame, tuple[LocalFrame, FloatArray, FloatArray]] = {}
 
     def answers(self, frame: int, origin: LocalFrame, system_ids: tuple[int, ...], mine: Sighting) -> FloatArray:
@@ -107,14 +111,25 @@ class Seat:
         if system_ids != self._system_ids:  # what was heard is of the fleet as it was
             self._hearing, self._system_ids = Hearing(), system_ids
         told = self._meeting.told(self._system_id, frame)
-        for other, left in told.items():
-            self._note(frame, other, left[-1].frame)
-        self._meeting.leave(self._system_id, _Left(frame=frame, sighting=mine, origin=origin, system_ids=system_ids))
+        for other, last in told.items():
+            self._note(frame, other, last[-1].frame)
+        mine_before = self._first_seen.all
+        left = _Left(frame=frame, sighting=mine, origin=origin, system_ids=system_ids, first_seen=mine_before)
+        self._meeting.leave(self._system_id, left)
         usable = {
             other: [self._moved(each, origin) for each in left if each.system_ids == system_ids]
             for other, left in told.items()
         }
-        return self._hearing.answers(mine, {other: sightings for other, sightings in usable.items() if sightings})
+        answers = self._hearing.answers(mine, {other: sightings for other, sightings in usable.items() if sightings})
+        pairs = self._hearing.pairs.items()
+        heard = (Heard(other, tracks, same, told[other][-1].first_seen) for other, (tracks, same) in pairs)
+        self._first_seen.update(mine.t_us, mine.track_id, heard)
+        return answers
+
+    def first_seen(self, track_id: int) -> tuple[int, int]:
+        """The camera that saw the object of a track first, by its aircraft, and its track there."""
+        first = self._first_seen.of(track_id)
+        return first.view, first.track_id
 
     def contradictions(self, mission: Mission) -> str:
         """Contradictions of another camera in the last frame, in words, and which is likelier wrong; empty: nothing."""

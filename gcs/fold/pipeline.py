@@ -122,6 +122,7 @@ class Pipeline:
             stand=mission.mast.stand if mission.mast else None,
         )
         self._elsewhere = {view.system_id for view in mission.view}
+        self._films = sorted((mission.uav.system_id, *self._elsewhere))
         self._crowded, self._score = False, mission.detector.score
         self._tracker: Tracker | None = None
         self._looked_us: dict[int, int] = {}
@@ -462,6 +463,13 @@ class Pipeline:
             self._cameras.hear_film(*self._identifier.height_error)
         return found
 
+    def _number_of(self, track_id: int) -> int:
+        """Number of what a track is: no two cameras of the flight give the same one to two objects; of one camera 0."""
+        if not self._elsewhere:
+            return 0
+        camera, track = self.seat.first_seen(track_id) if self.seat else (self.mission.uav.system_id, track_id)
+        return (track - 1) * len(self._films) + self._films.index(camera) + 1
+
     def _camera(self, view: FrameCamera) -> CameraState:
         return camera_of(view, self._cameras.stabilized)
 
@@ -485,6 +493,7 @@ class Pipeline:
                 candidates=self._candidates.of(identities, state, self._contradictions.standing),
                 named_since=partial(self._named_since.update, t_us),
                 stated=self._statements.by_track,
+                number_of=self._number_of,
                 score=self._score,
             )
         expected_px = self._expected_px(state, view)

@@ -45,6 +45,7 @@ def boxes_of(
     candidates: Sequence[tuple[Candidate, ...]],
     named_since: Callable[[int, int], int],
     stated: Mapping[int, int],
+    number_of: Callable[[int], int],
     score: float,
 ) -> tuple[Box, ...]:
     """Boxes of a frame: those that tracks took, with their names, then strong ones that no track took.
@@ -62,6 +63,7 @@ def boxes_of(
         candidates: Who each track may be, in the order of the identities.
         named_since: Since when a track has had the name of a system id, or 0 for none.
         stated: The system id, or 0 for none of ours, that the operator stated, by track.
+        number_of: The number of what a track is, the same for all cameras; 0 of a flight with one.
         score: Weaker boxes that no track took are not shown.
     """
     places = _places(detections)
@@ -71,10 +73,13 @@ def boxes_of(
     for row in rows:
         name = row.get("system_id", 0)
         row["since_us"] = named_since(row["track_id"], name)
+        row["number"] = number_of(row["track_id"])
         row["stated"] = stated.get(row["track_id"]) == name
     for row, found in zip(rows, candidates, strict=False):
         row["candidates"] = found
-    rows += [rows[k] | places[other] | {"track_id": 0} for k, other in enumerate(others.tolist()) if other >= 0]
+    rows += [
+        rows[k] | places[other] | {"track_id": 0, "number": 0} for k, other in enumerate(others.tolist()) if other >= 0
+    ]
     untracked = sorted(set(np.flatnonzero(detections.score >= score).tolist()) - {*taken.tolist(), *others.tolist()})
     rows += [places[k] | {"track_id": 0} for k in untracked]
     if view is not None and rows:

@@ -74,9 +74,10 @@ def is_doubted(snapshot: Snapshot, box: Box) -> bool:
 
 def label_of(snapshot: Snapshot, box: Box) -> str:
     """``UGV-3 97%`` confirmed, ``UGV-3? 61%`` tentative, ``~UGV-3 88%`` coasting, ``?`` unidentified, ``~?`` both,
-    ``UGV-3 stated`` by the operator (``? stated``: none of ours), ``UGV-3 97% (0.8s)`` held, for want of a newer frame;
+    ``?5`` with its number where there are several cameras, ``UGV-3 stated`` by the operator (``? stated``: none of
+    ours), ``UGV-3 97% (0.8s)`` held, for want of a newer frame;
     ``!UGV-3 97%`` is a name on which nobody is to act, so marked without colours too."""
-    return _label(snapshot, box, snapshot.name_of(box.system_id) if box.system_id else "?")
+    return _label(snapshot, box, snapshot.name_of(box.system_id) if box.system_id else f"?{box.number or ''}")
 
 
 def _label(snapshot: Snapshot, box: Box, name: str, *, certain: bool = True) -> str:

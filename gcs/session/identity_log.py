@@ -104,6 +104,7 @@ def json_row(snapshot: Snapshot, box: Box) -> str:
         "lon": _number(box.lon_deg, 7),
     }
     # rows of recordings without these stay as they were
+    row |= {"number": box.number} if box.number else {}
     row |= {"stated": True} if box.stated else {}
     row |= {"doubt": box.doubt} if box.doubt else {}
     row |= {"may_be": words} if (words := plain(may_be(snapshot, box))) else {}

@@ -58,6 +58,8 @@ class Way:
     """One track under one name, without a gap; all columns are of one length, in order of time."""
 
     track_id: int
+    number: int
+    """Number of a stranger, the same for all cameras of a flight."""
     system_id: int
     """0: a stranger."""
     name: str
@@ -70,13 +72,13 @@ class Way:
 
     @property
     def owner(self) -> tuple[int, int]:
-        """The same of all ways of a vehicle, and of all of a stranger's track."""
-        return (self.system_id, 0) if self.system_id else (0, self.track_id)
+        """The same of all ways of a vehicle, and of all of a stranger."""
+        return (self.system_id, 0) if self.system_id else (0, self.number)
 
     @property
     def title(self) -> str:
         """Name on a map."""
-        return self.name if self.system_id else f"unknown {self.track_id}"
+        return self.name if self.system_id else f"unknown {self.number}"
 
     def summary(self) -> WaySummary:
         """NaN where nothing is known."""
@@ -102,7 +104,9 @@ class Ways:
             way = self._latest.get(box.track_id)
             if way is None or not self._continues(way, box, snapshot.t_us):
                 name = plain(snapshot.name_of(box.system_id)) if box.system_id else ""
-                way = self._latest[box.track_id] = Way(track_id=box.track_id, system_id=box.system_id, name=name)
+                way = self._latest[box.track_id] = Way(
+                    track_id=box.track_id, number=box.known_as, system_id=box.system_id, name=name
+                )
                 self._ways.append(way)
             way.t_us.append(snapshot.t_us)
             way.lon_deg.append(box.lon_deg)
@@ -115,7 +119,8 @@ class Ways:
         last_us = way.t_us[-1]
         seen = last_us < t_us and (t_us - last_us <= GAP_US or last_us >= self._before_us)
         # a line over the 180th meridian would go round the world
-        return seen and way.system_id == box.system_id and abs(box.lon_deg - way.lon_deg[-1]) < 180.0
+        same = way.system_id == box.system_id and (box.system_id or way.number == box.known_as)
+        return bool(seen and same) and abs(box.lon_deg - way.lon_deg[-1]) < 180.0
 
     def __iter__(self) -> Iterator[Way]:
         """In the order in which they begin."""
@@ -123,7 +128,7 @@ class Ways:
 
 
 Owners = list[tuple[str, list[Way]]]
-"""All ways of each vehicle with its title, by system id; then those of each stranger's track."""
+"""All ways of each vehicle with its title, by system id; then those of each stranger."""
 
 
 def _by_owner(ways: Ways) -> Owners:

@@ -117,7 +117,7 @@ def _id(box: Box) -> str:
     """The same for a vehicle all through a flight; empty for what no track took."""
     if box.system_id:
         return f"vehicle-{box.system_id}"
-    return f"track-{box.track_id}" if box.track_id else ""
+    return f"track-{box.known_as}" if box.track_id else ""
 
 
 def _entity(snapshot: Snapshot, box: Box, stamp: Timestamp) -> SceneEntity:

@@ -382,7 +382,8 @@ def _doubts(row: VehicleRow, *, keyed: bool) -> list[Fact]:
 
 
 def _box_facts(box: Box) -> list[Fact]:
-    facts: list[Fact] = [("track", f"{box.track_id or '–'}" + (" coasting" if box.coasting else ""), INK)]
+    everywhere = f", ?{box.number} in all pictures" if box.number and not box.system_id else ""
+    facts: list[Fact] = [("track", f"{box.track_id or '–'}{everywhere}{' coasting' if box.coasting else ''}", INK)]
     if math.isfinite(box.lat_deg) and math.isfinite(box.lon_deg):
         facts.append(("place", f"{box.lat_deg:.5f} {box.lon_deg:.5f}", INK))
     return facts
