@@ -49,6 +49,18 @@ class Newcomer:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CameraPicture:
+    """Picture of one of a flight's cameras as it is now."""
+
+    name: str
+    """Name of its aircraft or mast."""
+    snapshot: Snapshot | None
+    """Its newest; None before the first."""
+    on_show: bool
+    """True of the camera that map, table and keys are about."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Gap:
     """A part of a recording in which something was not received."""
 
@@ -137,6 +149,13 @@ class Station(Protocol):
 
         Raises:
             GcsError, VisionError: what that one recorded cannot be used.
+        """
+
+    def pictures(self) -> Sequence[CameraPicture]:
+        """Pictures of the flight's cameras as they are now, in the mission's order.
+
+        Raises:
+            GcsError, VisionError: what one of them recorded cannot be used.
         """
 
     @property

@@ -35,7 +35,7 @@ from gcs.mission.written import save_mission
 from gcs.session.metadata import PROGRAM, key_notes
 from gcs.session.recorder import Recorder, ViewRecorder
 from gcs.snapshot import Alarm, Event, FleetChange, Health, Snapshot, Statement
-from gcs.station import Commands, Newcomer
+from gcs.station import CameraPicture, Commands, Newcomer
 from infra.wall_clock import now_us
 from mavlink.errors import LinkError
 from mavlink.signing.keys import KeyRing, read_ring
@@ -295,6 +295,11 @@ class Flight:
         """The same with its next camera on show and in focus."""
         self._views.show_next()
         return self if self._views.several else None
+
+    def pictures(self) -> Sequence[CameraPicture]:
+        """Pictures that the cameras took last."""
+        shown, views = self._views.shown, (view for _, view in sorted(self._views.all.items()))
+        return [CameraPicture(name=each.name, snapshot=each.loop.latest, on_show=each is shown) for each in views]
 
     def take_rival_video(self) -> None:
         """The operator takes the other video where two senders contest its port: an event."""

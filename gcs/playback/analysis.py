@@ -131,6 +131,11 @@ class Analysis:
         return self.mission.uav.system_id
 
     @property
+    def films(self) -> str:
+        """Name of that aircraft."""
+        return self.mission.name_of(self.uav_id)
+
+    @property
     def as_flown(self) -> bool:
         """True if the recording kept the order in which a flight folded it."""
         return self._turns is not None

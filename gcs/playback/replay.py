@@ -29,7 +29,7 @@ from gcs.playback.snapshot_store import SnapshotStore
 from gcs.session.event_log import append_event, marks_path, read_marks
 from gcs.session.session import Session
 from gcs.snapshot import NAMED, Alarm, Event, FleetChange, Snapshot
-from gcs.station import Gap, Newcomer
+from gcs.station import CameraPicture, Gap, Newcomer
 from gcs.trails import Trail, Trails
 from mavlink.geodesy import LocalFrame
 from mavlink.state import SILENT_S
@@ -284,9 +284,7 @@ class Replay:
         """The flight's next camera: opened when it is wanted first, and going on from here."""
         place = self._views.index(self) + 1
         if place == len(self._views) and self._unseen:
-            new = Replay(self._unseen.popleft(), redetect=self._redetect)
-            new._views, new._unseen = self._views, self._unseen
-            self._views.append(new)
+            self._open_next()
         if len(self._views) == 1:
             return None
         view = self._views[place % len(self._views)]
@@ -294,6 +292,24 @@ class Replay:
         view.seek(self.now_us)
         view._playing, view._speed = playing, self._speed
         return view
+
+    def _open_next(self) -> None:
+        new = Replay(self._unseen.popleft(), redetect=self._redetect)
+        new._views, new._unseen = self._views, self._unseen
+        self._views.append(new)
+        new._playing = False
+
+    def pictures(self) -> Sequence[CameraPicture]:
+        """Pictures of all cameras at this moment; they are opened by that."""
+        while self._unseen:
+            self._open_next()
+        for view in self._views:
+            if view is not self:
+                view.seek(self.now_us)
+        in_order = sorted(self._views, key=lambda view: view._analysis.opened.session.folder)
+        return [
+            CameraPicture(name=view._analysis.films, snapshot=view.latest(), on_show=view is self) for view in in_order
+        ]
 
     def set_speed(self, speed: float) -> None:
         """Set the speed, clamped to 0.1..20."""

@@ -107,7 +107,7 @@ class RollcallApp(ReplayApp):
         self._station = station
         self._newest_at = time.monotonic()
         self._offered: frozenset[int] = frozenset()
-        self.left = False
+        self.left = self._tiled = False
         # held, not queried: a query looks at the screen on top, which may be a question
         self._status = StatusBar(live=station.timeline is None, id="status")
         self._alert_line = Banner(id="alert")
@@ -172,6 +172,8 @@ class RollcallApp(ReplayApp):
             self.snapshot = newest
         if not waits:
             self._panes.hold_pictures(False)
+        if self._tiled:
+            self._show_tiles()
         self._status.title = self._station.title
         events = tuple(self._station.events())
         if events != self._events.all_events:
@@ -314,6 +316,25 @@ class RollcallApp(ReplayApp):
             return
         self._station = view
         self._pick(self.selected, 0)
+
+    def action_tiles(self) -> None:
+        """Show all cameras beside each other in the video, or the one on show alone."""
+        self._tiled = not self._tiled
+        if self._tiled:
+            self._show_tiles()
+        else:
+            self._video.tiles = ()
+
+    def _show_tiles(self) -> None:
+        try:
+            tiles = self._station.pictures()
+        except (GcsError, VisionError) as error:
+            self.notify(str(error), severity="warning", markup=False)
+            tiles = ()
+        if len(tiles) == 1:
+            self.notify("there is one camera", markup=False, timeout=2)
+        self._tiled = len(tiles) > 1
+        self._video.tiles = tuple(tiles) if self._tiled else ()
 
     def _trails(self, t_us: int, span_s: float, origin: LocalFrame | None) -> Sequence[Trail]:
         """Trails of a replay."""

@@ -45,6 +45,7 @@ PANES: Final = (
     _key("z", "maximise", "zoom", "Focused pane over the whole screen and back", id="pane.maximise"),
     _key("Z", "inset", "enlarge", "Video: the picked vehicle enlarged in a corner, again to hide", id="video.inset"),
     _key("C", "next_view", "camera", "The next camera, where a flight has several", id="video.camera"),
+    _key("4", "tiles", "cameras", "Video: all cameras beside each other, again for the one on show", id="video.tiles"),
     _key("1", "layout(1)", "video", "Layout: video first", id="layout.video"),
     _key("2", "layout(2)", "map", "Layout: map first", id="layout.map"),
     _key("3", "layout(3)", "both", "Layout: video and map above the whole table", id="layout.both"),

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.snapshot import Alarm, Box, Event, Health, LinkHealth, Snapshot, Standing, VehicleRow
-from gcs.station import Gap
+from gcs.station import CameraPicture, Gap
 from gcs.trails import Trails
 from gcs.tui import RollcallApp
 from gcs.tui.pane_area import PaneArea
@@ -297,6 +297,10 @@ class FakeStation:
 
     def next_view(self) -> FakeStation | None:
         return self.other_view
+
+    def pictures(self) -> list[CameraPicture]:
+        views = [self, *([self.other_view] if self.other_view else [])]
+        return [CameraPicture(name=each.title, snapshot=each.latest(), on_show=each is self) for each in views]
 
     def stop(self) -> None:
         self.stopped += 1

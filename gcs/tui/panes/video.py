@@ -15,6 +15,7 @@ from gcs.report.inset import Inset
 from gcs.report.labels import Labelling
 from gcs.report.overlay import draw, image_inset, image_labels
 from gcs.snapshot import HELD_SHOWN_S, Snapshot
+from gcs.station import CameraPicture
 from gcs.tui.draw.format import age
 from gcs.tui.draw.mosaic import HALF_BLOCKS, PictureMode
 from gcs.tui.draw.pixels import Pixels
@@ -24,6 +25,7 @@ from gcs.tui.framing import PictureRegion, frame_for, framed
 from gcs.tui.messages import VehiclePicked
 from gcs.tui.palette import ALARM, FAINT, HEAD, INK, WARN, ink
 from gcs.tui.panes.pane import Pane
+from gcs.tui.tiles import tile_at, tiled_cells
 from infra.plain_text import plain
 
 PIXELS_EVERY_S = 0.15
@@ -39,6 +41,8 @@ class VideoPane(Pane):
     is_picture: ClassVar[bool] = True
     enlarged: reactive[bool] = reactive(False, repaint=False)
     """True if the picked vehicle is shown enlarged in a corner."""
+    tiles: reactive[tuple[CameraPicture, ...]] = reactive((), repaint=False)
+    """Pictures of all cameras beside each other, in place of that on show; none: it alone."""
 
     def __init__(self, *, id: str, pixels: Pixels | None = None, mode: PictureMode = HALF_BLOCKS) -> None:
         super().__init__(id=id)
@@ -52,6 +56,7 @@ class VideoPane(Pane):
         """Snapshot that is on screen in cells: as if the image were the part that is shown."""
         self._labelling = Labelling()
         self._inset: Inset | None = None
+        self._tile_labels: dict[str, Labelling] = {}
 
     def compose(self) -> ComposeResult:
         """An image of textual-image in pixel mode, nothing else."""
@@ -98,6 +103,8 @@ class VideoPane(Pane):
             return [line([(" waiting for the first frame …", ink(FAINT))], width)]
         if height <= 0:
             return []
+        if self.tiles:
+            return self._tiled(width, height)
         if self._pixels is not None:
             self._send(self._pixels, self.snapshot, width, height)
             return []
@@ -106,6 +113,13 @@ class VideoPane(Pane):
         inset = self._inset = video_inset(*field, self._inset) if self.enlarged else None
         self._labelling = video_labels(*field, self._labelling, inset)
         return video_cells(*field, self._labelling, self._mode, inset).strips()
+
+    def _tiled(self, width: int, height: int) -> list[Strip]:
+        """All cameras in cells, whatever the terminal can show: a small picture has no more to see in pixels."""
+        self._shown = self._frame = self._inset = None
+        field = self.tiles, self.selected, width, height, self.picked_track
+        cells, self._tile_labels = tiled_cells(*field, self._tile_labels, self._mode)
+        return cells.strips()
 
     def _framed(self, snapshot: Snapshot, shape: float) -> Snapshot:
         """The part that is shown; all of it on the whole screen, which has room for it."""
@@ -144,6 +158,13 @@ class VideoPane(Pane):
         """The inset comes or goes."""
         self.redraw()
 
+    def watch_tiles(self, before: tuple[CameraPicture, ...], tiles: tuple[CameraPicture, ...]) -> None:
+        """Another camera has a new picture, or tiles come or go."""
+        if self._pixels is not None and bool(before) != bool(tiles):
+            self.query_one(f"#{IMAGE_ID}").display = not tiles
+            self._look = ()
+        self.redraw()
+
     def _is_on_inset(self, x: int, y: int) -> bool:
         if self._inset is None or self._pixels is not None:
             return False
@@ -165,7 +186,16 @@ class VideoPane(Pane):
         self.redraw()
 
     def on_click(self, event: events.Click) -> None:
-        """Pick the vehicle or the box under the pointer."""
+        """Pick the vehicle or the box under the pointer; in the picture of a camera that is not on show a vehicle."""
+        if self.tiles:
+            width, height = self.size.width, self.size.height - 1
+            found = tile_at(self.tiles, event.x, event.y - 1, width, height)
+            if found is not None and found[0].snapshot is not None:
+                tile, (left, top, width, height) = found
+                box = box_at(found[0].snapshot, event.x - left, event.y - 1 - top, width, height)
+                track = box.track_id if box and tile.on_show else 0
+                self.post_message(VehiclePicked(box.system_id, track) if box else VehiclePicked(0))
+            return
         shown = self.snapshot if self._pixels is not None else self._shown
         if shown is not None and not self._is_on_inset(event.x, event.y - 1):
             box = box_at(shown, event.x, event.y - 1, self.size.width, self.size.height - 1)

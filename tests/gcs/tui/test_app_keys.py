@@ -45,6 +45,23 @@ async def test_seeking_keys():
             assert (station.timeline.now_us - START_US) / 1e6 == pytest.approx(want_s, abs=1e-3), keys
 
 
+async def test_all_cameras_are_beside_each_other():
+    station = FakeStation(live=True)
+    async with running(station, WIDE) as (app, pilot, _):
+        video = app.query_one("#video")
+        await pilot.press("4")
+        assert video.tiles == () and "there is one camera" in {each.message for each in app._notifications}
+        station.other_view = other = FakeStation(live=True)
+        other.title = "North"
+        await pilot.press("4")
+        assert {"▸live", " North"} <= {row.strip("\n").rstrip() for row in text_of(video).split("\n")}
+        other.snapshot = None
+        await polled(app, pilot)
+        assert "waiting for the first frame" in text_of(video)
+        await pilot.press("4")
+        assert "North" not in text_of(video)
+
+
 async def test_the_next_camera_comes_into_focus():
     station, other = FakeStation(), FakeStation()
     station.other_view, other.other_view, other.title = other, station, "from UAV-2"
