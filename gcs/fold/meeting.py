@@ -6,6 +6,7 @@ recorded; of a recording the same ones again.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from assoc.other_views.first_seen import FirstSeen, FirstSeenTracks, Heard
 from assoc.other_views.hearing import Hearing
+from assoc.other_views.reconcile import Cause
 from assoc.records import Sighting
 from gcs.mission.mission import Mission
 from mavlink.geodesy import LocalFrame
@@ -138,7 +140,8 @@ class Seat:
             if max(each.mine, each.theirs) < len(names):
                 other = mission.name_of(each.view)
                 wrong = {-1: "this one is likelier wrong", 1: f"{other} is likelier wrong", 0: "either may be wrong"}
-                return f"{names[each.mine]} is {names[each.theirs]} by {other}; {wrong[each.wrong]}"
+                why = f": {_words(each.cause)} would explain it" if each.cause else ""
+                return f"{names[each.mine]} is {names[each.theirs]} by {other}; {wrong[each.wrong]}{why}"
         return ""
 
     def _moved(self, left: _Left, origin: LocalFrame) -> Sighting:
@@ -152,3 +155,17 @@ class Seat:
             t, R = moved[0], (moved[1:] - moved[0]).T / _SIDE_M
             self._moves = {left.origin: (origin, R, t)}
         return replace(left.sighting, place=left.sighting.place @ R.T + t)
+
+
+def _words(cause: Cause) -> str:
+    """Cause in words, with how far it is off."""
+    if cause.kind == "clock":
+        return f"a clock {cause.value:.1f} s off"
+    if cause.kind == "position":
+        return f"a camera {cause.value:.0f} m from where it is said to be"
+    turned_deg, scaled = math.degrees(cause.value), max(cause.scale, 1.0 / cause.scale)
+    return (
+        f"a camera turned by {turned_deg:.0f}°"
+        if turned_deg > 100.0 * (scaled - 1.0)
+        else f"a scale {scaled:.2f} times off"
+    )

@@ -309,7 +309,8 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         kind="camera",
         text="another camera names a vehicle differently",
         meaning=f"for {DIFFER_FOR_S:g} s one box of two cameras has another sure name in each; neither is shown as "
-        "sure meanwhile",
+        "sure meanwhile. A clock, a camera's place, a turn or a scale that would explain it is said where the data "
+        "tell",
         advice="act on neither name; look at clock, heading and mount of the camera that is likelier wrong, and at the "
         "vehicle's position",
         condition=lambda health, _: bool(health.views_differ),

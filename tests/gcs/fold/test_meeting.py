@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from assoc.other_views.reconcile import Cause
 from assoc.records import Sighting
-from gcs.fold.meeting import Meeting
+from gcs.fold.meeting import Meeting, _words
 from mavlink.geodesy import LocalFrame
 
 HERE, THERE = LocalFrame(48.1, 11.6, 550.0), LocalFrame(48.1, 11.603, 540.0)
@@ -61,3 +62,16 @@ def test_what_was_seen_elsewhere_is_not_the_same():
     far = replace(seen(0, HERE, SURE), place=seen(0, HERE, SURE).place + 60.0)
     second.answers(0, HERE, IDS, far)
     assert np.allclose(first.answers(0, HERE, IDS, seen(0, HERE, EVEN)), EVEN)
+
+
+@pytest.mark.parametrize(
+    ("cause", "words"),
+    [
+        (Cause("clock", 1.23), "a clock 1.2 s off"),
+        (Cause("position", 5.6), "a camera 6 m from where it is said to be"),
+        (Cause("camera", 0.2), "a camera turned by 11°"),
+        (Cause("camera", 0.02, 0.8), "a scale 1.25 times off"),
+    ],
+)
+def test_what_would_explain_a_contradiction_is_said(cause, words):
+    assert _words(cause) == words
