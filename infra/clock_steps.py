@@ -13,6 +13,10 @@ Ints = NDArray[np.int64]
 _NEXT = 8
 """Times on either side that have to agree about a restart."""
 _MOST_STEPS = 1000
+_JITTER, _UNEVEN = 10_000, 5.0
+"""Steps are usual within this, and within so many times by what most of them differ from the usual one."""
+_LEAD_IN = 3
+"""Usual steps on either side of one that goes back: else times came in any order."""
 
 
 def restarts(times: Ints, least: int, agree: int = _NEXT) -> list[int]:
@@ -29,21 +33,42 @@ def restarts(times: Ints, least: int, agree: int = _NEXT) -> list[int]:
     ]
 
 
-def level_steps(offsets: Ints, least: int, around: int) -> list[tuple[int, int]]:
+def level_steps(offsets: Ints, least: int, around: int, *, late: bool = False) -> list[tuple[int, int]]:
     """Places where the difference of two clocks (n,) moves by more than ``least`` and stays, and by how much.
 
     Args:
         offsets: one clock less the other.
         around: how many samples on either side make a level: lateness is over by then.
+        late: offsets are of arrivals, which come late and never early.
     """
     steps: list[tuple[int, int]] = []
+    level = np.min if late else np.median
     start = 0
     for i in (np.flatnonzero(np.abs(np.diff(offsets)) > least) + 1)[:_MOST_STEPS].tolist():
         before, after = offsets[max(start, i - around) : i], offsets[i : i + around]
         if min(len(before), len(after)) < min(_NEXT, around):
             continue
-        by = int(np.median(after)) - int(np.median(before))
-        if abs(by) > least and abs(int(offsets[i]) - int(np.median(after))) < least:
+        by = int(level(after)) - int(level(before))
+        if abs(by) > least and abs(int(offsets[i]) - int(level(after))) < least:
             steps.append((i, by))
             start = i
     return steps
+
+
+def set_back(times: Ints) -> list[int]:
+    """Rows from which times (n,) in the order of the file are earlier than before, and go on as they did."""
+    usual_us, even = usual_steps(times)
+    back = np.flatnonzero((np.diff(times) < 0) & ~even)
+    return [
+        int(row) + 1
+        for row in back
+        if even[max(0, row - _LEAD_IN) : row].all() and even[row + 1 : row + 1 + _LEAD_IN].all() and usual_us > 0.0
+    ]
+
+
+def usual_steps(times: Ints) -> tuple[float, NDArray[np.bool_]]:
+    """The usual step of times (n,), µs, 0 without any, and which steps (n − 1,) are like it."""
+    steps = np.diff(times)
+    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    off = np.abs(steps - usual)
+    return usual, np.asarray(off <= max(_JITTER, _UNEVEN * float(np.median(off)) if len(steps) else 0.0))

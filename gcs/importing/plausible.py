@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +16,13 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 _DAY_US = 86_400_000_000
+_OLD_US, _WEEKS_US = 1_262_304_000_000_000, 1024 * 7 * _DAY_US
+"""Year 2010; and after how long a receiver's weeks begin again."""
 _FASTEST_MPS, _SLACK_M = 300.0, 200.0
 """No vehicle of ours is faster; a receiver that corrects itself steps by less than the slack."""
 _DEG_M = 111_320.0
 _FAR_M, _CLIMB_MPS = 30.0, 40.0
-_FAR_RAD, _TURN_RAD_S = 0.5, 2.0
+_FAR_RAD, _TURN_RAD_S, _TURN = 0.5, 2.0, 2.0 * math.pi + 0.01
 """Heights and headings that are farther off than the first and back faster than the second are damaged."""
 _LEAST = 3
 _MOST_IN_A_ROW = 8
@@ -53,10 +56,10 @@ def plausible(log: VehicleLog) -> VehicleLog:
         "altitudes that cannot be": beyond,
         "altitudes out of the path and back at once": heights,
         "velocities that are not those of the path": strange,
-        "attitudes that turn away and back at once": body + camera,
+        "attitudes that cannot be, or turn away and back at once": body + camera,
     }
     skipped = {**log.notes.skipped, **{reason: count for reason, count in left_out.items() if count}}
-    notes = replace(log.notes, skipped=skipped, assumed=(*log.notes.assumed, *_at_sea(places)))
+    notes = replace(log.notes, skipped=skipped, assumed=(*log.notes.assumed, *_at_sea(places), *_of_old(log)))
     return replace(log, places=places, attitudes=attitudes, gimbal=gimbal, notes=notes)
 
 
@@ -65,6 +68,19 @@ def _within_the_air(places: PlaceTrack) -> tuple[PlaceTrack, int]:
     alt, height = (np.abs(np.nan_to_num(column)) > MOST_M for column in (places.alt_m, places.height_m))
     alt_m, height_m = np.where(alt, np.nan, places.alt_m), np.where(height, np.nan, places.height_m)
     return replace(places, alt_m=alt_m, height_m=height_m), int(np.count_nonzero(alt | height))
+
+
+def _of_old(log: VehicleLog) -> tuple[str, ...]:
+    """In words, where a date is older than what is read here: weeks of GPS begin again after 1024 of them."""
+    first_us = log.zero_us if log.clock == "video" else int(log.places.t_us[0]) if len(log.places) else 0
+    if log.clock not in ("video", "utc") or not 0 < first_us < _OLD_US:
+        return ()
+    dates = (datetime.fromtimestamp(t_us * 1e-6, UTC) for t_us in (first_us, first_us + _WEEKS_US))
+    return (
+        "it is of {:%Y-%m-%d} by its date: a receiver whose weeks have begun again? that would be {:%Y-%m-%d}".format(
+            *dates
+        ),
+    )
 
 
 def _at_sea(places: PlaceTrack) -> tuple[str, ...]:
@@ -116,8 +132,10 @@ def _without_spikes(places: PlaceTrack) -> tuple[PlaceTrack, int]:
 
 
 def _still(track: AngleTrack) -> tuple[AngleTrack, int]:
-    """Without attitudes that nothing turns to and back, and how many these are."""
-    off = alone(track.t_us, _axes(track.angles), _FAR_RAD, _TURN_RAD_S)
+    """Without attitudes in another unit, or that nothing turns to and back, and how many these are."""
+    with np.errstate(invalid="ignore"):
+        off = (np.abs(track.angles) > _TURN).any(axis=1)
+    off |= alone(track.t_us, _axes(track.angles), _FAR_RAD, _TURN_RAD_S)
     kept = ~off
     return replace(track, t_us=track.t_us[kept], angles=track.angles[kept]), int(np.count_nonzero(off))
 

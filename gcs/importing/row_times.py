@@ -1,4 +1,4 @@
-"""Times of a file's rows as those of one clock, and dates by another clock: judged for every reader alike."""
+"""Times of a file's rows as those of one clock, judged for every reader alike."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
+from gcs.importing.clock_leaps import path_leaps
 from gcs.importing.plausible import alone, leaps, metres, usual_step
 from gcs.importing.vehicle_log import in_order, whole_places
-from infra.clock_steps import level_steps, restarts
+from infra.clock_steps import restarts, set_back
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -35,10 +36,7 @@ _FAR_M, _FASTEST_MPS = 30.0, 40.0
 """Nothing goes farther than this out of its path and back as fast as that."""
 _BESIDE_M, _SHARE_BESIDE = 15.0, 0.1
 """Least distance of paths that take turns, more than that of coordinates of four decimals, and least share."""
-_CUT_STEP_US, _STEP_US = 1_200_000, 500_000
-"""Dates of whole seconds step by one."""
-_AROUND, _MOST_TOLD = 8, 3
-"""Samples on either side that agree about a step, and how many are told."""
+_MOST_TOLD = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,31 +67,34 @@ def check_one_clock(t_us: Ints, source: str, *, blocks: bool = False) -> None:
         )
     back_to_front = np.count_nonzero(np.diff(t_us) < 0) * 2 > len(t_us)
     times = t_us[::-1] if back_to_front else t_us
-    again = restarts(times, _BACK_US, _AGREE)
+    again = sorted({*restarts(times, _BACK_US, _AGREE), *set_back(times)})
     if again and not (blocks and _apart(np.split(times, again))):
         row = again[0]
         raise ImportFileError(
             f"{source}: its times begin again: position {row + 1} of {len(t_us)} is "
-            f"{(times[row - 1] - times[row]) * 1e-6:.1f} s earlier than the one in front of it; two recordings, or a "
+            f"{(times[row - 1] - times[row]) * 1e-6:.2f} s earlier than the one in front of it; two recordings, or a "
             "clock that was set: cut it there"
         )
 
 
 def _apart(blocks: Sequence[Ints]) -> bool:
-    """Tell whether no two blocks of times share more than a moment."""
+    """Tell whether no two blocks of times lie over each other."""
     spans = sorted((int(block.min()), int(block.max())) for block in blocks)
-    return all(last - first < _BACK_US for (_, last), (first, _) in pairwise(spans))
+    return all(last <= first for (_, last), (first, _) in pairwise(spans))
 
 
-def row_times(t_us: Ints, places: Floats, source: str) -> RowTimes:
+def row_times(t_us: Ints, places: Floats, source: str, *, blocks: bool = False, own_us: Ints | None = None) -> RowTimes:
     """Times of rows in the order of the file as those of one clock.
 
     Whole seconds that several rows share are spread over the second, where the places differ within it; of other rows
-    with one time the first counts. Damaged times and places, and what is no place, are left out.
+    with one time the first counts. Rows that are there again, damaged times and places, and what is no place are left
+    out.
 
     Args:
         t_us: (n,) as they stand there.
         places: (n, 2) beside them.
+        blocks: blocks may stand in another order, as long as they do not lie over each other.
+        own_us: (n,) by the clock of what moves, where ``t_us`` is when that arrived.
 
     Raises:
         ImportFileError: the times begin again, or all of them are the same.
@@ -102,8 +103,13 @@ def row_times(t_us: Ints, places: Floats, source: str) -> RowTimes:
     nowhere = {_NO_PLACE: len(t_us) - len(whole)} if len(whole) < len(t_us) else {}
     if not len(whole):
         return RowTimes(rows=whole, t_us=t_us[whole], skipped=nowhere)
+    first = _first_told(t_us[whole], places[whole])
+    repeated, whole = len(whole) - len(first), whole[first]
     t_us, places = t_us[whole], places[whole]
-    check_one_clock(t_us, source)
+    check_one_clock(t_us, source, blocks=blocks)
+    if blocks:
+        in_time = np.argsort(t_us, kind="stable")
+        whole, t_us, places = whole[in_time], t_us[in_time], places[in_time]
     kept, strays = _without_strays(t_us, places)
     times, counts = np.unique(t_us[kept], return_counts=True)
     order = kept[np.argsort(t_us[kept], kind="stable")]
@@ -115,16 +121,18 @@ def row_times(t_us: Ints, places: Floats, source: str) -> RowTimes:
         late = int(np.count_nonzero(t_us[kept] < np.maximum.accumulate(t_us[kept])))
         said = f"{late} positions stand behind later ones: put in order" if 0 < late * 2 < len(kept) else ""
     left_out = {
+        "positions that are there twice": repeated,
         "positions with the time of another": len(order) - len(rows),
         "positions whose time is not that of those around them": strays,
     }
     _check_one_path(times, metres(places[rows]), source)
     there = ~alone(times, metres(places[rows]), _FAR_M, _FASTEST_MPS)
     left_out["positions out of the path and back at once"] = int(np.count_nonzero(~there))
+    moved_us = times[there] if own_us is None else own_us[whole[rows[there]]]
     return RowTimes(
         rows=whole[rows[there]],
         t_us=times[there],
-        assumed=(*((said,) if said else ()), *_gap_words(times)),
+        assumed=(*((said,) if said else ()), *_leap_words(times[there], moved_us, metres(places[rows[there]]))),
         skipped={**nowhere, **{reason: count for reason, count in left_out.items() if count}},
     )
 
@@ -195,13 +203,28 @@ def gaps(times: Ints) -> Ints:
     return np.asarray(np.flatnonzero(steps >= max(_GAP_US, _GAP_STEPS * usual_us)), np.int64)
 
 
-def _gap_words(times: Ints) -> tuple[str, ...]:
-    """The longest gap: a clock that was set forward looks the same."""
-    if not len(gaps(times)):
-        return ()
-    steps = np.diff(times)
-    row = int(np.argmax(steps))
-    return (f"nothing was logged for {steps[row] * 1e-6:.1f} s after position {row + 1} of {len(times)}",)
+def _leap_words(times: Ints, moved_us: Ints, path_m: Floats) -> tuple[str, ...]:
+    """Leaps of the clock of what moves, and the longest gap: in one a vehicle may have stood, or its clock was set."""
+    steps, longest = np.diff(times), gaps(times)
+    told = [
+        f"its clock leaps by {by_us * 1e-6:+.2f} s after position {row + 1} of {len(times)}: the path goes on as if no "
+        "time had passed; cut it there"
+        for row, by_us in path_leaps(moved_us, path_m)[:_MOST_TOLD]
+        if row not in longest
+    ]
+    if len(longest):
+        row = longest[np.argmax(steps[longest])]
+        told.append(f"nothing was logged for {steps[row] * 1e-6:.1f} s after position {row + 1} of {len(times)}")
+    return tuple(told)
+
+
+def _first_told(t_us: Ints, places: Floats) -> Ints:
+    """Rows but those that stand behind later ones and were told before, as where a part of a file is in it twice."""
+    late = t_us < np.maximum.accumulate(t_us)
+    if not late.any():
+        return np.arange(len(t_us))
+    _, first, same = np.unique(np.column_stack([t_us, places]), axis=0, return_index=True, return_inverse=True)
+    return np.flatnonzero(~late | (first[same.ravel()] == np.arange(len(t_us))))
 
 
 def _differ(places: Floats, t_us: Ints) -> bool:
@@ -231,38 +254,3 @@ def unix_seconds(text: str) -> tuple[float, bool]:
     except ValueError:
         return float("nan"), True
     return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp(), when.tzinfo is not None
-
-
-def longest_level(what: str, ahead_us: Ints, t_us: Ints, step_us: int) -> tuple[Ints, tuple[str, ...]]:
-    """Lead of a clock (n,) that holds longest, and in words where it steps.
-
-    Args:
-        what: the clock, in messages.
-        ahead_us: (n,) in the order of the file.
-        t_us: (n,) by the clock that it is ahead of.
-    """
-    steps = level_steps(ahead_us, step_us, _AROUND)
-    if not steps:
-        return ahead_us, ()
-    first, last = max(pairwise([0, *(row for row, _ in steps), len(ahead_us)]), key=lambda part: part[1] - part[0])
-    longest = ahead_us[np.abs(ahead_us - np.median(ahead_us[first:last])) < step_us]
-    said = ", ".join(f"{by_us * 1e-6:+.1f} s at {t_us[row] * 1e-6:.1f} s" for row, by_us in steps[:_MOST_TOLD])
-    return longest, (f"{what} steps by {said}: what holds longest counts",)
-
-
-def first_frame_us(unix_us: Ints, t_us: Ints) -> tuple[int, tuple[str, ...]]:
-    """Unix µs of a video's first frame by the dates in its subtitles, 0 without any, and in words what was assumed.
-
-    Args:
-        unix_us: (n,) dates, 0 unknown.
-        t_us: (n,) when they are shown, since the first frame.
-    """
-    dated = unix_us > 0
-    if not dated.any():
-        return 0, ()
-    cut = not (unix_us % _SECOND_US).any()
-    ahead_us, step_us = (unix_us - t_us)[dated], _CUT_STEP_US if cut else _STEP_US
-    longest, told = longest_level("the date in its subtitles", ahead_us, t_us[dated], step_us)
-    # dates that are cut to whole seconds are on average half a second early
-    zero_us = int(np.quantile(longest, 0.5, method="lower")) + (_SECOND_US // 2 if cut else 0)
-    return max(0, zero_us), ("the date in its subtitles is UTC", *told)

@@ -21,7 +21,7 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
-from infra.clock_steps import restarts
+from infra.clock_steps import restarts, set_back
 from vision.errors import VideoError
 
 ONE_FILE = (
@@ -132,8 +132,9 @@ def _check_one_film(path: Path, stamps: list[int], tick: Fraction | None) -> Non
     Raises:
         VideoError: they do.
     """
-    second = round(1 / (tick or Fraction(1, 1_000_000)))
-    for at in restarts(np.array(stamps, dtype=np.int64), second, _AGREE)[:1]:
+    tick = tick or Fraction(1, 1_000_000)
+    times = np.array(stamps, dtype=np.int64)
+    for at in [*restarts(times, round(1 / tick), _AGREE), *set_back(np.rint(times * float(tick * 1_000_000)))][:1]:
         raise VideoError(
             f"video {path}: time stamps begin again after {at} of {len(stamps)} frames: two films in one file; cut it "
             "there, or remux it so that they go on"

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.importing.formats.dataflash import DataflashTables, read_tables
-from gcs.importing.row_times import RowTimes, ascending, longest_level, row_times
+from gcs.importing.row_times import RowTimes, ascending, row_times
+from gcs.importing.two_clocks import clock_lead
 from gcs.importing.vehicle_log import (
     M_PER_HDOP,
     AngleTrack,
@@ -36,8 +37,6 @@ _GAP_US = 2_000_000
 """Longest hole that is bridged where one record tells what another lacks."""
 _LATEST = 0.95
 """Quantile of the differences of GPS time and the log's: a record is written some time after the fix that it has."""
-_STEP_US = 2_000_000
-"""Smaller steps of GPS time against the log's are lateness."""
 _ID_NAMES = (b"SYSID_THISMAV", b"MAV_SYSID")
 _LATEST_US = 1 << 53
 
@@ -183,9 +182,8 @@ def _zero_us(tables: DataflashTables) -> tuple[int | None, tuple[str, ...]]:
         return None, ()
     unix_us = (_GPS_EPOCH_S - _LEAP_S + fixes["GWk"].astype(np.int64) * _WEEK_S) * 1_000_000
     unix_us = unix_us + fixes["GMS"].astype(np.int64) * 1000
-    zero_us = unix_us - _times(fixes)
-    longest, told = longest_level("GPS time", zero_us, _times(fixes), _STEP_US)
-    return int(np.quantile(longest, _LATEST, method="nearest")), told
+    lead = clock_lead("GPS time", "the log's own clock", unix_us, _times(fixes))
+    return int(np.quantile(lead.longest_us, _LATEST, method="nearest")), lead.told
 
 
 def _angles(table: Rows | None, names: tuple[str, str, str]) -> AngleTrack:

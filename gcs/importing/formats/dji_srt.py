@@ -18,8 +18,9 @@ from gcs.errors import ImportFileError
 from gcs.importing.cameras import from_focal_length
 from gcs.importing.formats.dji_cue import DjiCue, read_cue
 from gcs.importing.formats.subtitles import SubtitleCue
-from gcs.importing.row_times import check_one_clock, first_frame_us, row_times
+from gcs.importing.row_times import row_times
 from gcs.importing.smoothing import smoothed_places
+from gcs.importing.two_clocks import DATE_IN_UTC, film_date
 from gcs.importing.vehicle_log import AngleTrack, ImportNotes, PlaceTrack, VehicleLog, ViewTrack, whole_places
 
 Floats = NDArray[np.float64]
@@ -59,17 +60,14 @@ def log_of_cues(source: str, cues: Iterable[SubtitleCue]) -> VehicleLog:
     if not rows:
         why = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
         raise ImportFileError(f"{source}: no position in it ({why}); is it a DJI drone's, with satellites in view?")
-    check_one_clock(np.array([t for t, _ in rows], np.int64), source, blocks=True)
-    rows, late = _in_order(rows)
-    if late:
-        skipped["repeated or out of order"] += late
     at = np.array([(cue.lat_deg, cue.lon_deg) for _, cue in rows])
-    ordered = row_times(np.array([t for t, _ in rows], np.int64), at, source)
+    ordered = row_times(np.array([t for t, _ in rows], np.int64), at, source, blocks=True)
     t_us, read = ordered.t_us, [rows[k][1] for k in ordered.rows.tolist()]
     skipped.update(ordered.skipped)
     family = Counter(cue.family for cue in read).most_common(1)[0][0]
     decimals = _decimals(read)
-    zero_us, told = first_frame_us(np.array([cue.unix_us for cue in read], np.int64), t_us)
+    unix_us = np.array([cue.unix_us for cue in read], np.int64)
+    zero_us, told = film_date("the date in its subtitles", unix_us, t_us)
     found = [f"DJI subtitles, {family}", f"{len(read)} positions of {decimals} decimals"]
     return VehicleLog(
         source=source,
@@ -81,7 +79,7 @@ def log_of_cues(source: str, cues: Iterable[SubtitleCue]) -> VehicleLog:
         view=_view(t_us, read),
         notes=ImportNotes(
             found=tuple(found),
-            assumed=(*told, *ordered.assumed),
+            assumed=(*((DATE_IN_UTC,) if zero_us else ()), *told, *ordered.assumed),
             skipped=dict(skipped),
         ),
     )
@@ -90,14 +88,6 @@ def log_of_cues(source: str, cues: Iterable[SubtitleCue]) -> VehicleLog:
 def _decimals(read: Sequence[DjiCue]) -> int:
     """That most positions have: some writers drop a zero at the end, and a few finer ones do not make the others so."""
     return int(np.quantile([cue.decimals for cue in read], _FINER, method="lower"))
-
-
-def _in_order(rows: list[tuple[int, DjiCue]]) -> tuple[list[tuple[int, DjiCue]], int]:
-    """In order of time, one for each moment, and how many are left out."""
-    kept: dict[int, DjiCue] = {}
-    for t_us, cue in rows:
-        kept.setdefault(t_us, cue)
-    return sorted(kept.items()), len(rows) - len(kept)
 
 
 def _places(t_us: NDArray[np.int64], read: Sequence[DjiCue], decimals: int) -> PlaceTrack:

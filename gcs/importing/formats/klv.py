@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from gcs.errors import ImportFileError
 from gcs.export.motion_imagery.misb import CHECKSUM, SETS_KEY, SIGNED, TIME, UNSIGNED, checksum
 from gcs.importing.formats.timed_bytes import TimedBytes
-from gcs.importing.row_times import longest_level, row_times
+from gcs.importing.row_times import row_times
+from gcs.importing.two_clocks import film_date
 from gcs.importing.vehicle_log import (
     AngleTrack,
     ImportNotes,
@@ -32,8 +33,6 @@ _MOST_SET = 1 << 20
 _LATEST_US = 4_102_444_800_000_000
 """Year 2100: what is later is a date that is not known."""
 _ABOVE_ELLIPSOID = {75, 104}
-_STEP_US = 500_000
-"""Step of the date against the video's clock: larger than what a set waits for its picture."""
 
 
 def log_of_klv(source: str, packets: Sequence[TimedBytes]) -> VehicleLog:
@@ -103,8 +102,7 @@ def _times(rows: Sequence[tuple[int, dict[int, float]]]) -> tuple[NDArray[np.int
     if not all(stamped):
         return t_us, 0, ()
     unix_us = np.array(stamped, np.int64)
-    zeros_us, told = longest_level("the date in its KLV", unix_us - t_us, t_us, _STEP_US)
-    zero_us = int(np.median(zeros_us))
+    zero_us, told = film_date("the date in its KLV", unix_us, t_us)
     return (t_us if told else unix_us - zero_us), zero_us, told
 
 

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.importing.formats.text_file import open_file
-from gcs.importing.row_times import RowTimes, ascending, longest_level, row_times
+from gcs.importing.row_times import RowTimes, ascending, row_times
+from gcs.importing.two_clocks import clock_lead
 from gcs.importing.vehicle_log import (
     AngleTrack,
     ImportNotes,
@@ -61,8 +62,6 @@ _GAP_US = 2_000_000
 _LATEST_US = 1 << 53
 _LEAST_UTC_US = 1_000_000_000_000_000
 """Year 2001: what a receiver says before is no time."""
-_STEP_US = 2_000_000
-"""Smaller steps of GPS time against the log's are lateness."""
 _YAW_IN_EARTH_FRAME = 64
 _FIX_3D = 3
 _MORE_BYTES, _TIMES_LARGER = 200_000_000, 3
@@ -299,18 +298,18 @@ def _zero_us(topics: Topics) -> tuple[int | None, tuple[str, ...]]:
     None where none knew it.
     """
     found: list[tuple[Ints, Ints]] = [
-        (utc_us[known] - _times(topic)[known], _times(topic)[known])
+        (utc_us[known], _times(topic)[known])
         for name in _RECEIVERS
         for topic in topics.get(name, ())
         if _has(topic, "time_utc_usec")
         for utc_us in [topic["time_utc_usec"].astype(np.int64)]
         for known in [utc_us > _LEAST_UTC_US]
     ]
-    zero_us, t_us = max(found, key=lambda each: len(each[0]), default=(np.empty(0, np.int64),) * 2)
-    if not len(zero_us):
+    utc_us, t_us = max(found, key=lambda each: len(each[0]), default=(np.empty(0, np.int64),) * 2)
+    if not len(utc_us):
         return None, ()
-    longest, told = longest_level("GPS time", zero_us, t_us, _STEP_US)
-    return int(np.quantile(longest, 0.5, method="lower")), told
+    lead = clock_lead("GPS time", "the log's own clock", utc_us, t_us)
+    return int(np.quantile(lead.longest_us, 0.5, method="lower")), lead.told
 
 
 def _attitudes(topic: Columns | None) -> AngleTrack:

@@ -19,7 +19,8 @@ import numpy as np
 
 from gcs.errors import ImportFileError
 from gcs.importing.formats.timed_bytes import TimedBytes
-from gcs.importing.row_times import longest_level, row_times
+from gcs.importing.row_times import row_times
+from gcs.importing.two_clocks import film_date
 from gcs.importing.vehicle_log import (
     AngleTrack,
     ImportNotes,
@@ -36,8 +37,6 @@ _H264_SEI, _H265_SEI = (6,), (39, 40)
 _MOST_JSON = 16 << 10
 _OLDEST_MS = 1000.0
 """Greatest age at which a message is not left out."""
-_STEP_US = 500_000
-"""Smaller steps of the date against the video's clock are lateness."""
 _PARTS = re.compile(rb"\x00\x00\x01")
 _UNESCAPED = re.compile(rb"\x00\x00\x03")
 
@@ -115,20 +114,17 @@ def log_of_messages(source: str, messages: Sequence[TimedBytes]) -> VehicleLog:
     if not known.all():
         skipped["messages without a position"] += int(np.count_nonzero(~known))
     utc_us = np.array([_number(record, "utc_us") for record in records])
-    dated = utc_us > 0
     hfov = np.radians(np.array([_number(record, "hfov_deg") for record in records]))
     seen = (hfov > 0.0) & (hfov < np.pi)
     attitudes, gimbal = (_angles(t_us, records, name) for name in ("vehicle_attitude", "gimbal_attitude"))
     places = places[known]
     ordered = row_times(t_us[known], places[:, :2], source)
     order = ordered.rows
-    zeros_us, told = longest_level(
-        "the date in its telemetry", utc_us[dated].astype(np.int64) - t_us[dated], t_us[dated], _STEP_US
-    )
+    zero_us, told = film_date("the date in its telemetry", np.nan_to_num(utc_us).astype(np.int64), t_us)
     return VehicleLog(
         source=source,
         clock="video",
-        zero_us=int(np.quantile(zeros_us, 0.5, method="lower")) if len(zeros_us) else 0,
+        zero_us=zero_us,
         places=PlaceTrack.of(
             ordered.t_us,
             places[order, 0],

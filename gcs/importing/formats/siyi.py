@@ -20,8 +20,9 @@ import numpy as np
 
 from gcs.errors import ImportFileError
 from gcs.importing.formats.subtitles import SubtitleCue
-from gcs.importing.row_times import check_one_clock, first_frame_us, row_times
+from gcs.importing.row_times import row_times
 from gcs.importing.smoothing import smoothed_places
+from gcs.importing.two_clocks import DATE_IN_UTC, film_date
 from gcs.importing.vehicle_log import AngleTrack, ImportNotes, VehicleLog, whole_places
 
 _ANGLE = r"([NSEW])\s?([0-9]{1,3})°\s?([0-9]{1,2})['′]\s?([0-9]{1,2}(?:\.[0-9]{1,6})?)[\"″]"
@@ -60,11 +61,9 @@ def siyi_log(source: str, cues: Sequence[SubtitleCue]) -> VehicleLog:
     if not rows:
         raise ImportFileError(f"{source}: no position in its subtitles; were satellites in view?")
     table, unix_us = np.array(rows), np.array(dates, np.int64)
-    check_one_clock(table[:, 0].astype(np.int64), source, blocks=True)
-    order = np.argsort(table[:, 0], kind="stable")
-    ordered = row_times(table[order, 0].astype(np.int64), table[order, 1:3], source)
-    table, unix_us, t_us = table[order[ordered.rows]], unix_us[order[ordered.rows]], ordered.t_us
-    zero_us, told = first_frame_us(unix_us, t_us)
+    ordered = row_times(table[:, 0].astype(np.int64), table[:, 1:3], source, blocks=True)
+    table, unix_us, t_us = table[ordered.rows], unix_us[ordered.rows], ordered.t_us
+    zero_us, told = film_date("the date in its subtitles", unix_us, t_us)
     known = np.isfinite(table[:, 5])
     return VehicleLog(
         source=source,
@@ -82,7 +81,7 @@ def siyi_log(source: str, cues: Sequence[SubtitleCue]) -> VehicleLog:
         gimbal=AngleTrack(t_us=t_us[known], angles=table[known, 4:7], yaw_from="nose"),
         notes=ImportNotes(
             found=("SIYI's subtitles in the video", f"{len(t_us)} positions to 3 m, dates to whole seconds"),
-            assumed=(*told, *ordered.assumed),
+            assumed=(*((DATE_IN_UTC,) if zero_us else ()), *told, *ordered.assumed),
             skipped={**skipped, **ordered.skipped},
         ),
     )

@@ -61,7 +61,7 @@ def test_a_date_that_steps_is_that_which_holds_longest(flown, tmp_path):
     log = read(tmp_path, late[:start] + good[start:])
     assert_same(log, read(tmp_path, good))
     (said,) = log.notes.assumed
-    assert said.startswith("GPS time steps by -3600.0 s")
+    assert said.startswith("GPS time steps by -3600.00 s")
 
 
 class NoFind(mmap.mmap):

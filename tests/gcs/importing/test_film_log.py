@@ -97,7 +97,7 @@ def test_klv_that_is_damaged():
     assert log.notes.skipped == {
         "KLV sets with a wrong checksum": 1,
         "KLV sets that are cut": 1,
-        "positions with the time of another": 1,
+        "positions that are there twice": 1,
     }
     with pytest.raises(ImportFileError, match=r"cam\.ts.*1 KLV sets with a wrong checksum"):
         log_of_klv("cam.ts", packets[1:2])
@@ -227,7 +227,7 @@ def test_a_date_that_steps_gives_way_to_the_films_own_times(flown):
     assert stepped.places.t_us == pytest.approx(whole.places.t_us, abs=5000)
     assert abs(stepped.zero_us - whole.zero_us) < 5000
     (said,) = stepped.notes.assumed
-    assert said.startswith(f"the date in its KLV steps by +18.0 s at {spots[24][0]:.1f} s")
+    assert said.startswith(f"the date in its KLV steps by +18.00 s at {spots[24][0]:.1f} s")
     assert whole.notes.assumed == ()
 
 

@@ -157,7 +157,7 @@ def test_a_date_of_px4_that_steps_is_that_which_holds_longest(tmp_path, monkeypa
     monkeypatch.setattr(px4_log, "_topics", lambda path: ({"sensor_gps": [fixes]}, 12, False))
     log = px4_log.read_px4(tmp_path / "rover.ulg")
     assert log.places.t_us == pytest.approx(T_US)
-    assert log.notes.assumed == ("GPS time steps by +18.0 s at 11.6 s: what holds longest counts",)
+    assert log.notes.assumed == ("GPS time steps by +18.00 s at 11.6 s: what holds longest counts",)
 
 
 def test_the_date_is_that_of_a_receiver_that_knows_it(flown, tmp_path, monkeypatch):

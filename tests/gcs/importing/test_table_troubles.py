@@ -159,12 +159,12 @@ def by_time(time):
         ),
         ("time,lat,lon,alt", by_time(lambda k: iso(0)), "all 60 positions have the same time, 2025-10-09 08:53:20"),
         # a logger that was started again
-        ("time,lat,lon,alt", by_time(lambda k: iso(k % 30)), "times begin again: position 31 of 60 is 14.5 s earlier"),
+        ("time,lat,lon,alt", by_time(lambda k: iso(k % 30)), "times begin again: position 31 of 60 is 14.50 s earlier"),
         # a clock that was set back
         (
             "time_s,lat,lon,alt",
             by_time(lambda k: T0_S + k / 2 - 3600 * (k >= 20)),
-            "position 21 of 60 is 3599.5 s earlier",
+            "position 21 of 60 is 3599.50 s earlier",
         ),
         (
             "time,lat,lon,yaw",

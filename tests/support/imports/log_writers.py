@@ -35,6 +35,14 @@ def wire_places(flown: Flown, system_id: int) -> dict[str, np.ndarray]:
     return {name: column[good] for name, column in columns.items()}
 
 
+def own_times(flown: Flown, message_id: int, system_id: int) -> tuple[np.ndarray, np.ndarray]:
+    """Times of what was sent by the vehicle's own clock, and by which records of several kinds keep their order."""
+    first, (t, wire) = flown.columns(33, system_id)[0][0], flown.columns(message_id, system_id)
+    own = flown.boot_us[flown.order] if hasattr(flown, "boot_us") else t.astype(np.int64) - int(first) + BOOT_US
+    own = own[np.abs(wire["lat"]) > 1e4] if message_id == 33 else own
+    return own, np.maximum.accumulate(own)
+
+
 def wire_attitudes(flown: Flown, system_id: int) -> tuple[np.ndarray, np.ndarray]:
     t, wire = flown.columns(30, system_id)
     return t.astype(np.int64), np.column_stack([wire[name].astype(float) for name in ("roll", "pitch", "yaw")])
@@ -89,12 +97,12 @@ def dataflash(
         late_us: by how much it was started later than the log's own clock says.
     """
     data = b"".join(_format(name) for name in DATAFLASH)
-    places, (at_us, angles) = wire_places(flown, system_id), wire_attitudes(flown, system_id)
-    zero_us = int(places["t_us"][0]) - BOOT_US
+    places, (_, angles) = wire_places(flown, system_id), wire_attitudes(flown, system_id)
+    (own_us, keys), (their_us, their_keys) = (own_times(flown, kind, system_id) for kind in (33, 30))
     records = [(0, _record("PARM", BOOT_US, b"SYSID_THISMAV", float(system_id), 1.0))]
-    for k, t in enumerate(places["t_us"].tolist()):
-        us, lat, lon = t - zero_us, round(places["lat"][k] * 1e7), round(places["lon"][k] * 1e7)
-        week, ms = divmod((t + late_us - GPS_EPOCH_US) // 1000, WEEK_MS)
+    for k, (us, t) in enumerate(zip(own_us.tolist(), keys.tolist(), strict=True)):
+        lat, lon = round(places["lat"][k] * 1e7), round(places["lon"][k] * 1e7)
+        week, ms = divmod((int(places["t_us"][k]) + late_us - GPS_EPOCH_US) // 1000, WEEK_MS)
         alt, height = places["alt_m"][k], places["height_m"][k]
         speed = (
             math.hypot(places["vn"][k], places["ve"][k]),
@@ -109,19 +117,14 @@ def dataflash(
         records.append((t, _record("XKF1", us, 1 - core, 6.0, 0.0, 0.0)))
         if core:
             records += [(t, _record("XKF4", us, each, core)) for each in (0, 1)]
-    for t, (roll, pitch, yaw) in zip(at_us.tolist(), np.degrees(angles).tolist(), strict=True):
+    attitudes = zip(their_us.tolist(), their_keys.tolist(), np.degrees(angles).tolist(), strict=True)
+    for us, t, (roll, pitch, yaw) in attitudes:
         cdeg = (0, round(roll * 100), 0, round(pitch * 100), 0, round(yaw % 360.0 * 100), 0, 0, 0)
-        records.append((t, _record("ATT", t - zero_us, *cdeg)))
+        records.append((t, _record("ATT", us, *cdeg)))
         if gimbal_deg:
             nan = math.nan
-            records.append(
-                (
-                    t,
-                    _record(
-                        "MNT", t - zero_us, 0, nan, gimbal_deg[0], nan, gimbal_deg[1], nan, gimbal_deg[2], nan, nan
-                    ),
-                )
-            )
+            mount = (0, nan, gimbal_deg[0], nan, gimbal_deg[1], nan, gimbal_deg[2], nan, nan)
+            records.append((t, _record("MNT", us, *mount)))
     return data + b"".join(record for _, record in sorted(records, key=lambda each: each[0]))
 
 
@@ -148,8 +151,8 @@ PACKS = {"double": "d", "float": "f", "float[4]": "4f", "uint64_t": "Q"}
 
 def ulog(flown: Flown, system_id: int) -> bytes:
     """A PX4 log of one vehicle, by https://docs.px4.io/main/en/dev_log/ulog_file_format.html."""
-    places, (at_us, angles) = wire_places(flown, system_id), wire_attitudes(flown, system_id)
-    zero_us = int(places["t_us"][0]) - BOOT_US
+    places, (_, angles) = wire_places(flown, system_id), wire_attitudes(flown, system_id)
+    (own_us, keys), (their_us, their_keys) = (own_times(flown, kind, system_id) for kind in (33, 30))
     data = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", BOOT_US) + _message("B", bytes(40))
     for name, fields in TOPICS.items():
         text = f"{name}:uint64_t timestamp;" + "".join(f"{kind} {field};" for kind, field in fields)
@@ -160,19 +163,20 @@ def ulog(flown: Flown, system_id: int) -> bytes:
     for name, k in ids.items():
         data += _message("A", struct.pack("<BH", 0, k) + name.encode())
 
-    def row(name: str, t: int, *values: float) -> tuple[int, bytes]:
-        packed = struct.pack("<HQ" + "".join(PACKS[kind] for kind, _ in TOPICS[name]), ids[name], t - zero_us, *values)
-        return t, _message("D", packed)
+    def row(name: str, us: int, *values: float) -> bytes:
+        packed = struct.pack("<HQ" + "".join(PACKS[kind] for kind, _ in TOPICS[name]), ids[name], us, *values)
+        return _message("D", packed)
 
     home = float(np.median(places["alt_m"] - places["height_m"]))
-    rows = [row("home_position", int(places["t_us"][0]), home)]
-    for k, t in enumerate(places["t_us"].tolist()):
-        rows.append(row("vehicle_global_position", t, places["lat"][k], places["lon"][k], places["alt_m"][k], 0.8))
-        rows.append(row("vehicle_local_position", t, places["vn"][k], places["ve"][k], places["vd"][k]))
-        rows.append(row("vehicle_gps_position", t, t))
+    rows = [(0, row("home_position", int(own_us[0]), home))]
+    for k, (us, t) in enumerate(zip(own_us.tolist(), keys.tolist(), strict=True)):
+        place = places["lat"][k], places["lon"][k], places["alt_m"][k], 0.8
+        rows.append((t, row("vehicle_global_position", us, *place)))
+        rows.append((t, row("vehicle_local_position", us, places["vn"][k], places["ve"][k], places["vd"][k])))
+        rows.append((t, row("vehicle_gps_position", us, int(places["t_us"][k]))))
     rows += [
-        row("vehicle_attitude", t, *quaternion_from_euler(*each))
-        for t, each in zip(at_us.tolist(), angles.tolist(), strict=True)
+        (t, row("vehicle_attitude", us, *quaternion_from_euler(*each)))
+        for us, t, each in zip(their_us.tolist(), their_keys.tolist(), angles.tolist(), strict=True)
     ]
     return data + b"".join(packed for _, packed in sorted(rows, key=lambda each: each[0]))
 

@@ -1,0 +1,65 @@
+"""A clock that leaps by less than a gap is long, told by even steps and by how the path goes on."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from infra.clock_steps import usual_steps
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_AROUND, _AROUND_US, _MOST_AROUND = 6, 2_000_000, 100
+"""Rows on either side that tell how a path goes on: so many, and of that time."""
+_NEXT, _EASE = 4, 1.1
+"""Steps on either side between whose speeds, and a little beyond, those of a vehicle in between are."""
+_LONGEST = 3.0
+"""The rows around take no longer than so many times what they usually do."""
+_LEAST_M, _SIGMAS, _AGREED = 0.1, 5.0, 0.3
+"""A leap moves the path by more than this, than so many times its error, and by what the step tells ± a share."""
+
+
+def path_leaps(t_us: Ints, path_m: Floats) -> list[tuple[int, int]]:
+    """Rows behind which a clock leaps, and by how much, µs: the path goes on as if a usual step had passed.
+
+    Around such a row the path is a parabola, p(t) = a + b t + c t² + e [behind it]. A clock that was set forward by L
+    makes e = −b L; where rows are lost, or the clock is right, e = 0.
+
+    Args:
+        t_us: (n,) by the clock of what moves; where it goes back is not looked at.
+        path_m: (n, 2).
+    """
+    usual_us, even = usual_steps(t_us)
+    steps, ways = np.diff(t_us), np.linalg.norm(np.diff(path_m, axis=0), axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        speeds, by_usual = ways / steps, ways / usual_us
+    around = int(np.clip(_AROUND_US // max(usual_us, 1.0), _AROUND, _MOST_AROUND))
+    found = []
+    for row in np.flatnonzero(~even & (steps > 0)).tolist():
+        rows = np.arange(max(0, row + 1 - around), min(len(t_us), row + 1 + around))
+        near = np.r_[speeds[max(0, row - _NEXT) : row], speeds[row + 1 : row + 1 + _NEXT]]
+        slowest, fastest = near.min(initial=math.inf) / _EASE, near.max(initial=0.0) * _EASE
+        if slowest <= speeds[row] <= fastest or not slowest <= by_usual[row] <= fastest:
+            continue  # as fast as before or after
+        behind = rows > row
+        leap_us = int(steps[row]) - round(usual_us)
+        # from the row behind which it leaps, in whose time the parabola is
+        t_s = (t_us[rows] - t_us[row]) * 1e-6
+        if (
+            min(behind.sum(), (~behind).sum()) < _AROUND
+            or np.ptp(t_s) * 1e6 - abs(leap_us) > _LONGEST * len(rows) * usual_us
+        ):
+            continue
+        terms = np.column_stack([np.ones_like(t_s), t_s, t_s**2, behind])
+        fitted, *_ = np.linalg.lstsq(terms, path_m[rows], rcond=None)
+        left = path_m[rows] - terms @ fitted
+        # var e = σ² (AᵀA)⁻¹
+        std_m = np.sqrt((left**2).sum() / (2 * len(rows) - 8) * np.linalg.pinv(terms.T @ terms)[3, 3])
+        moved_m, way_m = fitted[3], fitted[1] * leap_us * 1e-6
+        far_m = float(np.linalg.norm(way_m))
+        if far_m > max(_LEAST_M, _SIGMAS * float(std_m)) and np.linalg.norm(moved_m + way_m) < _AGREED * far_m:
+            found.append((row, leap_us))
+    return found
