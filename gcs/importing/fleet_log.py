@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.importing.messages import TlogRecord
-from gcs.importing.row_times import ascending, row_times
+from gcs.importing.row_times import RowTimes, ascending, check_one_clock, row_times
 from gcs.importing.vehicle_log import AngleTrack, ImportNotes, PlaceTrack, VehicleLog, in_order, whole_places
 from mavlink.estimation.gimbal import yaw_frame
 from mavlink.geodesy import euler_from_quaternion
@@ -27,8 +27,12 @@ _UNKNOWN_MM = 0xFFFFFFFF
 _UNKNOWN_SPEED = 32767
 _UNKNOWN_HEADING = 36000
 _MOST_SPEED = 1.25
-_SAME_STEP_S, _SAME_STEP_US = 1.0, 10_000_000
-"""Steps that two vehicles' clocks show are one if they are as large as each other, and as close."""
+_STEP_US = 80_000
+"""A recorder's clock that was set by more is told."""
+_SAME_STEP_S, _SAME_SHARE, _SAME_STEP_US = 1.0, 0.25, 10_000_000
+"""Steps that two vehicles' clocks show are one if they are as large as each other and as close; gains likewise."""
+_GAIN, _GAINED_S = 1e-3, 0.1
+"""Stamps that gain less on the vehicles' clocks, by second or in all, are those of a good crystal or late."""
 
 Ints = NDArray[np.int64]
 
@@ -49,10 +53,29 @@ class FleetTlog:
     """In words, whose clock ``t_us`` is, and what shows that it is that of the flight."""
     tracks: Mapping[int, PlaceTrack]
     """Places of the vehicles, by system id, by arrival, Unix µs."""
-    assumed: tuple[str, ...] = ()
-    """In words, about the recorder's clock and the vehicles' times."""
-    skipped: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
-    """Positions that tell no path, by reason, which are in the log all the same, and damaged bytes."""
+    about_clock: tuple[str, ...] = ()
+    """In words, about the recorder's clock."""
+    judged: Mapping[int, RowTimes] = field(default_factory=lambda: MappingProxyType({}))
+    """Judgement of the vehicles' times and places, by system id: what tells no path is in the log all the same."""
+
+    def told(self, without: Collection[int] = ()) -> tuple[str, ...]:
+        """In words, with the file's name, what was assumed of its clock and of the vehicles but some."""
+        name = self.tlog.path.name
+        of_vehicles = (
+            f"{name}, system {i}: {said}"
+            for i, judged in self.judged.items()
+            if i not in without
+            for said in judged.assumed
+        )
+        return (*(f"{name}: {said}" for said in self.about_clock), *of_vehicles)
+
+    def skipped(self, of: Collection[int]) -> dict[str, int]:
+        """Positions of some vehicles that tell no path, by reason, and damaged bytes."""
+        damaged = sum(damage.stop - damage.start for damage in self.tlog.index.damage)
+        found = Counter({"damaged bytes": damaged} if damaged else {})
+        for system_id in self.judged.keys() & set(of):
+            found.update(self.judged[system_id].skipped)
+        return dict(found)
 
     @property
     def system_ids(self) -> frozenset[int]:
@@ -90,7 +113,7 @@ def open_fleet(path: Path) -> FleetTlog:
         ImportFileError: its times are not those of the flight.
     """
     tlog = Tlog.open(path)
-    t_us, clock, assumed = _on_one_clock(tlog)
+    t_us, clock, about_clock = _on_one_clock(tlog)
     rows, wire = tlog.columns(_HEARTBEAT)
     kinds: dict[int, int] = {}
     autopilots: dict[int, int] = {}
@@ -105,7 +128,7 @@ def open_fleet(path: Path) -> FleetTlog:
         t_us=t_us,
         autopilots=autopilots,
         clock=clock,
-        assumed=assumed,
+        about_clock=about_clock,
         aircraft=tuple(sorted(i for i, kind in kinds.items() if is_aircraft(kind))),
         ground=tuple(sorted(i for i, kind in kinds.items() if is_ground_vehicle(kind))),
         tracks={},
@@ -119,28 +142,27 @@ def _with_tracks(fleet: FleetTlog) -> FleetTlog:
     Raises:
         ImportFileError: a vehicle's times are of no clock.
     """
-    tracks, words, skipped = dict[int, PlaceTrack](), list(fleet.assumed), Counter[str]()
-    if fleet.tlog.index.damage:
-        skipped["damaged bytes"] = sum(damage.stop - damage.start for damage in fleet.tlog.index.damage)
+    tracks, judged = dict[int, PlaceTrack](), dict[int, RowTimes]()
     for system_id in (*fleet.aircraft, *fleet.ground):
-        places = _track(fleet, system_id)
+        places, own_us = _track(fleet, system_id)
         at = np.column_stack([places.lat_deg, places.lon_deg])
         whose = f"{fleet.tlog.path.name}, system {system_id}"
         if len(places):
-            ordered = row_times(places.t_us, at, whose)
+            # what is in it twice would be in the session twice
+            check_one_clock(places.t_us, whose)
+            ordered = row_times(places.t_us, at, whose, own_us=own_us)
             places = replace(places.select(ordered.rows), t_us=ordered.t_us)
-            words += [f"{whose}: {said}" for said in ordered.assumed]
-            skipped.update(ordered.skipped)
+            judged[system_id] = ordered
         tracks[system_id] = places.select(np.argsort(places.t_us, kind="stable"))
-    return replace(fleet, tracks=tracks, assumed=tuple(words), skipped=dict(skipped))
+    return replace(fleet, tracks=tracks, judged=judged)
 
 
-def _track(fleet: FleetTlog, system_id: int) -> PlaceTrack:
-    """Reports of a vehicle, in the order of the file."""
+def _track(fleet: FleetTlog, system_id: int) -> tuple[PlaceTrack, Ints]:
+    """Reports of a vehicle, in the order of the file, and their times by its own clock, µs."""
     t_us, wire = fleet.columns(_GLOBAL_POSITION, system_id)
     v = np.column_stack([wire[name].astype(np.float64) for name in ("vx", "vy", "vz")])
     heading = np.radians(wire["hdg"] * 0.01)
-    return PlaceTrack(
+    places = PlaceTrack(
         t_us=t_us,
         lat_deg=wire["lat"] * 1e-7,
         lon_deg=wire["lon"] * 1e-7,
@@ -150,6 +172,7 @@ def _track(fleet: FleetTlog, system_id: int) -> PlaceTrack:
         heading=np.where(wire["hdg"] <= _UNKNOWN_HEADING, heading, np.nan),
         std_m=float("nan"),
     )
+    return places, wire["time_boot_ms"].astype(np.int64) * 1000
 
 
 def _on_one_clock(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
@@ -163,7 +186,7 @@ def _on_one_clock(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
     if tlog.index.time_source == "none":
         return _without_stamps(tlog)
     t_us = tlog.index.t_us.astype(np.int64)
-    clocks = sender_clocks(tlog)
+    clocks = sender_clocks(tlog, _STEP_US)
     known = [clock for clock in clocks if np.isfinite(clock.speed)]
     if not known:
         return t_us, "that of the station that recorded it; no vehicle's tells whether it is right", ()
@@ -179,23 +202,30 @@ def _on_one_clock(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
             other
             for clock in known
             for other in clock.steps
-            if abs(other.by_s - step.by_s) < _SAME_STEP_S and abs(int(t_us[other.row] - t_us[step.row])) < _SAME_STEP_US
+            if abs(other.by_s - step.by_s) < min(_SAME_STEP_S, _SAME_SHARE * abs(step.by_s))
+            and abs(int(t_us[other.row] - t_us[step.row])) < _SAME_STEP_US
         ]
         if len(same) * 2 < len(known):
             continue  # it was that vehicle's clock, which stood still or was started
         # the vehicle that reports first after it tells the place best
         first = min(same, key=lambda other: other.row)
         ahead_us[first.row :] += round(step.by_s * 1e6)
-        said.append(f"the recorder's clock was set by {step.by_s:+.1f} s at byte {first.offset}")
+        said.append(f"the recorder's clock was set by {step.by_s:+.2f} s at byte {first.offset}")
     beside = f"the clock of system {most.system_id} runs {most.speed:.4f} times as fast"
     clock = f"that of the station that recorded it: {beside}"
+    gains = [each for each in known if abs(each.gain - most.gain) < _SAME_SHARE * abs(most.gain)]
+    drifts: tuple[str, ...] = ()
+    if abs(most.gain) > _GAIN and abs(most.gained_s) > _GAINED_S and len(gains) * 2 >= len(known):
+        run = f"{abs(most.gain):.2%} {'faster' if most.gain > 0.0 else 'slower'}"
+        apart = f"they drift apart by {abs(most.gained_s):.2f} s"
+        drifts = (f"its stamps run {run} than the vehicles' clocks: {apart}",)
     if not said:
-        return t_us, clock, ()
+        return t_us, clock, drifts
     values, counts = np.unique(ahead_us, return_counts=True)
     kept_us = values[np.argmax(counts)]
     begins = int(tlog.index.offset[np.argmax(ahead_us == kept_us)])
-    words = f"{tlog.path.name}: {', '.join(said)}: all times are on the clock that it has from byte {begins} on"
-    return t_us - ahead_us + kept_us, clock, (words,)
+    words = f"{', '.join(said)}: all times are on the clock that it has from byte {begins} on"
+    return t_us - ahead_us + kept_us, clock, (words, *drifts)
 
 
 def _without_stamps(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
@@ -210,7 +240,7 @@ def _without_stamps(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
             f"{tlog.path}: its records have no time stamps, and no vehicle tells the date (SYSTEM_TIME); give the "
             ".tlog of the same flight"
         )
-    said = f"{tlog.path.name}: no time stamps in it: times are by the vehicles' own clocks (SYSTEM_TIME)"
+    said = "no time stamps in it: times are by the vehicles' own clocks (SYSTEM_TIME)"
     return t_us, "the vehicles' own, by the dates that they tell", (said,)
 
 
@@ -234,6 +264,7 @@ def _vehicle_log(path: Path, fleet: FleetTlog, system_id: int) -> VehicleLog:
     if not len(places):
         places, what = _fixes(fleet, system_id), "fixes of the receiver alone"
     attitudes, gimbal = _attitudes(fleet, system_id), _gimbal(fleet, system_id)
+    judged = fleet.judged.get(system_id)
     found = (
         f"telemetry log, {len(places)} {what}",
         f"{len(attitudes)} attitudes",
@@ -247,7 +278,11 @@ def _vehicle_log(path: Path, fleet: FleetTlog, system_id: int) -> VehicleLog:
         places=replace(places.select(in_order(places.t_us)), std_m=_std_m(fleet, system_id)),
         attitudes=attitudes,
         gimbal=gimbal,
-        notes=ImportNotes(found=found[: 3 if len(gimbal) else 2], assumed=fleet.assumed, skipped=fleet.skipped),
+        notes=ImportNotes(
+            found=found[: 3 if len(gimbal) else 2],
+            assumed=(*fleet.about_clock, *(judged.assumed if judged else ())),
+            skipped=fleet.skipped((system_id,)),
+        ),
     )
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.importing.fleet_log import FleetTlog, open_fleet
@@ -16,9 +18,11 @@ from gcs.importing.sources import read_vehicle_logs
 from gcs.importing.vehicle_log import PlaceTrack, VehicleLog
 
 LAST_ID = 255
-_SEARCH_US, _SEARCH_STEP_US = 3_000_000, 20_000
+_SEARCHES = ((3_000_000, 20_000), (20_000_000, 50_000))
+"""How far is searched either way, and in which steps, µs: leap seconds are within the second."""
+_LEAP_US = 18_000_000
 _LEAST_AHEAD_US = 100_000
-_LEAST_SHARED, _LEAST_WAY_M = 10, 5.0
+_LEAST_SHARED, _MOST_SHARED, _LEAST_WAY_M = 10, 1000, 5.0
 """Fewer positions, or of a vehicle that hardly moved, tell no offset."""
 _CLEARLY, _ON_EACH_OTHER_M = 2.0, 1.0
 """An offset counts if with it the paths are so many times closer, and this close: else it is another vehicle's."""
@@ -54,7 +58,7 @@ class GroundVehicles:
     @property
     def assumed(self) -> tuple[str, ...]:
         """Assumptions about them, with the file where there is one for each."""
-        of_tlog = self.tlog.assumed if self.tlog is not None else ()
+        of_tlog = self.tlog.told(without=self.logs) if self.tlog is not None else ()
         of_logs = (f"{log.source}: {words}" for log in self.logs.values() for words in log.notes.assumed)
         return (*of_tlog, *of_logs, *self.told)
 
@@ -120,39 +124,69 @@ def read_ground_vehicles(tlog: Path | None, ugv: Sequence[str]) -> GroundVehicle
 
 
 def clock_words(log: VehicleLog, telemetry: PlaceTrack) -> tuple[str, ...]:
-    """Lead of a log's clock over the telemetry of the same vehicle, in words where it is.
+    """Lead of a log's clock over the telemetry of the same vehicle, in words where it is or grows.
 
-    Both are of one path: the offset is that with which they lie on each other.
+    Both are of one path: the offset is that with which they lie on each other. A longer search needs a longer log.
 
     Args:
         log: on Unix time.
         telemetry: on the clock of the station.
     """
-    first_us, last_us = int(log.places.t_us[0]) + _SEARCH_US, int(log.places.t_us[-1]) - _SEARCH_US
-    shared = telemetry.select((telemetry.t_us > first_us) & (telemetry.t_us < last_us))
+    for search_us, step_us in _SEARCHES:
+        first_us, last_us = int(log.places.t_us[0]) + search_us, int(log.places.t_us[-1]) - search_us
+        rows = np.flatnonzero((telemetry.t_us > first_us) & (telemetry.t_us < last_us))
+        shared = telemetry.select(rows[:: len(rows) // _MOST_SHARED + 1])
+        half = np.arange(len(shared)) < len(shared) // 2
+        offsets = np.arange(-search_us, search_us + 1, step_us)
+        parts = [_lead(log.places, shared.select(half), offsets), _lead(log.places, shared.select(~half), offsets)]
+        if abs(parts[1].ahead_us - parts[0].ahead_us) >= _LEAST_AHEAD_US and all(each.known for each in parts):
+            first_s, second_s = (each.ahead_us * 1e-6 for each in parts)
+            return (
+                f"{log.source}: its clock runs otherwise than the telemetry of the same vehicle: it is "
+                f"{first_s:+.2f} s ahead in the first half and {second_s:+.2f} s in the second; the log counts",
+            )
+        whole = _lead(log.places, shared, offsets)
+        if whole.known and abs(whole.ahead_us) >= _LEAST_AHEAD_US:
+            leap = abs(abs(whole.ahead_us) - _LEAP_US) < _LEAP_US // 30
+            of_gps = "GPS time and UTC are 18 s apart; " if leap else ""
+            return (
+                f"{log.source}: its clock is {whole.ahead_us * 1e-6:+.2f} s ahead of the telemetry of the same "
+                f"vehicle: they are {whole.now_m:.1f} m apart, with that {whole.then_m:.1f} m; {of_gps}the log counts",
+            )
+    return ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Lead:
+    """Offset with which two paths lie on each other."""
+
+    ahead_us: int = 0
+    now_m: float = math.inf
+    then_m: float = math.inf
+
+    @property
+    def known(self) -> bool:
+        """True if they do, and with it alone where it is one."""
+        apart = abs(self.ahead_us) < _LEAST_AHEAD_US or self.now_m >= _CLEARLY * self.then_m
+        return self.then_m <= _ON_EACH_OTHER_M and apart
+
+
+def _lead(path: PlaceTrack, shared: PlaceTrack, offsets: NDArray[np.int64]) -> _Lead:
+    """Lead of a path over another one, among some offsets, µs; infinite distances where that one hardly moves."""
     if len(shared) < _LEAST_SHARED:
-        return ()
-    at_m = metres(
-        np.column_stack([np.r_[log.places.lat_deg, shared.lat_deg], np.r_[log.places.lon_deg, shared.lon_deg]])
-    )
-    path_m, wanted_m = at_m[: len(log.places)], at_m[len(log.places) :]
+        return _Lead()
+    at_m = metres(np.column_stack([np.r_[path.lat_deg, shared.lat_deg], np.r_[path.lon_deg, shared.lon_deg]]))
+    path_m, wanted_m = at_m[: len(path)], at_m[len(path) :]
     if np.ptp(wanted_m, axis=0).max() < _LEAST_WAY_M:
-        return ()
+        return _Lead()
 
     def apart_m(ahead_us: int) -> float:
-        t_us = shared.t_us + ahead_us - first_us
-        found = [np.interp(t_us, log.places.t_us - first_us, path_m[:, axis]) for axis in (0, 1)]
+        t_us, zero_us = shared.t_us + ahead_us, path.t_us[0]
+        found = [np.interp(t_us - zero_us, path.t_us - zero_us, path_m[:, axis]) for axis in (0, 1)]
         return float(np.median(np.hypot(*(np.column_stack(found) - wanted_m).T)))
 
-    offsets = range(-_SEARCH_US, _SEARCH_US + 1, _SEARCH_STEP_US)
-    best_us = min(offsets, key=apart_m)
-    now_m, then_m = apart_m(0), apart_m(best_us)
-    if abs(best_us) < _LEAST_AHEAD_US or then_m > _ON_EACH_OTHER_M or now_m < _CLEARLY * then_m:
-        return ()
-    return (
-        f"{log.source}: its clock is {best_us * 1e-6:+.2f} s ahead of the telemetry of the same vehicle: they are "
-        f"{now_m:.1f} m apart, with that {then_m:.1f} m; the log counts",
-    )
+    best_us = min(offsets.tolist(), key=apart_m)
+    return _Lead(ahead_us=best_us, now_m=apart_m(0), then_m=apart_m(best_us))
 
 
 def _numbered(word: str) -> list[tuple[int, VehicleLog]]:

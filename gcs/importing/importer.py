@@ -144,7 +144,7 @@ def source_accounts(
         tlog = fleet.tlog
         tracks = {i: track for i, track in tlog.tracks.items() if len(track) and i not in fleet.logs}
         of_each = (f"system {i}: {_against_film(track, -timeline.film_us)}" for i, track in tracks.items())
-        notes = ImportNotes(assumed=tlog.assumed, skipped=tlog.skipped)
+        notes = ImportNotes(assumed=tlog.told(without=fleet.logs), skipped=tlog.skipped(tracks))
         account = _account("fleet", tlog.tlog.path.name, tlog.clock, tuple(of_each), notes)
         spans = {f"system {i}": _spans(track, -timeline.film_us) for i, track in tracks.items()}
         accounts.append(replace(account, spans=spans))
@@ -501,7 +501,7 @@ def _report(
     assumed = [*film.assumed, *timeline.assumed, *chosen.assumed]
     if uav is not None:
         found.append(("uav", f"{uav.source} as system {uav_id}: {', '.join(uav.notes.found)}"))
-        assumed += [*uav.notes.assumed, *_height_words(uav, fleet)]
+        assumed += [*(f"{uav.source}: {words}" for words in uav.notes.assumed), *_height_words(uav, fleet)]
         if not len(uav.attitudes):
             found.append(("attitude", "none: names rest on motion alone and take longer"))
     else:

@@ -17,6 +17,8 @@ from mavlink.tlog.scan import Ints
 
 _STEP_US = 2_000_000
 _AROUND = 200  # samples on either side of a step: late traffic is over by then
+_PARTS, _TIMES = 8, 4.0
+"""Parts of a log whose earliest arrivals are compared, and how many times their difference a step is."""
 _BACK_MS = 1001
 _WRAP_MS = 1 << 32
 _SYSTEM_TIME = 2
@@ -51,16 +53,24 @@ class SenderClock:
 
     Of the longest stretch between two starts.
     """
+    gain: float
+    """Seconds that the stamps gain on it per second, by the earliest arrivals, of its longest stretch; NaN unknown."""
+    gained_s: float
+    """Seconds that they gained in all of that."""
     steps: tuple[ClockStep, ...]
 
 
-def sender_clocks(tlog: Tlog) -> tuple[SenderClock, ...]:
-    """Clocks of all senders that report their time since boot; empty for a log without stamps."""
+def sender_clocks(tlog: Tlog, least_us: int = _STEP_US) -> tuple[SenderClock, ...]:
+    """Clocks of all senders that report their time since boot; empty for a log without stamps.
+
+    Args:
+        least_us: smaller steps of the stamps are lateness.
+    """
     rows, boot_ms = _boot_times(tlog)
     index = tlog.index
     sender = index.system_id[rows].astype(np.int64) << 8 | index.component_id[rows]
     return tuple(
-        _clock(tlog, int(key), rows[sender == key], boot_ms[sender == key])
+        _clock(tlog, int(key), rows[sender == key], boot_ms[sender == key], least_us)
         for key in np.unique(sender)
         if np.count_nonzero(sender == key) >= 2
     )
@@ -108,18 +118,29 @@ def _boot_times(tlog: Tlog) -> tuple[Ints, Ints]:
     return rows[order], boot_ms[order]
 
 
-def _clock(tlog: Tlog, key: int, rows: Ints, boot_ms: Ints) -> SenderClock:
+def _clock(tlog: Tlog, key: int, rows: Ints, boot_ms: Ints, least_us: int) -> SenderClock:
     starts = [0, *_restarts(boot_ms), rows.size]
     timed = tlog.index.time_source != "none"
     t_us = tlog.index.t_us[rows]
     speeds: list[float] = []
     steps: list[ClockStep] = []
+    longest = (0, float("nan"), 0.0)
     for start, stop in pairwise(starts):
         if timed:
             speed = _speed(t_us[start:stop], boot_ms[start:stop])
             speeds.append(speed)
             if 0.8 < speed < 1.25:
-                steps += _steps(tlog, rows[start:stop], t_us[start:stop] - 1000 * boot_ms[start:stop])
+                epoch_us = t_us[start:stop] - 1000 * boot_ms[start:stop]
+                found = level_steps(epoch_us, _least_us(epoch_us, least_us), _AROUND, late=True)
+                steps += [
+                    ClockStep(
+                        row=int(rows[start + i]), offset=int(tlog.index.offset[rows[start + i]]), by_s=by_us * 1e-6
+                    )
+                    for i, by_us in found
+                ]
+                for first, last in pairwise([0, *(i for i, _ in found), stop - start]):
+                    gained = _gained(epoch_us[first:last], boot_ms[start + first : start + last])
+                    longest = max(longest, (last - first, *gained), key=lambda each: each[0])
     known = [(samples, speed) for samples, speed in zip(np.diff(starts), speeds, strict=False) if speed == speed]
     return SenderClock(
         system_id=key >> 8,
@@ -127,6 +148,8 @@ def _clock(tlog: Tlog, key: int, rows: Ints, boot_ms: Ints) -> SenderClock:
         samples=rows.size,
         boots=len(starts) - 1,
         speed=max(known)[1] if known else float("nan"),
+        gain=longest[1],
+        gained_s=longest[2],
         steps=tuple(steps),
     )
 
@@ -161,9 +184,28 @@ def _speed(t_us: Ints, boot_ms: Ints) -> float:
     return float(speed[order[middle]])
 
 
-def _steps(tlog: Tlog, rows: Ints, epoch_us: Ints) -> list[ClockStep]:
-    """Steps at which the time of boot, by the stamps, moves and stays."""
-    return [
-        ClockStep(row=int(rows[i]), offset=int(tlog.index.offset[rows[i]]), by_s=by_us * 1e-6)
-        for i, by_us in level_steps(epoch_us, _STEP_US, _AROUND)
-    ]
+def _earliest(epoch_us: Ints) -> Ints:
+    """Earliest arrivals of parts of a log, in order: the other ones are late."""
+    return np.asarray(np.minimum.reduceat(epoch_us, np.arange(0, len(epoch_us), _part(len(epoch_us)))), np.int64)
+
+
+def _part(count: int) -> int:
+    return int(np.clip(count // _PARTS, 1, _AROUND))
+
+
+def _least_us(epoch_us: Ints, least_us: int) -> int:
+    """Least step of the time of boot, by the stamps: more than the earliest arrivals differ."""
+    differ = np.abs(np.diff(_earliest(epoch_us)))
+    return max(least_us, round(_TIMES * float(np.median(differ)))) if len(differ) else least_us
+
+
+def _gained(epoch_us: Ints, boot_ms: Ints) -> tuple[float, float]:
+    """Seconds that stamps gain on a sender's clock per second, NaN where the log is too short, and in all."""
+    earliest = _earliest(epoch_us) - epoch_us[0]
+    third = len(earliest) // 3
+    middle_ms = boot_ms[_part(len(boot_ms)) // 2 :: _part(len(boot_ms))][: len(earliest)]
+    span_s = float(np.median(middle_ms[-third:]) - np.median(middle_ms[:third])) * 1e-3 if third else 0.0
+    if span_s <= 1.0:
+        return float("nan"), 0.0
+    gain = float(np.median(earliest[-third:]) - np.median(earliest[:third])) * 1e-6 / span_s
+    return gain, gain * float(np.ptp(boot_ms)) * 1e-3

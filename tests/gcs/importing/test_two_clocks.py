@@ -32,6 +32,19 @@ def test_how_far_a_clock_is_ahead_is_told(ahead_s):
 
 
 @pytest.mark.parametrize(
+    ("t_s", "said"),
+    [
+        (T_S - 18.0, "18.00 s ahead of the telemetry of the same vehicle: "),
+        (T_S + 18.0, "GPS time and UTC are 18 s apart; the log counts"),
+        (T_S * 1.01, "ahead in the first half and "),
+    ],
+)
+def test_leap_seconds_and_a_clock_that_runs_otherwise_are_told(t_s, said):
+    (words,) = clock_words(log_of(track(t_s)), track(T_S, noise_m=0.1))
+    assert said in words
+
+
+@pytest.mark.parametrize(
     "telemetry",
     [
         track(T_S - 0.05),  # less than can be told of arrival
