@@ -19,7 +19,7 @@ from gcs.importing.vehicle_log import PlaceTrack, VehicleLog
 
 LAST_ID = 255
 _SEARCHES = ((3_000_000, 20_000), (20_000_000, 50_000))
-"""How far is searched either way, and in which steps, µs: leap seconds are within the second."""
+"""Reaches of searches either way and their steps, µs; leap seconds are within the second one."""
 _LEAP_US = 18_000_000
 _LEAST_AHEAD_US = 100_000
 _LEAST_SHARED, _MOST_SHARED, _LEAST_WAY_M = 10, 1000, 5.0
