@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import BinaryIO
+from typing import BinaryIO, Protocol
 from xml.parsers import expat
 
 MOST_DEPTH = 64
@@ -13,6 +13,12 @@ ElementHandler = Callable[[Sequence[str], Mapping[str, str], str], None]
 """Takes the names from the outermost element to this one, without prefixes, its attributes, and its own text."""
 
 
+class LineKeeper(Protocol):
+    """What wants to know where an element ends."""
+
+    line: int
+
+
 class XmlRefusedError(ValueError):
     """XML that no reader of ours has to do with: in one line."""
 
@@ -20,8 +26,9 @@ class XmlRefusedError(ValueError):
 class _Elements:
     """Elements that are open."""
 
-    def __init__(self, ended: ElementHandler, most_text: int) -> None:
-        self._ended, self._most_text = ended, most_text
+    def __init__(self, ended: ElementHandler, most_text: int, lines: LineKeeper | None) -> None:
+        self._ended, self._most_text, self._lines = ended, most_text, lines
+        self.parser = expat.ParserCreate()
         self._names: list[str] = []
         self._attributes: list[dict[str, str]] = []
         self._texts: list[str] = []
@@ -38,6 +45,8 @@ class _Elements:
             self._texts[-1] = (self._texts[-1] + data)[: self._most_text]
 
     def end(self, _tag: str) -> None:
+        if self._lines is not None:
+            self._lines.line = self.parser.CurrentLineNumber
         self._ended(self._names, self._attributes[-1], self._texts[-1])
         self._names.pop()
         self._attributes.pop()
@@ -47,12 +56,13 @@ class _Elements:
         raise XmlRefusedError("it has a document type definition, which is not read")
 
 
-def read_elements(file: BinaryIO, ended: ElementHandler, most_text: int) -> str:
+def read_elements(file: BinaryIO, ended: ElementHandler, most_text: int, lines: LineKeeper | None = None) -> str:
     """Call a handler at the end of each element.
 
     Args:
         file: bytes in any encoding that XML has.
         ended: may raise whatever it likes but ``ValueError`` and ``LookupError``.
+        lines: gets the line of each element's end before the handler is called.
 
     Returns:
         Why the document ends before its time, in one line; empty if it is whole.
@@ -60,7 +70,8 @@ def read_elements(file: BinaryIO, ended: ElementHandler, most_text: int) -> str:
     Raises:
         XmlRefusedError: it has a document type definition, or is nested too deeply.
     """
-    elements, parser = _Elements(ended, most_text), expat.ParserCreate()
+    elements = _Elements(ended, most_text, lines)
+    parser = elements.parser
     parser.StartElementHandler, parser.EndElementHandler = elements.start, elements.end
     parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = elements.text, elements.refuse
     parser.buffer_text = True

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.importing.messages import TlogRecord
-from gcs.importing.row_times import RowTimes, ascending, check_one_clock, row_times
+from gcs.importing.plausible import place_words
+from gcs.importing.row_times import RowTimes, ascending, check_one_clock, numbered, row_times
 from gcs.importing.vehicle_log import AngleTrack, ImportNotes, PlaceTrack, VehicleLog, in_order, whole_places
 from mavlink.estimation.gimbal import yaw_frame
 from mavlink.geodesy import euler_from_quaternion
@@ -86,11 +87,16 @@ class FleetTlog:
         """Positions of a vehicle by arrival, Unix µs."""
         return self.tracks[system_id]
 
-    def columns(self, message_id: int, system_id: int) -> tuple[Ints, NDArray[np.void]]:
-        """Times and columns of what a vehicle's autopilot sends of one kind, in the order of the file."""
+    def rows(self, message_id: int, system_id: int) -> tuple[Ints, NDArray[np.void]]:
+        """Records and columns of what a vehicle's autopilot sends of one kind, in the order of the file."""
         rows, wire = self.tlog.columns(message_id, system_id)
         mine = self.tlog.index.component_id[rows] == self.autopilots.get(system_id, 0)
-        return self.t_us[rows[mine]], wire[mine]
+        return rows[mine], wire[mine]
+
+    def columns(self, message_id: int, system_id: int) -> tuple[Ints, NDArray[np.void]]:
+        """Times and columns of the same."""
+        rows, wire = self.rows(message_id, system_id)
+        return self.t_us[rows], wire
 
     def records_of(self, system_id: int) -> Iterator[TlogRecord]:
         """The records of one system, by arrival."""
@@ -148,11 +154,14 @@ def _with_tracks(fleet: FleetTlog) -> FleetTlog:
         at = np.column_stack([places.lat_deg, places.lon_deg])
         whose = f"{fleet.tlog.path.name}, system {system_id}"
         if len(places):
+            rows, _ = fleet.rows(_GLOBAL_POSITION, system_id)
+            at_byte = numbered("byte", fleet.tlog.index.offset[rows])
             # what is in it twice would be in the session twice
-            check_one_clock(places.t_us, whose)
-            ordered = row_times(places.t_us, at, whose, own_us=own_us)
+            check_one_clock(places.t_us, whose, at_byte)
+            ordered = row_times(places.t_us, at, whose, at_byte, own_us=own_us, shared=True)
             places = replace(places.select(ordered.rows), t_us=ordered.t_us)
-            judged[system_id] = ordered
+            told, _ = place_words(places, "utc")
+            judged[system_id] = replace(ordered, assumed=(*ordered.assumed, *told))
         tracks[system_id] = places.select(np.argsort(places.t_us, kind="stable"))
     return replace(fleet, tracks=tracks, judged=judged)
 

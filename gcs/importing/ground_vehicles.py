@@ -40,7 +40,7 @@ class GroundVehicles:
     """Those that are in no telemetry log, by system id."""
 
     told: tuple[str, ...] = ()
-    """In words, of vehicles that are in a log and in the telemetry."""
+    """In words, what one of them says against another."""
 
     @property
     def span_us(self) -> tuple[int, int]:

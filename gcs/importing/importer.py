@@ -24,6 +24,7 @@ from gcs.importing.film_log import read_film_log
 from gcs.importing.ground_vehicles import LAST_ID, GroundVehicles, clock_words, read_ground_vehicles
 from gcs.importing.messages import TlogRecord, vehicle_records
 from gcs.importing.row_times import gaps
+from gcs.importing.side_by_side import above_fleet, fleet_words, height_words, uav_words
 from gcs.importing.smoothing import filled_in
 from gcs.importing.sources import read_vehicle_logs
 from gcs.importing.timeline import FilmTimes, check_overlap, film_length_us, find_timeline, on_film
@@ -33,7 +34,6 @@ from gcs.mission.mission import Clock, MapChoice, Mission, MissionVehicle, View,
 from gcs.session.metadata import PROGRAM, import_rows, mission_table
 from gcs.session.session import VIDEO_SUFFIXES
 from infra.session_format import FRAMES, LOG, METADATA, VIEW_FOLDER
-from mavlink.geodesy import separation_m
 from sim.session import new_session, write_frames
 
 _MOST_GAPS = 100
@@ -191,15 +191,6 @@ def _when(t_us: int) -> str:
     return f"{datetime.fromtimestamp(t_us * 1e-6, UTC):%Y-%m-%d %H:%M:%S}"
 
 
-_APART_M = 15.0
-_APART = (
-    "the UAV took off {:+.0f} m from the fleet's median altitude: a hill, or one of them counts altitudes from the "
-    "ellipsoid and not from the sea"
-)
-_TABLES = (".csv", ".tsv", ".txt")
-"""Suffixes of files whose columns anybody may name."""
-_FAR_M = 100_000.0
-"""A UAV that is farther from its fleet than this is not above it."""
 _TIME = struct.Struct(">Q")
 _OTHER_NAMES = {".m2ts": ".ts", ".mts": ".ts", ".m4v": ".mp4", ".lrf": ".mp4"}
 """Suffixes of containers that are the same under another name."""
@@ -250,6 +241,7 @@ def import_flight(out: Path, options: ImportOptions) -> ImportReport:
     if out.exists():
         raise ImportFileError(f"{out}: exists already; recordings are never overwritten, give another name")
     fleet = read_ground_vehicles(options.tlog, options.ugv)
+    fleet = replace(fleet, told=(*fleet.told, *fleet_words(fleet)))
     filmed = [_import_film(options, fleet)]
     for further in options.views:
         filmed.append(_import_film(further.of(options), fleet, taken=[each.uav_id for each in filmed]))
@@ -297,7 +289,7 @@ def _import_film(options: ImportOptions, fleet: GroundVehicles, taken: Collectio
         return _import_from_mast(film, options.uav, options, fleet)
     aircraft = [i for i in fleet.aircraft if i not in taken]
     uav, unread = _uav_log(options, coarse=not aircraft)
-    uav, swapped = _above(on_film(uav, film), fleet) if uav is not None else (None, ())
+    uav, swapped = above_fleet(on_film(uav, film), fleet) if uav is not None else (None, ())
     uav = replace(uav, places=filled_in(uav.places)) if uav is not None else None
     uav_id = _uav_id(aircraft, {*fleet.used_ids, *taken}, uav, unread)
     chosen, uav = choose_camera(film, uav, options.camera)
@@ -439,30 +431,6 @@ def _home_m(uav: VehicleLog, fleet: GroundVehicles) -> float:
     return 0.0 if np.isnan(home_m) else home_m
 
 
-def _above(uav: VehicleLog, fleet: GroundVehicles) -> tuple[VehicleLog, tuple[str, ...]]:
-    """The log of a UAV that is above its fleet; latitude and longitude are changed over where only that makes it so.
-
-    Raises:
-        ImportFileError: it is far from the fleet, or both are tables and one of them has them changed over.
-    """
-    lat, lon = float(np.median(uav.places.lat_deg)), float(np.median(uav.places.lon_deg))
-    away_m = separation_m(lat, lon, *fleet.middle)
-    if away_m < _FAR_M:
-        return uav, ()
-    if abs(lon) <= 90.0 and separation_m(lon, lat, *fleet.middle) < _FAR_M:
-        tables = [log.source for log in fleet.logs.values() if log.source.lower().endswith(_TABLES)]
-        if tables and fleet.tlog is None:
-            raise ImportFileError(
-                f"{uav.source} and {tables[0]}: latitude and longitude stand the other way round in one of them, and "
-                "nothing tells in which; change them over there"
-            )
-        places = replace(uav.places, lat_deg=uav.places.lon_deg, lon_deg=uav.places.lat_deg)
-        return replace(uav, places=places), (f"{uav.source}: latitude and longitude stand the other way round in it",)
-    raise ImportFileError(
-        f"{uav.source}: the UAV is {away_m / 1000.0:.0f} km from the fleet; do the files belong together?"
-    )
-
-
 def _uav_id(aircraft: Sequence[int], used: Collection[int], uav: VehicleLog | None, unread: tuple[str, ...]) -> int:
     """Id of the UAV: its own, else one that nobody uses.
 
@@ -501,11 +469,14 @@ def _report(
     assumed = [*film.assumed, *timeline.assumed, *chosen.assumed]
     if uav is not None:
         found.append(("uav", f"{uav.source} as system {uav_id}: {', '.join(uav.notes.found)}"))
-        assumed += [*(f"{uav.source}: {words}" for words in uav.notes.assumed), *_height_words(uav, fleet)]
+        assumed += [*(f"{uav.source}: {words}" for words in uav.notes.assumed)]
+        assumed += [*height_words(uav.source, uav.places, fleet), *uav_words(uav)]
         if not len(uav.attitudes):
             found.append(("attitude", "none: names rest on motion alone and take longer"))
     else:
         found.append(("uav", f"system {uav_id} of the telemetry"))
+    if uav is None and fleet.tlog is not None and uav_id in fleet.tlog.tracks:  # else it is on a mast
+        assumed += height_words(f"system {uav_id}", fleet.tlog.places(uav_id), fleet)
     found += [(f"ugv {i}", f"{log.source}: {', '.join(log.notes.found)}") for i, log in fleet.logs.items()]
     assumed += fleet.assumed
     count = sum(map(len, fleet.places.values()))
@@ -526,18 +497,6 @@ def _not_in_mission(fleet: GroundVehicles, films: Collection[int]) -> str:
     aircraft = [i for i in fleet.aircraft if i not in films]
     words = [f"system {i}, which reports no position" for i in silent]
     return "; ".join([*words, *(f"system {i}, another aircraft" for i in aircraft)])
-
-
-def _height_words(uav: VehicleLog, fleet: GroundVehicles) -> list[str]:
-    places = uav.places
-    both = np.isfinite(places.alt_m) & np.isfinite(places.height_m)
-    if both.any():
-        above_m = float(np.median((places.alt_m - places.height_m)[both])) - fleet.ground_m
-        return [_APART.format(above_m)] if abs(above_m) > _APART_M else []
-    if np.isnan(fleet.ground_m):
-        return ["altitudes count from the UAV's take-off: no vehicle tells how high it is"]
-    missing = "altitude" if np.isfinite(places.height_m).any() else "height above the ground"
-    return [f"the UAV's {missing} by the fleet's median altitude of {fleet.ground_m:.1f} m"]
 
 
 def write_imported(

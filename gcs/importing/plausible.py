@@ -9,7 +9,8 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.importing.vehicle_log import AngleTrack, PlaceTrack, VehicleLog
+from gcs.importing.steps import STALE, STAYS, altitude_words, stays
+from gcs.importing.vehicle_log import AngleTrack, LogClock, PlaceTrack, VehicleLog
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -49,6 +50,11 @@ def plausible(log: VehicleLog) -> VehicleLog:
     places, beyond = _within_the_air(log.places.select(reached) if lost else log.places)
     places, heights = _without_spikes(places)
     places, strange = _moving_as_told(_with_heights(places)) if log.clock != "frame" else (places, 0)
+    words: tuple[str, ...] = ()
+    stale = 0
+    if log.clock != "frame":
+        words, stays_put = place_words(places, log.clock)
+        stale, places = int(np.count_nonzero(stays_put)), places.select(~stays_put)
     attitudes, body = _still(log.attitudes)
     gimbal, camera = _still(log.gimbal)
     left_out = {
@@ -57,10 +63,32 @@ def plausible(log: VehicleLog) -> VehicleLog:
         "altitudes out of the path and back at once": heights,
         "velocities that are not those of the path": strange,
         "attitudes that cannot be, or turn away and back at once": body + camera,
+        STALE: log.notes.skipped.get(STALE, 0) + stale,
     }
     skipped = {**log.notes.skipped, **{reason: count for reason, count in left_out.items() if count}}
-    notes = replace(log.notes, skipped=skipped, assumed=(*log.notes.assumed, *_at_sea(places), *_of_old(log)))
+    notes = replace(log.notes, skipped=skipped, assumed=(*log.notes.assumed, *words, *_at_sea(places), *_of_old(log)))
     return replace(log, places=places, attitudes=attitudes, gimbal=gimbal, notes=notes)
+
+
+def place_words(places: PlaceTrack, clock: LogClock) -> tuple[tuple[str, ...], Bools]:
+    """In words, steps that no vehicle makes, and which positions (n,) stay while the speed tells that it goes on."""
+
+    def at(row: int) -> str:
+        t_us = int(places.t_us[row])
+        if clock != "utc":
+            return f"{t_us * 1e-6:.1f} s of its time"
+        return f"{datetime.fromtimestamp(t_us * 1e-6, UTC):%Y-%m-%d %H:%M:%S.%f}"[:-4]
+
+    places = _with_heights(places)
+    words = [
+        *altitude_words(places.t_us, places.alt_m, "altitude", at),
+        *altitude_words(places.t_us, places.height_m, "height", at),
+    ]
+    degrees, speed = np.column_stack([places.lat_deg, places.lon_deg]), np.hypot(*places.v_ned[:, :2].T)
+    stale = stays(places.t_us, degrees, metres(degrees), speed) if len(places) else np.zeros(0, np.bool_)
+    if stale.any():
+        words.append(f"{STAYS} from {at(int(np.argmax(stale)) - 1)} on")
+    return tuple(words), stale
 
 
 def _within_the_air(places: PlaceTrack) -> tuple[PlaceTrack, int]:
@@ -236,11 +264,6 @@ def alone(t_us: Ints, path: Floats, far: float, fastest: float) -> NDArray[np.bo
         for k in np.flatnonzero(_out_and_back(t_us, path, far + _USUAL_STEPS * usual, fastest, count)).tolist():
             found[k + 1 : k + 1 + count] = True
     return found
-
-
-def leaps(t_us: Ints, path: Floats, far: float, fastest: float) -> int:
-    """Number of samples that are farther off than ``far`` from both neighbours, as where two paths are in one."""
-    return int(np.count_nonzero(_out_and_back(t_us, path, far, fastest, 1)))
 
 
 def _out_and_back(t_us: Ints, path: Floats, far: float, fastest: float, count: int) -> Bools:

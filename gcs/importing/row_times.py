@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,8 +14,10 @@ from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.importing.clock_leaps import path_leaps
-from gcs.importing.plausible import alone, leaps, metres, usual_step
-from gcs.importing.vehicle_log import in_order, whole_places
+from gcs.importing.one_path import several_paths
+from gcs.importing.plausible import alone, metres, usual_step
+from gcs.importing.steps import STALE, STAYS, stays
+from gcs.importing.vehicle_log import Where, in_order, whole_places
 from infra.clock_steps import restarts, set_back
 
 Floats = NDArray[np.float64]
@@ -34,8 +37,7 @@ _NEAR_M, _STEPS = 2.0, 3.0
 """A row that comes late is nearer to the path at its time than this and so many usual steps."""
 _FAR_M, _FASTEST_MPS = 30.0, 40.0
 """Nothing goes farther than this out of its path and back as fast as that."""
-_BESIDE_M, _SHARE_BESIDE = 15.0, 0.1
-"""Least distance of paths that take turns, more than that of coordinates of four decimals, and least share."""
+_YEAR_FIRST = re.compile(r"^(\d{4})[/.](\d{2})[/.](\d{2})", re.ASCII)
 _MOST_TOLD = 3
 
 
@@ -51,11 +53,27 @@ class RowTimes:
     skipped: Mapping[str, int] = field(default_factory=dict)
 
 
-def check_one_clock(t_us: Ints, source: str, *, blocks: bool = False) -> None:
+def by_number(row: int) -> str:
+    """Place of a record in what has no lines."""
+    return f"position {row + 1}"
+
+
+def numbered(word: str, numbers: Sequence[int] | Ints) -> Where:
+    """Places by numbers of lines or bytes."""
+    return lambda row: f"{word} {numbers[row]}"
+
+
+def at_second(t_us: Ints, of: str) -> Where:
+    """Places by the time since a beginning, µs."""
+    return lambda row: f"{t_us[row] * 1e-6:.1f} s of the {of}"
+
+
+def check_one_clock(t_us: Ints, source: str, where: Where = by_number, *, blocks: bool = False) -> None:
     """See that times (n,) in the order of the file are of one clock; some files have the latest first.
 
     Args:
         t_us: µs.
+        where: their places in the file, for messages.
         blocks: blocks may stand in another order, as long as they do not lie over each other.
 
     Raises:
@@ -71,7 +89,7 @@ def check_one_clock(t_us: Ints, source: str, *, blocks: bool = False) -> None:
     if again and not (blocks and _apart(np.split(times, again))):
         row = again[0]
         raise ImportFileError(
-            f"{source}: its times begin again: position {row + 1} of {len(t_us)} is "
+            f"{source}: its times begin again: {where(len(t_us) - 1 - row if back_to_front else row)} is "
             f"{(times[row - 1] - times[row]) * 1e-6:.2f} s earlier than the one in front of it; two recordings, or a "
             "clock that was set: cut it there"
         )
@@ -83,7 +101,16 @@ def _apart(blocks: Sequence[Ints]) -> bool:
     return all(last <= first for (_, last), (first, _) in pairwise(spans))
 
 
-def row_times(t_us: Ints, places: Floats, source: str, *, blocks: bool = False, own_us: Ints | None = None) -> RowTimes:
+def row_times(
+    t_us: Ints,
+    places: Floats,
+    source: str,
+    where: Where = by_number,
+    *,
+    blocks: bool = False,
+    own_us: Ints | None = None,
+    shared: bool = False,
+) -> RowTimes:
     """Times of rows in the order of the file as those of one clock.
 
     Whole seconds that several rows share are spread over the second, where the places differ within it; of other rows
@@ -93,11 +120,13 @@ def row_times(t_us: Ints, places: Floats, source: str, *, blocks: bool = False, 
     Args:
         t_us: (n,) as they stand there.
         places: (n, 2) beside them.
+        where: their places in the file, for messages.
         blocks: blocks may stand in another order, as long as they do not lie over each other.
         own_us: (n,) by the clock of what moves, where ``t_us`` is when that arrived.
+        shared: what is made of the rows finds out itself that two vehicles have one id: that is told, not refused.
 
     Raises:
-        ImportFileError: the times begin again, or all of them are the same.
+        ImportFileError: the times begin again, or all of them are the same, or several paths take turns.
     """
     whole = np.flatnonzero(whole_places(places[:, 0], places[:, 1]))
     nowhere = {_NO_PLACE: len(t_us) - len(whole)} if len(whole) < len(t_us) else {}
@@ -106,7 +135,7 @@ def row_times(t_us: Ints, places: Floats, source: str, *, blocks: bool = False, 
     first = _first_told(t_us[whole], places[whole])
     repeated, whole = len(whole) - len(first), whole[first]
     t_us, places = t_us[whole], places[whole]
-    check_one_clock(t_us, source, blocks=blocks)
+    check_one_clock(t_us, source, lambda row: where(int(whole[row])), blocks=blocks)
     if blocks:
         in_time = np.argsort(t_us, kind="stable")
         whole, t_us, places = whole[in_time], t_us[in_time], places[in_time]
@@ -114,41 +143,43 @@ def row_times(t_us: Ints, places: Floats, source: str, *, blocks: bool = False, 
     times, counts = np.unique(t_us[kept], return_counts=True)
     order = kept[np.argsort(t_us[kept], kind="stable")]
     rows = order[np.cumsum(counts) - counts]
+    said: list[str] = []
     if len(rows) * 2 <= len(order) and not (times % _SECOND_US).any() and _differ(places[order], t_us[order]):
         many, times, rows = int(np.median(counts)), _spread(times, counts), order
-        said = f"times are whole seconds that {many} rows share: spread evenly, ±{0.5 / many:.2f} s"
+        said.append(f"times are whole seconds that {many} rows share: spread evenly, ±{0.5 / many:.2f} s")
     else:
         late = int(np.count_nonzero(t_us[kept] < np.maximum.accumulate(t_us[kept])))
-        said = f"{late} positions stand behind later ones: put in order" if 0 < late * 2 < len(kept) else ""
+        said += [f"{late} positions stand behind later ones: put in order"] if 0 < late * 2 < len(kept) else []
+
+    def in_file(row: int) -> str:
+        return where(int(whole[rows[row]]))
+
+    several = several_paths(times, places[rows], in_file)
+    if several and not shared:
+        raise ImportFileError(f"{source}: {several}; give them one by one, or with a column of system ids")
+    said += [several] if several else []
+    path_m = metres(places[rows])
+    out = alone(times, path_m, _FAR_M, _FASTEST_MPS)
+    stale = stays(times, places[rows], path_m) & ~out
+    if stale.any():
+        said.append(f"{STAYS} from {in_file(int(np.argmax(stale)) - 1)} on")
+    there = ~(out | stale)
     left_out = {
         "positions that are there twice": repeated,
         "positions with the time of another": len(order) - len(rows),
         "positions whose time is not that of those around them": strays,
+        "positions out of the path and back at once": int(np.count_nonzero(out)),
+        STALE: int(np.count_nonzero(stale)),
     }
-    _check_one_path(times, metres(places[rows]), source)
-    there = ~alone(times, metres(places[rows]), _FAR_M, _FASTEST_MPS)
-    left_out["positions out of the path and back at once"] = int(np.count_nonzero(~there))
-    moved_us = times[there] if own_us is None else own_us[whole[rows[there]]]
+    kept_rows = rows[there]
+    moved_us = times[there] if own_us is None else own_us[whole[kept_rows]]
+    said += _leap_words(times[there], moved_us, path_m[there], lambda row: where(int(whole[kept_rows[row]])))
     return RowTimes(
-        rows=whole[rows[there]],
+        rows=whole[kept_rows],
         t_us=times[there],
-        assumed=(*((said,) if said else ()), *_leap_words(times[there], moved_us, metres(places[rows[there]]))),
+        assumed=(*said, *_gap_words(times, in_file)),
         skipped={**nowhere, **{reason: count for reason, count in left_out.items() if count}},
     )
-
-
-def _check_one_path(times: Ints, path_m: Floats, source: str) -> None:
-    """See that a path is not two that take turns.
-
-    Raises:
-        ImportFileError: it is.
-    """
-    count = leaps(times, path_m, _BESIDE_M, _FASTEST_MPS)
-    if count > _SHARE_BESIDE * len(times):
-        raise ImportFileError(
-            f"{source}: {count} of its {len(times)} positions leap away by more than {_BESIDE_M:.0f} m and back: two "
-            "vehicles or receivers take turns in it; give them one by one"
-        )
 
 
 def _without_strays(t_us: Ints, places: Floats) -> tuple[Ints, int]:
@@ -203,19 +234,24 @@ def gaps(times: Ints) -> Ints:
     return np.asarray(np.flatnonzero(steps >= max(_GAP_US, _GAP_STEPS * usual_us)), np.int64)
 
 
-def _leap_words(times: Ints, moved_us: Ints, path_m: Floats) -> tuple[str, ...]:
-    """Leaps of the clock of what moves, and the longest gap: in one a vehicle may have stood, or its clock was set."""
-    steps, longest = np.diff(times), gaps(times)
-    told = [
-        f"its clock leaps by {by_us * 1e-6:+.2f} s after position {row + 1} of {len(times)}: the path goes on as if no "
-        "time had passed; cut it there"
+def _leap_words(times: Ints, moved_us: Ints, path_m: Floats, where: Where) -> list[str]:
+    """Leaps of the clock of what moves."""
+    longest = gaps(times)
+    return [
+        f"its clock leaps by {by_us * 1e-6:+.2f} s after {where(row)}: the path goes on as if no time had passed; cut "
+        "it there"
         for row, by_us in path_leaps(moved_us, path_m)[:_MOST_TOLD]
         if row not in longest
     ]
-    if len(longest):
-        row = longest[np.argmax(steps[longest])]
-        told.append(f"nothing was logged for {steps[row] * 1e-6:.1f} s after position {row + 1} of {len(times)}")
-    return tuple(told)
+
+
+def _gap_words(times: Ints, where: Where) -> tuple[str, ...]:
+    """The longest gap: in one a vehicle may have stood, or its clock was set."""
+    steps, longest = np.diff(times), gaps(times)
+    if not len(longest):
+        return ()
+    row = int(longest[np.argmax(steps[longest])])
+    return (f"nothing was logged for {steps[row] * 1e-6:.1f} s after {where(row)}",)
 
 
 def _first_told(t_us: Ints, places: Floats) -> Ints:
@@ -248,9 +284,12 @@ def _words(t_us: int) -> str:
 
 
 def unix_seconds(text: str) -> tuple[float, bool]:
-    """Unix seconds of a date in ISO 8601, NaN where it is none, and whether it has a zone; without one it is UTC."""
+    """Unix seconds of a date in ISO 8601, NaN where it is none, and whether it has a zone; without one it is UTC.
+
+    The year may have slashes or points behind it: only where it comes first is it clear which the month is.
+    """
     try:
-        when = datetime.fromisoformat(text.strip())
+        when = datetime.fromisoformat(_YEAR_FIRST.sub(r"\1-\2-\3", text.strip()))
     except ValueError:
         return float("nan"), True
     return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp(), when.tzinfo is not None

@@ -8,7 +8,7 @@ clockwise from north.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal
@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 LogClock = Literal["video", "frame", "utc", "own"]
+Where = Callable[[int], str]
+"""Place in the file of a record, by its number among those that are read, in words."""
 
 M_PER_HDOP = 1.5
 """1σ of a single-frequency receiver at a dilution of 1, metres."""

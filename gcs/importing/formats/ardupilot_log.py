@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.importing.formats.dataflash import DataflashTables, read_tables
-from gcs.importing.row_times import RowTimes, ascending, row_times
+from gcs.importing.row_times import RowTimes, ascending, at_second, row_times
 from gcs.importing.two_clocks import clock_lead
 from gcs.importing.vehicle_log import (
     M_PER_HDOP,
@@ -124,7 +124,7 @@ def _places(tables: DataflashTables, path: Path) -> tuple[PlaceTrack, str, RowTi
         table, what = _fixes(tables, "Lat", "Lng", "Alt"), "the receiver"
     if table is not None:
         at = np.column_stack([table["Lat"].astype(float), table["Lng"].astype(float)])
-        ordered = row_times(_times(table), at, f"{path}")
+        ordered = row_times(_times(table), at, f"{path}", at_second(_times(table), "log's clock"))
     if table is None or not len(ordered.rows):
         raise ImportFileError(f"{path}: no position in it; an ArduPilot log with POS or GPS is needed")
     known, t_us, table = "RelHomeAlt" in (table.dtype.names or ()), ordered.t_us, table[ordered.rows]

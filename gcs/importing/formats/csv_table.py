@@ -14,8 +14,10 @@ from __future__ import annotations
 
 import csv
 import math
+from array import array
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,8 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
+from gcs.importing.formats.column_names import KNOWN, column_of, in_our_units
 from gcs.importing.formats.text_file import text_lines
-from gcs.importing.row_times import NO_ZONE, row_times, unix_seconds
+from gcs.importing.row_times import NO_ZONE, numbered, row_times, unix_seconds
 from gcs.importing.vehicle_log import (
     AngleTrack,
     ImportNotes,
@@ -37,25 +40,6 @@ from gcs.importing.vehicle_log import (
 from infra.plain_text import plain
 from infra.text_numbers import number_or_nan
 
-_ALIASES = {
-    "latitude": "lat", "lat_deg": "lat", "latitude_deg": "lat", "gps.lat": "lat",
-    "longitude": "lon", "lng": "lon", "lon_deg": "lon", "longitude_deg": "lon", "longtitude": "lon", "gps.lon": "lon",
-    "altitude": "alt_m", "alt": "alt_m", "altitude_m": "alt_m", "abs_alt": "alt_m", "ele": "alt_m",
-    "elevation": "alt_m", "altitudeamsl": "alt_m",
-    "height": "height_m", "rel_alt": "height_m", "relative_alt_m": "height_m", "altituderelative": "height_m",
-    "timestamp": "time", "utc": "time", "datetime": "time", "t_us": "time_us", "unix_us": "time_us",
-    "timestamp_us": "time_us", "timestamp_ms": "time_ms", "timestamp_ns": "time_ns",
-    "unix_s": "time_s", "t_s": "elapsed_s", "elapsed": "elapsed_s",
-    "groundspeed": "speed_mps", "speed": "speed_mps", "bearing": "course_deg", "gps.courseoverground": "course_deg",
-    "h_acc": "std_m", "h_acc_m": "std_m", "accuracy": "std_m", "sysid": "system_id",
-    **{name: f"{name}_deg" for name in (
-        "yaw", "pitch", "roll", "heading", "gimbal_yaw", "gimbal_pitch", "gimbal_roll"
-    )},
-}  # fmt: skip
-"""Other names of columns."""
-KNOWN = frozenset(_ALIASES.values()) | {"frame", "hfov_deg", "vn_mps", "ve_mps", "vd_mps", "id"}
-_SCALED = {"_rad": ("_deg", math.degrees(1.0)), "_cdeg": ("_deg", 0.01), "_e7": ("", 1e-7), "_mm": ("_m", 1e-3)}
-"""Endings of other units, and the factor."""
 _UNIX_NAMES = ("time", "time_s", "time_ms", "time_us", "time_ns")
 TIMES = ("time_us", "time_ms", "time_ns", "time_s", "time", "elapsed_s", "frame")
 """Columns of times, best first."""
@@ -64,27 +48,6 @@ _UNIX_FROM_US, _UNIX_TO_US = 1e14, 4.1e15
 """Unix times of 1973 to 2099; smaller numbers count from another moment."""
 _LONGEST_STEP_S = 60.0
 """Longest interval between two rows of a table that tells a path."""
-_HIGHEST_M = 20_000.0
-_LEAST_E7 = 1e5
-"""Coordinates in 1e-7 degrees; smaller ones would be on the equator."""
-_TURN_DEG, _TURN_RAD = 360.5, 2.0 * math.pi + 0.01
-_LEVEL_RAD = 0.05
-"""Angles that are all smaller are so little that the unit does not matter."""
-_UNNAMED = {
-    ("roll", "pitch", "yaw", "heading"): 0.6,
-    ("gimbal_roll", "gimbal_pitch", "gimbal_yaw"): 0.5 * math.pi + 0.01,
-}
-"""Angles whose names tell no unit, and a roll or pitch above which they can be no radians of something that flies."""
-
-
-def column_of(cell: str) -> tuple[str, float]:
-    """Our name of a column, and what its numbers are to be multiplied by."""
-    name = cell.strip(" \t\r\n\"'\ufeff").lower().replace(" ", "_")
-    for end, (ours, factor) in _SCALED.items():
-        known = _ALIASES.get(name.removesuffix(end), name.removesuffix(end) + ours)
-        if name.endswith(end) and known in KNOWN:
-            return known, factor
-    return _ALIASES.get(name, name), 1.0
 
 
 def unix_us(name: str, times: Floats, *, dated: bool, where: str) -> tuple[Floats, LogClock, tuple[str, ...]]:
@@ -139,41 +102,6 @@ def _check_steps(times: Floats, us: float, unit: str, where: str, give: str = _G
         raise ImportFileError(f"{where}: cannot be {unit}, since rows are {np.median(steps):.6g} apart; {give}")
 
 
-def in_our_units(columns: dict[str, Floats], names: set[str], where: str) -> tuple[dict[str, Floats], tuple[str, ...]]:
-    """Columns in degrees and metres, and what was assumed.
-
-    Args:
-        columns: (n,) each, by our names.
-        names: of the columns as the table has them.
-
-    Raises:
-        ImportFileError: angles may be degrees or radians.
-    """
-    found, assumed = dict(columns), []
-
-    def scaled(of: tuple[str, ...], least: float, factor: float, said: str) -> None:
-        there = [name for name in of if name in found and np.isfinite(found[name]).any()]
-        if any(np.nanmedian(np.abs(found[name])) > least for name in there):
-            found.update({name: found[name] * factor for name in there})
-            assumed.append(f"{', '.join(there)} are {said} by their size")
-
-    scaled(("lat", "lon"), _LEAST_E7, 1e-7, "degrees × 1e7")
-    scaled(("alt_m", "height_m"), _HIGHEST_M, 1e-3, "millimetres")
-    for name in ("heading_deg", "course_deg"):
-        scaled((name,), _TURN_DEG, 0.01, "centidegrees")
-    for group, tilted in _UNNAMED.items():
-        scaled(tuple(f"{name}_deg" for name in group), _TURN_DEG, 0.01, "centidegrees")
-        bare = [name for name in group if name in names and np.isfinite(found[f"{name}_deg"]).any()]
-        most = {name: float(np.nanmax(np.abs(found[f"{name}_deg"]))) for name in bare}
-        tilt = max((most[name] for name in bare if not name.endswith(("yaw", "heading"))), default=0.0)
-        if bare and tilt <= tilted and _LEVEL_RAD < max(most.values()) <= _TURN_RAD:
-            raise ImportFileError(
-                f"{where}: {', '.join(bare)} never exceed {max(most.values()):.2f}: degrees or radians? call them "
-                f"{bare[0]}_deg or {bare[0]}_rad, and so on"
-            )
-    return found, tuple(assumed)
-
-
 Floats = NDArray[np.float64]
 
 _LATEST_US = 4_102_444_800_000_000  # the year 2100
@@ -192,17 +120,16 @@ def read_csv(path: Path) -> list[VehicleLog]:
     Raises:
         ImportFileError: it cannot be read, a column is missing, or no row can be used.
     """
-    lines = text_lines(path)
-    header = next(lines, "")
-    if header.strip(_AROUND + "\ufeff").lower().startswith("sep="):
-        header = next(lines, "")  # Excel tells itself what separates cells
-    between = max(",;\t", key=header.count)
-    cells = _cells(header, between)
-    table = _TextTable(path, between, [column_of(cell) for cell in cells])
-    table.read(lines)
-    by_name, assumed = in_our_units(
-        table.columns(), {cell.strip(_AROUND + "\ufeff").lower() for cell in cells}, f"{path}"
-    )
+    with closing(text_lines(path)) as text:
+        lines = enumerate(text, 1)
+        _, header = next(lines, (0, ""))
+        if header.strip(_AROUND + "\ufeff").lower().startswith("sep="):
+            _, header = next(lines, (0, ""))  # Excel tells itself what separates cells
+        between = max(",;\t", key=header.count)
+        cells = _cells(header, between)
+        table = _TextTable(path, between, cells)
+        table.read(lines)
+    by_name, assumed = in_our_units(table.columns(), cells, f"{path}")
     where = f"{path}: column {cells[table.names.index(table.time)].strip(_AROUND)}"
     times, clock, said = unix_us(table.time, by_name[table.time], dated=table.dated, where=where)
     t_us = np.rint(np.clip(times, -1.0, _LATEST_US))
@@ -212,11 +139,11 @@ def read_csv(path: Path) -> list[VehicleLog]:
     more = f" and {len(unread) - _MOST_NAMED} more" if len(unread) > _MOST_NAMED else ""
     found = (f"columns left alone: {', '.join(unread[:_MOST_NAMED])}{more}",) if unread else ()
     notes = ImportNotes(found=found, assumed=assumed, skipped=table.skipped)
-    return _vehicles(path, by_name, t_us, clock, notes)
+    return _vehicles(path, by_name, t_us, clock, notes, np.array(table.lines, np.int64))
 
 
 def _vehicles(
-    path: Path, columns: dict[str, Floats], t_us: Floats, clock: LogClock, notes: ImportNotes
+    path: Path, columns: dict[str, Floats], t_us: Floats, clock: LogClock, notes: ImportNotes, lines: NDArray[np.int64]
 ) -> list[VehicleLog]:
     """The rows of each vehicle as its log.
 
@@ -243,7 +170,7 @@ def _vehicles(
         mine = np.flatnonzero(good & (owner == system_id))
         whose = f"{path}, system {system_id:g}" if system_id else f"{path}"
         at = np.column_stack([columns["lat"][mine], columns["lon"][mine]])
-        ordered = row_times(t_us[mine].astype(np.int64), at, whose)
+        ordered = row_times(t_us[mine].astype(np.int64), at, whose, numbered("line", lines[mine]))
         part = {name: column[mine[ordered.rows]] for name, column in columns.items()}
         left_out = dict(+(skipped + Counter(ordered.skipped)))
         told = replace(notes, assumed=(*assumed, *ordered.assumed), skipped=left_out)
@@ -265,9 +192,12 @@ def _owners(columns: dict[str, Floats]) -> Floats | None:
 class _TextTable:
     """Numbers of a table's rows as they are read."""
 
-    def __init__(self, path: Path, between: str, columns: list[tuple[str, float]]) -> None:
+    def __init__(self, path: Path, between: str, cells: list[str]) -> None:
+        columns = [column_of(cell) for cell in cells]
         self.names = [name for name, _ in columns]
         self.skipped: Counter[str] = Counter()
+        self.lines = array("Q")
+        """Line of each row, from 1."""
         self.dated = self.zoneless = False
         self._path, self._between = path, between
         self._strange = ""
@@ -283,14 +213,17 @@ class _TextTable:
             )
         self.time = time
         self._kept = [name for name in dict.fromkeys(self.names) if name in KNOWN]
-        self._places = [self.names.index(name) for name in self._kept]
+        # of times in UTC and in local time the first
+        order = sorted(range(len(cells)), key=lambda place: "utc" not in cells[place].lower())
+        self._places = [next(place for place in order if self.names[place] == name) for name in self._kept]
+        self._in_utc = "utc" in cells[self._places[self._kept.index(time)]].lower()
         self._factors = np.array([columns[place][1] for place in self._places])
 
     def columns(self) -> dict[str, Floats]:
         """Columns by our names, NaN for cells that are empty or no number."""
         return dict(zip(self._kept, self._rows.T * self._factors[:, None], strict=True))
 
-    def read(self, lines: Iterator[str]) -> None:
+    def read(self, lines: Iterator[tuple[int, str]]) -> None:
         """Read all rows.
 
         Raises:
@@ -312,11 +245,13 @@ class _TextTable:
         )
         raise ImportFileError(f"{self._path}: no row in it that can be used: {why}")
 
-    def _numbers(self, lines: Iterator[str]) -> Iterator[list[float]]:
+    def _numbers(self, lines: Iterator[tuple[int, str]]) -> Iterator[list[float]]:
         time = self._kept.index(self.time)
         place, width = self._places[time], len(self.names)
-        for count, line in enumerate(filter(str.strip, lines)):
-            if count >= _MOST_ROWS:
+        for number, line in lines:
+            if not line.strip():
+                continue
+            if len(self.lines) >= _MOST_ROWS:
                 raise ImportFileError(f"{self._path}: more than {_MOST_ROWS} rows; cut it where the flight ends")
             cells = [cell.strip(_AROUND) for cell in _cells(line, self._between)]
             if any(cells[width:]):
@@ -327,6 +262,7 @@ class _TextTable:
             # a date may have a comma of its own
             row[time] = row[time] if math.isfinite(row[time]) else self._date(cells[place])
             if math.isfinite(row[time]):
+                self.lines.append(number)
                 yield row
             else:
                 self.skipped["rows without a time"] += 1
@@ -348,7 +284,7 @@ class _TextTable:
         if math.isnan(seconds):
             self._strange = self._strange or plain(text)[:40]
             return seconds
-        self.dated, self.zoneless = True, self.zoneless or not zoned
+        self.dated, self.zoneless = True, self.zoneless or not (zoned or self._in_utc)
         return seconds
 
 

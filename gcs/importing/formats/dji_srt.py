@@ -18,7 +18,7 @@ from gcs.errors import ImportFileError
 from gcs.importing.cameras import from_focal_length
 from gcs.importing.formats.dji_cue import DjiCue, read_cue
 from gcs.importing.formats.subtitles import SubtitleCue
-from gcs.importing.row_times import row_times
+from gcs.importing.row_times import numbered, row_times
 from gcs.importing.smoothing import smoothed_places
 from gcs.importing.two_clocks import DATE_IN_UTC, film_date
 from gcs.importing.vehicle_log import AngleTrack, ImportNotes, PlaceTrack, VehicleLog, ViewTrack, whole_places
@@ -47,7 +47,8 @@ def log_of_cues(source: str, cues: Iterable[SubtitleCue]) -> VehicleLog:
     """
     skipped: Counter[str] = Counter()
     rows: list[tuple[int, DjiCue]] = []
-    for cue in cues:
+    numbers: list[int] = []
+    for number, cue in enumerate(cues, 1):
         said = read_cue(cue.text)
         if said is None:
             skipped["subtitles without a position"] += 1
@@ -57,11 +58,13 @@ def log_of_cues(source: str, cues: Iterable[SubtitleCue]) -> VehicleLog:
             skipped["times beyond a day"] += 1
         else:
             rows.append((cue.start_us, said))
+            numbers.append(number)
     if not rows:
         why = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
         raise ImportFileError(f"{source}: no position in it ({why}); is it a DJI drone's, with satellites in view?")
     at = np.array([(cue.lat_deg, cue.lon_deg) for _, cue in rows])
-    ordered = row_times(np.array([t for t, _ in rows], np.int64), at, source, blocks=True)
+    shown_us = np.array([t for t, _ in rows], np.int64)
+    ordered = row_times(shown_us, at, source, numbered("subtitle", numbers), blocks=True)
     t_us, read = ordered.t_us, [rows[k][1] for k in ordered.rows.tolist()]
     skipped.update(ordered.skipped)
     family = Counter(cue.family for cue in read).most_common(1)[0][0]

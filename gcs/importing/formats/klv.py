@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gcs.errors import ImportFileError
 from gcs.export.motion_imagery.misb import CHECKSUM, SETS_KEY, SIGNED, TIME, UNSIGNED, checksum
 from gcs.importing.formats.timed_bytes import TimedBytes
-from gcs.importing.row_times import row_times
+from gcs.importing.row_times import at_second, row_times
 from gcs.importing.two_clocks import film_date
 from gcs.importing.vehicle_log import (
     AngleTrack,
@@ -65,7 +65,7 @@ def log_of_klv(source: str, packets: Sequence[TimedBytes]) -> VehicleLog:
             "level (tag 15), which are up to 100 m apart"
         )
     t_us, zero_us, assumed = _times(rows)
-    ordered = row_times(t_us, places[:, :2], source)
+    ordered = row_times(t_us, places[:, :2], source, at_second(np.array([t for t, _ in rows], np.int64), "film"))
     t_us, places, items = ordered.t_us, places[ordered.rows], [rows[k][1] for k in ordered.rows.tolist()]
     body = np.array([_platform(each) for each in items]).reshape(-1, 3)
     gimbal = np.array([_sensor(each, pose) for each, pose in zip(items, body.tolist(), strict=True)]).reshape(-1, 3)

@@ -143,6 +143,8 @@ class _KmlReader:
 
 
 def _spot(cells: Sequence[str]) -> _Spot:
+    if len(cells) > 3:
+        return _NOWHERE  # with decimal commas nobody knows which of them separate
     lon, lat, up = ([*map(number_or_nan, cells[:3])] + [math.nan] * 3)[:3]
     return lat, lon, up
 

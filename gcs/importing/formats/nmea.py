@@ -154,7 +154,8 @@ def read_nmea(path: Path) -> list[VehicleLog]:
     """
     tracks = PointTracks(path, "NMEA 0183")
     reader = _NmeaReader(tracks)
-    for line in text_lines(path):
+    for tracks.line, line in enumerate(text_lines(path)):
+        # a fix is whole once the line behind it is read
         reader.take(line)
     reader.end_fix()
     if not len(tracks) and tracks.skipped["points without a time"]:

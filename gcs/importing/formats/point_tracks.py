@@ -14,7 +14,7 @@ import numpy as np
 
 from gcs.errors import ImportFileError
 from gcs.importing.formats.text_file import open_file
-from gcs.importing.row_times import row_times
+from gcs.importing.row_times import by_number, numbered, row_times
 from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog, whole_places
 from infra.plain_text import plain
 from infra.xml_text import ElementHandler, XmlRefusedError, read_elements
@@ -22,8 +22,8 @@ from infra.xml_text import ElementHandler, XmlRefusedError, read_elements
 _MOST_POINTS = 1_000_000
 _MOST_TRACKS = 255
 _MOST_NAME = 200
-_COLUMNS = 8
-"""Columns of a point: Unix seconds, degrees, metres above sea and take-off, 1σ in metres, m/s north and east."""
+_COLUMNS = 9
+"""Columns of a point: Unix seconds, degrees, metres above sea and take-off, 1σ in metres, m/s north and east, line."""
 _NUMBER = re.compile(r"(?<!\d)(\d{1,3})(?!.*\d)", re.ASCII)
 _DATES = re.compile(r"\d{5,}|\d{1,4}(?:[-._:/T]\d{1,2}){2,}", re.ASCII)
 """Dates and times in a name: no number of a vehicle."""
@@ -42,6 +42,8 @@ class PointTracks:
         self.skipped: Counter[str] = Counter()
         self.assumed: dict[str, None] = {}
         """In words, once each."""
+        self.line = 0
+        """Line of the file that is read, from 1."""
         self._path, self._what = path, what
         self._tracks: list[_PointTrack] = []
         self._open = _PointTrack()
@@ -85,7 +87,7 @@ class PointTracks:
         elif not whole_places(np.array([place[0]]), np.array([place[1]]))[0]:
             self.skipped["points that are no place"] += 1
         else:
-            self._open.columns.extend((unix_s, *place, alt_m, height_m, std_m, *v_mps))
+            self._open.columns.extend((unix_s, *place, alt_m, height_m, std_m, *v_mps, self.line))
 
     def end(self) -> None:
         """The track that was read is whole.
@@ -116,7 +118,9 @@ class PointTracks:
         for track in self._tracks:
             table = np.array(track.columns).reshape(-1, _COLUMNS)
             source = f"{self._path.name} ({track.name})" if track.name else self._path.name
-            ordered = row_times(np.rint(table[:, 0] * 1e6).astype(np.int64), table[:, 1:3], source)
+            lines = table[:, 8].astype(np.int64)
+            where = numbered("line", lines) if np.ptp(lines) else by_number
+            ordered = row_times(np.rint(table[:, 0] * 1e6).astype(np.int64), table[:, 1:3], source, where)
             table, number = table[ordered.rows], _NUMBER.search(_DATES.sub("", track.name))
             system_id = int(number.group(1)) if number else 0
             std_m = table[:, 5][np.isfinite(table[:, 5])]
@@ -151,7 +155,7 @@ def read_xml_tracks(
     """
     try:
         with open_file(path) as file:
-            broken = read_elements(file, ended, most_text)
+            broken = read_elements(file, ended, most_text, tracks)
     except XmlRefusedError as error:
         raise ImportFileError(f"{path}: not a {kind} file: {error}") from None
     if broken and not len(tracks):

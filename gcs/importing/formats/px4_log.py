@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.importing.formats.text_file import open_file
-from gcs.importing.row_times import RowTimes, ascending, row_times
+from gcs.importing.row_times import RowTimes, ascending, at_second, row_times
 from gcs.importing.two_clocks import clock_lead
 from gcs.importing.vehicle_log import (
     AngleTrack,
@@ -239,7 +239,7 @@ def _places(topics: Topics, path: Path) -> tuple[PlaceTrack, RowTimes] | None:
     if topic is None or not _has(topic, "lat", "lon", "alt"):
         return None
     lat, lon = topic["lat"].astype(float), topic["lon"].astype(float)
-    ordered = row_times(_times(topic), np.column_stack([lat, lon]), f"{path}")
+    ordered = row_times(_times(topic), np.column_stack([lat, lon]), f"{path}", at_second(_times(topic), "log's clock"))
     rows, t_us = ordered.rows, ordered.t_us
     if not len(rows):
         return None
@@ -279,7 +279,8 @@ def _fixes(topics: Topics, path: Path) -> tuple[PlaceTrack, RowTimes] | None:
         lat, lon = lat * degrees, lon * degrees
         fixed = topic["fix_type"] >= _FIX_3D if _has(topic, "fix_type") else np.ones(len(lat), np.bool_)
         rows = np.flatnonzero(fixed)
-        ordered = row_times(_times(topic)[rows], np.column_stack([lat[rows], lon[rows]]), f"{path}")
+        t_us, at = _times(topic)[rows], np.column_stack([lat[rows], lon[rows]])
+        ordered = row_times(t_us, at, f"{path}", at_second(t_us, "log's clock"))
         rows = rows[ordered.rows]
         if not len(rows) or (best is not None and len(rows) <= len(best[0])):
             continue

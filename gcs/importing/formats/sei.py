@@ -19,7 +19,7 @@ import numpy as np
 
 from gcs.errors import ImportFileError
 from gcs.importing.formats.timed_bytes import TimedBytes
-from gcs.importing.row_times import row_times
+from gcs.importing.row_times import at_second, row_times
 from gcs.importing.two_clocks import film_date
 from gcs.importing.vehicle_log import (
     AngleTrack,
@@ -118,7 +118,7 @@ def log_of_messages(source: str, messages: Sequence[TimedBytes]) -> VehicleLog:
     seen = (hfov > 0.0) & (hfov < np.pi)
     attitudes, gimbal = (_angles(t_us, records, name) for name in ("vehicle_attitude", "gimbal_attitude"))
     places = places[known]
-    ordered = row_times(t_us[known], places[:, :2], source)
+    ordered = row_times(t_us[known], places[:, :2], source, at_second(t_us[known], "film"))
     order = ordered.rows
     zero_us, told = film_date("the date in its telemetry", np.nan_to_num(utc_us).astype(np.int64), t_us)
     return VehicleLog(

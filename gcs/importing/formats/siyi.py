@@ -20,7 +20,7 @@ import numpy as np
 
 from gcs.errors import ImportFileError
 from gcs.importing.formats.subtitles import SubtitleCue
-from gcs.importing.row_times import row_times
+from gcs.importing.row_times import numbered, row_times
 from gcs.importing.smoothing import smoothed_places
 from gcs.importing.two_clocks import DATE_IN_UTC, film_date
 from gcs.importing.vehicle_log import AngleTrack, ImportNotes, VehicleLog, whole_places
@@ -48,8 +48,8 @@ def siyi_log(source: str, cues: Sequence[SubtitleCue]) -> VehicleLog:
         ImportFileError: not one of the subtitles has a position.
     """
     skipped: Counter[str] = Counter()
-    rows, dates = [], []
-    for cue in cues:
+    rows, dates, numbers = [], [], []
+    for number, cue in enumerate(cues, 1):
         lat, lon = _degrees(_LAT.search(cue.text)), _degrees(_LON.search(cue.text))
         if not whole_places(np.array([lat]), np.array([lon]))[0]:
             skipped["subtitles without a position"] += 1
@@ -58,10 +58,11 @@ def siyi_log(source: str, cues: Sequence[SubtitleCue]) -> VehicleLog:
         angles = (math.radians(said.get(f"gb_{axis}", math.nan)) for axis in ("roll", "pitch", "yaw"))
         rows.append((cue.start_us, lat, lon, said.get("abs_alt", math.nan), *angles))
         dates.append(_unix_us(cue.text))
+        numbers.append(number)
     if not rows:
         raise ImportFileError(f"{source}: no position in its subtitles; were satellites in view?")
     table, unix_us = np.array(rows), np.array(dates, np.int64)
-    ordered = row_times(table[:, 0].astype(np.int64), table[:, 1:3], source, blocks=True)
+    ordered = row_times(table[:, 0].astype(np.int64), table[:, 1:3], source, numbered("subtitle", numbers), blocks=True)
     table, unix_us, t_us = table[ordered.rows], unix_us[ordered.rows], ordered.t_us
     zero_us, told = film_date("the date in its subtitles", unix_us, t_us)
     known = np.isfinite(table[:, 5])

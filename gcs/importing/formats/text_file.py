@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import codecs
 import os
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from functools import partial
 from pathlib import Path
 from typing import BinaryIO, TextIO
@@ -37,7 +37,7 @@ def open_file(path: Path) -> BinaryIO:
     return file
 
 
-def text_lines(path: Path) -> Iterator[str]:
+def text_lines(path: Path) -> Generator[str]:
     """Lines without their ends; one that is too long is cut, its rest is left out.
 
     Raises:

@@ -183,7 +183,7 @@ def test_a_digital_zoom_is_told_where_the_field_of_view_is_missed(tmp_path):
 
 
 def test_subtitles_of_two_films_in_one_file_are_refused(tmp_path):
-    with pytest.raises(ImportFileError, match=r"times begin again: position 201 of 399 is 19\.80 s earlier"):
+    with pytest.raises(ImportFileError, match=r"times begin again: subtitle 202 is 19\.80 s earlier"):
         read(tmp_path, srt("keyed", SPOTS) + srt("keyed", [(t, SPOTS[0][1]) for t, _ in SPOTS]))
 
 

@@ -147,7 +147,7 @@ def test_a_px4_log_whose_times_begin_again_is_refused(tmp_path, monkeypatch):
     fixes = receiver(True, older=False)
     fixes["timestamp"][N // 2 :] -= fixes["timestamp"][N // 2] - fixes["timestamp"][0]
     monkeypatch.setattr(px4_log, "_topics", lambda path: ({"sensor_gps": [fixes]}, 12, False))
-    with pytest.raises(ImportFileError, match=rf"rover\.ulg: its times begin again: position {N // 2 + 1} of {N}"):
+    with pytest.raises(ImportFileError, match=r"rover\.ulg: its times begin again: 5\.0 s of the log's clock"):
         px4_log.read_px4(tmp_path / "rover.ulg")
 
 

@@ -1,5 +1,6 @@
 """Tables and tracks as other tools write them, and clocks and units that are not what they seem."""
 
+import math
 import re
 
 import numpy as np
@@ -84,6 +85,33 @@ def assert_whole(log, rows=ROWS, within_us=1):
         # decimal commas within quotation marks, words with what else stands between cells
         ("time,lat,lon,alt", lambda k, *p: f'"{iso(k)}","{p[0]:.9f}","{p[1]:.9f}","{p[2]}"'.replace(".", ","), ""),
         ('time,"name, of it",lat,lon,alt', lambda k, *p: f'{iso(k)},"Red, 1",{p[0]:.9f},{p[1]:.9f},{p[2]}', ""),
+        # Airdata of a DJI drone
+        (
+            "time(millisecond),datetime(utc),latitude,longitude,height_above_takeoff(feet),"
+            "altitude_above_seaLevel(feet),speed(mph), compass_heading(degrees), pitch(degrees),gimbal_pitch(degrees)",
+            lambda k, *p: (
+                f"{500 * k},{iso(k, '').replace('T', ' ')},{p[0]},{p[1]},98.4,{p[2] / 0.3048},3.1,20.5,1.5,-90"
+            ),
+            "",
+        ),
+        # what reads DJI's own records
+        (
+            "CUSTOM.updateTime [local],CUSTOM.updateTime [UTC],OSD.latitude,OSD.longitude,OSD.altitude [ft],OSD.yaw",
+            lambda k, *p: f"1,{iso(k, '').replace('-', '/').replace('T', ' ')},{p[0]},{p[1]},{p[2] / 0.3048},-20",
+            "",
+        ),
+        ("time,lat,lon,alt_ft", lambda k, *p: f"{iso(k)},{p[0]},{p[1]},{p[2] / 0.3048}", ""),
+        ("time,lat,lon,altitude (feet)", lambda k, *p: f"{iso(k)},{p[0]},{p[1]},{p[2] / 0.3048}", ""),
+        (
+            "time,lat_rad,lon_rad,alt_cm",
+            lambda k, *p: f"{iso(k)},{math.radians(p[0])},{math.radians(p[1])},{p[2] * 100}",
+            "",
+        ),
+        (
+            "time,lat,lon,alt,alt_hae",
+            lambda k, *p: f"{iso(k)},{p[0]},{p[1]},{p[2]},478",
+            "above the ellipsoid are not taken",
+        ),
         ("id,time,lat,lon,alt", lambda k, *p: f"{k + 1},{iso(k)},{p[0]:.9f},{p[1]:.9f},{p[2]}", "id counts rows"),
     ],
 )
@@ -115,6 +143,16 @@ def test_centidegrees_are_known_by_their_size(tmp_path):
     log = read(tmp_path, text)
     assert np.degrees(log.places.heading[3]) == pytest.approx(93.0)
     assert "heading_deg are centidegrees by their size" in log.notes.assumed
+
+
+def test_the_altitude_of_litchi_counts_from_the_take_off(tmp_path):
+    text = table(
+        "latitude,longitude,altitude(feet),ascent(feet),speed(mph),datetime(utc),velocityX(mps),pitch(deg),heading(deg)",
+        lambda k, *p: f"{p[0]},{p[1]},98.4252,98.4252,2,{iso(k, '').replace('T', ' ')},0.1,2,20",
+    )
+    log = read(tmp_path, text)
+    assert log.places.height_m == pytest.approx(30.0, abs=1e-3) and np.isnan(log.places.alt_m).all()
+    assert log.notes.assumed == ("altitude counts from the take-off, as ascent stands beside it",)
 
 
 def test_thousands_and_words_are_no_decimal_numbers(tmp_path):
@@ -159,17 +197,23 @@ def by_time(time):
         ),
         ("time,lat,lon,alt", by_time(lambda k: iso(0)), "all 60 positions have the same time, 2025-10-09 08:53:20"),
         # a logger that was started again
-        ("time,lat,lon,alt", by_time(lambda k: iso(k % 30)), "times begin again: position 31 of 60 is 14.50 s earlier"),
+        ("time,lat,lon,alt", by_time(lambda k: iso(k % 30)), "times begin again: line 32 is 14.50 s earlier"),
         # a clock that was set back
         (
             "time_s,lat,lon,alt",
             by_time(lambda k: T0_S + k / 2 - 3600 * (k >= 20)),
-            "position 21 of 60 is 3599.50 s earlier",
+            "line 22 is 3599.50 s earlier",
         ),
         (
             "time,lat,lon,yaw",
             lambda k, *p: f"{iso(k)},{p[0]},{p[1]},{0.05 * k}",
             "yaw never exceed 2.95: degrees or radians? call them yaw_deg or yaw_rad",
+        ),
+        ("time,lat,lon,yaw_rad", lambda k, *p: f"{iso(k)},{p[0]},{p[1]},{k}", "yaw_rad goes up to 53.1: no radians"),
+        (
+            "time,lat,lon,alt",
+            lambda k, *p: f"{iso(k)},{p[0]},{p[1]},{100 * p[2]}",
+            "alt goes up to 43053, which is 43 km: tell the unit in its name",
         ),
         ("time,lat,lon,gimbal_pitch", lambda k, *p: f"{iso(k)},{p[0]},{p[1]},-1.57", "degrees or radians"),
         (
@@ -202,14 +246,14 @@ def test_what_cannot_be_trusted_is_refused_in_words(header, row, words, tmp_path
     ("rows", "said"),
     [
         ([*range(20), 23, 20, 21, 22, *range(24, 60)], "3 positions stand behind later ones: put in order"),
-        ([*range(20), *range(40, 70)], "nothing was logged for 10.5 s after position 20 of 50"),
+        ([*range(20), *range(40, 70)], "nothing was logged for 10.5 s after {}"),
     ],
 )
 def test_the_order_of_rows_is_told(name, rows, said, tmp_path):
     rows = [(iso(k), *path_of(k)) for k in rows]
     text = "time,lat,lon,alt\n" + "".join(f"{t},{lat},{lon},{alt}\n" for t, lat, lon, alt in rows)
     log = read(tmp_path, gpx_of(rows) if name.endswith("gpx") else text, name)
-    assert log.notes.assumed == (said,)
+    assert log.notes.assumed == (said.format("position 20" if name.endswith("gpx") else "line 21"),)
 
 
 @pytest.mark.parametrize("name", ["rover.csv", "rover.gpx"])
