@@ -37,9 +37,9 @@ _FIRST_LEAST = -30.0
 """Least that a pair's first comparison counts, nats: one outlier must not rule a pair out for good."""
 _NO_REPORT = 2.0
 """A block without reports makes a change of owner this many nats less likely than a look would cost."""
-_MOST_BORNE = 0.4
-"""Most that a track's best pair gets in a block by bearing with a receiver that wanders, nats: it keeps a name, and
-makes none."""
+_MOST_BORNE, _MAY_BE = 0.4, 3.0
+"""Most that a pair gets in a block by bearing with a receiver that wanders, nats: it keeps a name, and makes none; and
+how far behind its track's best pair it is at most for that to count."""
 _WIDER = 5.0
 """The wider part of N has so many bias variances more."""
 _LOG_NEAR, _LOG_WIDE = float(np.log(0.85)), float(np.log(0.15))
@@ -203,9 +203,11 @@ def run_filter(
         log_p = constant[b] + log_density(squared_magnitude(e), s, V)
         gain_later = log_p - blocks.log_null[b]
         # what receivers wander costs all pairs of a track alike less, so that it tells nothing between vehicles, and
-        # brings the best of them nothing
-        best_gain = np.max(np.where(has & seen, gain_later, -np.inf), axis=1, keepdims=True, initial=-np.inf)
-        gain_later = gain_later + np.minimum(bonus, np.maximum(_MOST_BORNE - best_gain, 0.0))
+        # brings those nothing that the track may well be
+        compared = np.where(has & seen, L, NEVER)
+        near = compared >= np.maximum(compared.max(axis=1, keepdims=True, initial=NEVER) - _MAY_BE, NEVER / 2)
+        most = np.where(near, gain_later, -np.inf).max(axis=1, keepdims=True, initial=-np.inf)
+        gain_later = gain_later + np.minimum(bonus, np.maximum(_MOST_BORNE - most, 0.0))
         later = np.minimum(np.maximum(gain_later, -noise.increment_max), noise.increment_max)
         first = np.maximum(log_p - null[b], _FIRST_LEAST)
         if placed is not None:
