@@ -40,7 +40,7 @@ class Heard(NamedTuple):
     first: Mapping[int, FirstSeen]
 
 
-class _Known(NamedTuple):
+class _KnownTrack(NamedTuple):
     first: FirstSeen
     seen_us: int
     by: tuple[int, int] | None
@@ -57,7 +57,7 @@ class FirstSeenTracks:
     def __init__(self, view: int) -> None:
         self._view = view
         self._own: dict[int, FirstSeen] = {}
-        self._known: dict[int, _Known] = {}
+        self._known: dict[int, _KnownTrack] = {}
 
     def of(self, track_id: int) -> FirstSeen:
         """The object that a track is; of one that was never compared, its own."""
@@ -81,7 +81,7 @@ class FirstSeenTracks:
         here = track_id.tolist()
         for track in here:
             own = self._own.setdefault(track, FirstSeen(t_us, self._view, track))
-            before = self._known.get(track, _Known(own, t_us, None))
+            before = self._known.get(track, _KnownTrack(own, t_us, None))
             self._known[track] = before._replace(seen_us=t_us)
         for view, others, same, first in heard:
             for row, track in enumerate(here):

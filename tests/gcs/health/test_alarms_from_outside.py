@@ -404,7 +404,7 @@ class Misled:
     def __init__(self, uav_id, from_us):
         meeting = Meeting()
         self.own, self.other = meeting.seat(UAV), meeting.seat(uav_id)
-        self.contradictions, self.from_us = self.own.contradictions, from_us
+        self.contradictions, self.first_seen, self.from_us = self.own.contradictions, self.own.first_seen, from_us
 
     def answers(self, frame, origin, system_ids, mine):
         n = len(system_ids)
