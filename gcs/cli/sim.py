@@ -56,7 +56,11 @@ def sim(
     ] = None,
     masts: Annotated[
         int,
-        typer.Option(callback=check_range(0, MOST_VIEWS - 1), help="So many of --views, the last, are on masts."),
+        typer.Option(
+            callback=check_range(0, MOST_VIEWS - 1),
+            metavar="NUMBER",
+            help="Number of --views, the last, that are on masts.",
+        ),
     ] = 0,
     as_json: AsJson = False,
 ) -> None:

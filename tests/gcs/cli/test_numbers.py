@@ -44,6 +44,7 @@ OPTIONS = [
     ("sim run", ("curved-road",), "--duration"),
     ("sim run", ("curved-road",), "--seed"),
     ("sim run", ("curved-road",), "--views"),
+    ("sim run", ("curved-road",), "--masts"),
     ("sim from-tracks", FILM, "--first-frame"),
     ("sim from-tracks", FILM, "--fps"),
     ("sim from-tracks", FILM, "--duration"),
@@ -77,3 +78,9 @@ def test_a_number_that_cannot_be_used(command, words, option, value, tmp_path, m
         option in told or (command == "sim run" and option[2:] in told) or (command == "calibrate" and "square" in told)
     )
     assert not list(tmp_path.iterdir())
+
+
+def test_the_first_camera_is_on_no_mast(tmp_path):
+    for views in ((), ("--views", "2")):
+        code, _, told = run_gcs("sim", "run", "curved-road", *views, "--masts", "2", "-o", tmp_path / "out")
+        assert code == 2 and "--masts 2: the first camera flies" in told and not list(tmp_path.iterdir())
