@@ -237,12 +237,15 @@ def gaps(times: Ints) -> Ints:
 def _leap_words(times: Ints, moved_us: Ints, path_m: Floats, where: Where) -> list[str]:
     """Leaps of the clock of what moves."""
     longest = gaps(times)
-    return [
+    found = [(row, by_us) for row, by_us in path_leaps(moved_us, path_m) if row not in longest]
+    told = [
         f"its clock leaps by {by_us * 1e-6:+.2f} s after {where(row)}: the path goes on as if no time had passed; cut "
         "it there"
-        for row, by_us in path_leaps(moved_us, path_m)[:_MOST_TOLD]
-        if row not in longest
+        for row, by_us in found[:_MOST_TOLD]
     ]
+    if len(found) > _MOST_TOLD:
+        return [f"{told[0]}; and so it does {len(found) - 1} times more: times that were cut, or of another clock?"]
+    return told
 
 
 def _gap_words(times: Ints, where: Where) -> tuple[str, ...]:

@@ -34,7 +34,7 @@ class ClockLead:
     """In words, where it steps, and that it grows."""
 
 
-def clock_lead(what: str, beside: str, unix_us: Ints, t_us: Ints) -> ClockLead:
+def clock_lead(what: str, beside: str, unix_us: Ints, t_us: Ints, *, cut: bool = False) -> ClockLead:
     """Lead of a clock that tells the date over one that counts.
 
     A date that is cut to whole seconds tells the time where the next one begins, to the time between two samples.
@@ -44,10 +44,13 @@ def clock_lead(what: str, beside: str, unix_us: Ints, t_us: Ints) -> ClockLead:
         beside: the other one.
         unix_us: (n,) in the order of the file.
         t_us: (n,) beside them.
+        cut: dates of whole seconds are cut also where no two samples share one.
     """
     within_us, around, late_us, told = 0.0, _AROUND, 0, list[str]()
-    if not (unix_us % _SECOND_US).any():
-        begins = np.flatnonzero(np.diff(unix_us)) + 1
+    begins = np.flatnonzero(np.diff(unix_us)) + 1
+    # some writers put the same digits behind each second
+    shared = len(begins) * 2 < len(unix_us) and not (np.diff(unix_us) % _SECOND_US).any()
+    if shared or (cut and not (unix_us % _SECOND_US).any()):
         within_us = float(np.median(np.abs(np.diff(t_us)))) if len(begins) else _SECOND_US
         late_us = round(min(_SECOND_US, within_us) / 2)
         around = _CUT_AROUND
@@ -81,16 +84,17 @@ def _drift(ahead_us: Ints, t_us: Ints) -> tuple[float, float]:
     return rate, rate * float(np.ptp(t_us))
 
 
-def film_date(what: str, unix_us: Ints, t_us: Ints) -> tuple[int, tuple[str, ...]]:
+def film_date(what: str, unix_us: Ints, t_us: Ints, *, cut: bool = False) -> tuple[int, tuple[str, ...]]:
     """Unix µs of a video's first frame by dates in it, 0 without any, and in words what is wrong with them.
 
     Args:
         what: the dates, in messages.
         unix_us: (n,) dates, 0 unknown.
         t_us: (n,) when they are shown, since the first frame.
+        cut: those of whole seconds are cut.
     """
     dated = unix_us > 0
     if not dated.any():
         return 0, ()
-    lead = clock_lead(what, "the film's time stamps", unix_us[dated], t_us[dated])
+    lead = clock_lead(what, "the film's time stamps", unix_us[dated], t_us[dated], cut=cut)
     return max(0, int(np.quantile(lead.longest_us, 0.5, method="lower"))), lead.told

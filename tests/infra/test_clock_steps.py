@@ -1,6 +1,6 @@
 import numpy as np
 
-from infra.clock_steps import level_steps, restarts
+from infra.clock_steps import level_steps, restarts, set_back
 
 
 def test_only_what_the_next_times_agree_about_is_a_restart():
@@ -21,3 +21,22 @@ def test_a_clock_that_was_set_and_not_one_that_is_late():
     offsets[200:] = -3000
     assert level_steps(offsets, 2000, 20) == [(200, -3000)]
     assert level_steps(offsets[:0], 2000, 20) == []
+
+
+def test_a_clock_that_was_set_back_by_less_than_a_step_and_not_times_in_any_order():
+    times = np.arange(0, 40_000_000, 500_000)
+    assert set_back(times) == []
+    for by in (600_000, 1_700_000):
+        assert set_back(times - by * (times >= 20_000_000)) == [40]
+    late = np.insert(np.delete(times, 20), 24, times[20])
+    assert set_back(late) == []
+    assert set_back(times.reshape(-1, 4)[:, ::-1].ravel()) == []
+    assert set_back(times[:0]) == []
+
+
+def test_what_arrives_late_moves_no_level():
+    late = np.random.default_rng(1).integers(0, 300, 400)
+    late[100:150] += 5000
+    assert level_steps(late, 2000, 100, late=True) == []
+    ((row, by),) = level_steps(late - 3000 * (np.arange(400) >= 200), 2000, 100, late=True)
+    assert row == 200 and abs(by + 3000) < 30

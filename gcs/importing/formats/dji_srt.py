@@ -70,7 +70,7 @@ def log_of_cues(source: str, cues: Iterable[SubtitleCue]) -> VehicleLog:
     family = Counter(cue.family for cue in read).most_common(1)[0][0]
     decimals = _decimals(read)
     unix_us = np.array([cue.unix_us for cue in read], np.int64)
-    zero_us, told = film_date("the date in its subtitles", unix_us, t_us)
+    zero_us, told = film_date("the date in its subtitles", unix_us, t_us, cut=True)
     found = [f"DJI subtitles, {family}", f"{len(read)} positions of {decimals} decimals"]
     return VehicleLog(
         source=source,

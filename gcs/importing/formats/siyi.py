@@ -64,7 +64,7 @@ def siyi_log(source: str, cues: Sequence[SubtitleCue]) -> VehicleLog:
     table, unix_us = np.array(rows), np.array(dates, np.int64)
     ordered = row_times(table[:, 0].astype(np.int64), table[:, 1:3], source, numbered("subtitle", numbers), blocks=True)
     table, unix_us, t_us = table[ordered.rows], unix_us[ordered.rows], ordered.t_us
-    zero_us, told = film_date("the date in its subtitles", unix_us, t_us)
+    zero_us, told = film_date("the date in its subtitles", unix_us, t_us, cut=True)
     known = np.isfinite(table[:, 5])
     return VehicleLog(
         source=source,

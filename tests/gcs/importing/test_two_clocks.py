@@ -1,4 +1,4 @@
-"""A vehicle that is in a log of its own and in the telemetry, with clocks that contradict each other."""
+"""Two clocks that contradict each other: of one file, and of a vehicle in a log of its own and in the telemetry."""
 
 import re
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gcs.importing.ground_vehicles import clock_words
+from gcs.importing.two_clocks import clock_lead
 from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog
 
 T_S = np.arange(0.0, 60.0, 0.2)
@@ -55,3 +56,33 @@ def test_leap_seconds_and_a_clock_that_runs_otherwise_are_told(t_s, said):
 )
 def test_nothing_is_told_where_nothing_shows(telemetry):
     assert clock_words(log_of(track(T_S) if np.ptp(telemetry.lat_deg) > 1e-5 else track(T_S, 0.01)), telemetry) == ()
+
+
+FIFTHS = np.arange(0, 60_000_000, 200_000)
+SECONDS = np.arange(0, 60_000_000, 1_000_000)
+DATE = 1_760_000_000_000_000
+
+
+@pytest.mark.parametrize(
+    ("t_us", "ahead_us", "said"),
+    [
+        (FIFTHS, 0, ""),
+        (FIFTHS, 70_000 * (FIFTHS % 3 == 0), ""),  # lateness
+        (FIFTHS, 2e-4 * FIFTHS, ""),  # crystals
+        (SECONDS, 0, ""),  # a receiver that tells each second
+        (FIFTHS, 100_000 * (FIFTHS > 30_000_000), "date steps by +0.10 s at 30.2 s: what holds longest counts"),
+        (FIFTHS, -3e-3 * FIFTHS, "date runs 0.30% slower than film: they drift apart by 0.18 s"),
+        (FIFTHS, -(FIFTHS % 1_000_000), "date is cut to whole seconds: ±0.10 s"),
+        (FIFTHS, 808 - FIFTHS % 1_000_000, "date is cut to whole seconds: ±0.10 s"),
+    ],
+)
+def test_a_date_beside_another_clock(t_us, ahead_us, said):
+    lead = clock_lead("date", "film", DATE + t_us + np.rint(ahead_us).astype(np.int64), t_us)
+    assert lead.told == ((said,) if said else ())
+    assert np.abs(np.median(lead.longest_us) - DATE) <= 101_000
+
+
+def test_dates_of_whole_seconds_a_second_apart_are_cut_in_subtitles():
+    t_us = SECONDS + SECONDS // 50
+    lead = clock_lead("date", "film", DATE + t_us // 1_000_000 * 1_000_000, t_us, cut=True)
+    assert lead.told == ("date is cut to whole seconds: ±0.50 s",)
