@@ -13,6 +13,8 @@ Ints = NDArray[np.int64]
 _NEXT = 8
 """Times on either side that have to agree about a restart."""
 _MOST_STEPS = 1000
+_DAMAGED = 2
+"""Offsets that may be damaged among those of a level."""
 _JITTER, _UNEVEN = 10_000, 5.0
 """Steps are usual within this, and within so many times by what most of them differ from the usual one."""
 _LEAD_IN = 3
@@ -42,7 +44,7 @@ def level_steps(offsets: Ints, least: int, around: int, *, late: bool = False) -
         late: offsets are of arrivals, which come late and never early.
     """
     steps: list[tuple[int, int]] = []
-    level = np.min if late else np.median
+    level = _earliest if late else np.median
     start = 0
     for i in (np.flatnonzero(np.abs(np.diff(offsets)) > least) + 1)[:_MOST_STEPS].tolist():
         before, after = offsets[max(start, i - around) : i], offsets[i : i + around]
@@ -53,6 +55,11 @@ def level_steps(offsets: Ints, least: int, around: int, *, late: bool = False) -
             steps.append((i, by))
             start = i
     return steps
+
+
+def _earliest(offsets: Ints) -> int:
+    """The least of offsets but two, which may be damaged."""
+    return int(np.partition(offsets, _DAMAGED)[_DAMAGED])
 
 
 def set_back(times: Ints) -> list[int]:

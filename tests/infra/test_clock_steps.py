@@ -37,6 +37,7 @@ def test_a_clock_that_was_set_back_by_less_than_a_step_and_not_times_in_any_orde
 def test_what_arrives_late_moves_no_level():
     late = np.random.default_rng(1).integers(0, 300, 400)
     late[100:150] += 5000
+    late[300:302] -= 5000
     assert level_steps(late, 2000, 100, late=True) == []
     ((row, by),) = level_steps(late - 3000 * (np.arange(400) >= 200), 2000, 100, late=True)
     assert row == 200 and abs(by + 3000) < 30
