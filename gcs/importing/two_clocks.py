@@ -29,12 +29,14 @@ class ClockLead:
     """Lead of one clock over another."""
 
     longest_us: Ints
-    """(k,) of those samples between whose steps it holds longest."""
+    """(k,) of those samples between whose steps it holds longest, µs."""
     told: tuple[str, ...] = ()
     """In words, where it steps, and that it grows."""
 
 
-def clock_lead(what: str, beside: str, unix_us: Ints, t_us: Ints, *, cut: bool = False) -> ClockLead:
+def clock_lead(
+    what: str, beside: str, unix_us: Ints, t_us: Ints, *, cut: bool = False, latest_us: int = 0
+) -> ClockLead:
     """Lead of a clock that tells the date over one that counts.
 
     A date that is cut to whole seconds tells the time where the next one begins, to the time between two samples.
@@ -45,6 +47,7 @@ def clock_lead(what: str, beside: str, unix_us: Ints, t_us: Ints, *, cut: bool =
         unix_us: (n,) in the order of the file.
         t_us: (n,) beside them.
         cut: dates of whole seconds are cut also where no two samples share one.
+        latest_us: a date may come as late as this: smaller steps are told, and samples count on either side.
     """
     within_us, around, late_us, told = 0.0, _AROUND, 0, list[str]()
     begins = np.flatnonzero(np.diff(unix_us)) + 1
@@ -61,10 +64,11 @@ def clock_lead(what: str, beside: str, unix_us: Ints, t_us: Ints, *, cut: bool =
     # whole seconds of samples that are a second apart slip by one where the date passes a sample
     noise_us = max(_SPREAD * differ_us, _CUT_SHARE * within_us)
     steps = level_steps(ahead_us, round(max(_STEP_US, noise_us)), around)
-    first, last = max(pairwise([0, *(row for row, _ in steps), len(ahead_us)]), key=lambda part: part[1] - part[0])
+    set_at = [row for row, by_us in steps if abs(by_us) > latest_us]
+    first, last = max(pairwise([0, *set_at, len(ahead_us)]), key=lambda part: part[1] - part[0])
     if steps:
         where = ", ".join(f"{by_us * 1e-6:+.2f} s at {t_us[row] * 1e-6:.1f} s" for row, by_us in steps[:_MOST_TOLD])
-        told.append(f"{what} steps by {where}: what holds longest counts")
+        told.append(f"{what} steps by {where}: {'what holds longest counts' if set_at else 'it may have come late'}")
     rate, drift_us = _drift(ahead_us[first:last], t_us[first:last])
     if abs(rate) > _RATE and abs(drift_us) > max(_DRIFT_US, noise_us):
         told.append(

@@ -39,6 +39,8 @@ _LATEST = 0.95
 """Quantile of the differences of GPS time and the log's: a record is written some time after the fix that it has."""
 _ID_NAMES = (b"SYSID_THISMAV", b"MAV_SYSID")
 _LATEST_US = 1 << 53
+_LATEST_FIX_US = 2_000_000
+"""Greatest delay of a fix in the log."""
 
 
 def read_ardupilot(path: Path) -> VehicleLog:
@@ -182,7 +184,7 @@ def _zero_us(tables: DataflashTables) -> tuple[int | None, tuple[str, ...]]:
         return None, ()
     unix_us = (_GPS_EPOCH_S - _LEAP_S + fixes["GWk"].astype(np.int64) * _WEEK_S) * 1_000_000
     unix_us = unix_us + fixes["GMS"].astype(np.int64) * 1000
-    lead = clock_lead("GPS time", "the log's own clock", unix_us, _times(fixes))
+    lead = clock_lead("GPS time", "the log's own clock", unix_us, _times(fixes), latest_us=_LATEST_FIX_US)
     return int(np.quantile(lead.longest_us, _LATEST, method="nearest")), lead.told
 
 

@@ -60,6 +60,8 @@ _HEADER_BYTES, _MESSAGE, _KINDS = 16, struct.Struct("<HB"), frozenset(b"ABCDFILM
 """ULog's header, the head of each message, and the letters of the kinds that there are."""
 _GAP_US = 2_000_000
 _LATEST_US = 1 << 53
+_LATEST_FIX_US = 2_000_000
+"""Greatest delay of a fix in the log."""
 _LEAST_UTC_US = 1_000_000_000_000_000
 """Year 2001: what a receiver says before is no time."""
 _YAW_IN_EARTH_FRAME = 64
@@ -309,7 +311,7 @@ def _zero_us(topics: Topics) -> tuple[int | None, tuple[str, ...]]:
     utc_us, t_us = max(found, key=lambda each: len(each[0]), default=(np.empty(0, np.int64),) * 2)
     if not len(utc_us):
         return None, ()
-    lead = clock_lead("GPS time", "the log's own clock", utc_us, t_us)
+    lead = clock_lead("GPS time", "the log's own clock", utc_us, t_us, latest_us=_LATEST_FIX_US)
     return int(np.quantile(lead.longest_us, 0.5, method="lower")), lead.told
 
 
