@@ -115,6 +115,15 @@ def test_time_stamps_that_begin_again_are_refused(tmp_path):
         VideoFile.open(tmp_path / "two.ts")
 
 
+def test_time_stamps_that_were_set_back_by_tenths_of_a_second_are_refused(tmp_path):
+    one, other = (
+        write_clip(tmp_path / f"{ms}.ts", steady(FRAMES) + ms).read_bytes() for ms in (0, int(steady(FRAMES)[-1]) - 300)
+    )
+    (tmp_path / "two.ts").write_bytes(one + other)
+    with pytest.raises(VideoError, match=rf"time stamps begin again after {FRAMES} of {2 * FRAMES} frames"):
+        VideoFile.open(tmp_path / "two.ts")
+
+
 def test_a_few_frames_of_another_film_in_front_are_refused(tmp_path):
     ten_a_second = 100 * np.arange(FRAMES)
     few = write_clip(tmp_path / "few.ts", ten_a_second[:12]).read_bytes()
