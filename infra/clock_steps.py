@@ -15,10 +15,10 @@ _NEXT = 8
 _MOST_STEPS = 1000
 _DAMAGED = 2
 """Offsets that may be damaged among those of a level."""
-_JITTER, _UNEVEN = 10_000, 5.0
+_JITTER, _UNEVEN = 10_000, 10.0
 """Steps are usual within this, and within so many times by what most of them differ from the usual one."""
-_LEAD_IN = 3
-"""Usual steps on either side of one that goes back: else times came in any order."""
+_LEAD_IN, _AGREED = 3, 0.3
+"""Usual steps on either side of one that goes back, and share to which all that follows does: else rows are late."""
 
 
 def restarts(times: Ints, least: int, agree: int = _NEXT) -> list[int]:
@@ -64,13 +64,16 @@ def _earliest(offsets: Ints) -> int:
 
 def set_back(times: Ints) -> list[int]:
     """Rows from which times (n,) in the order of the file are earlier than before, and go on as they did."""
-    usual_us, even = usual_steps(times)
-    back = np.flatnonzero((np.diff(times) < 0) & ~even)
-    return [
-        int(row) + 1
-        for row in back
-        if even[max(0, row - _LEAD_IN) : row].all() and even[row + 1 : row + 1 + _LEAD_IN].all() and usual_us > 0.0
-    ]
+    usual, even = usual_steps(times)
+    steps = np.diff(times)
+    # of a clock that goes on as it did this is level on either side
+    level, found = times - np.rint(usual * np.arange(len(times))).astype(np.int64), []
+    for row in np.flatnonzero((steps < 0) & ~even).tolist():
+        lead_in, lead_out = even[max(0, row - _LEAD_IN) : row], even[row + 1 : row + 1 + _LEAD_IN]
+        by = float(np.median(level[row + 1 : row + 1 + _NEXT]) - np.median(level[max(0, row + 1 - _NEXT) : row + 1]))
+        if lead_in.all() and lead_out.all() and abs(by - (steps[row] - usual)) < _AGREED * abs(steps[row] - usual):
+            found.append(row + 1)
+    return found
 
 
 def usual_steps(times: Ints) -> tuple[float, NDArray[np.bool_]]:

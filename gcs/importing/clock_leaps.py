@@ -12,8 +12,8 @@ from infra.clock_steps import usual_steps
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_AROUND, _AROUND_US, _MOST_AROUND = 6, 2_000_000, 100
-"""Rows on either side that tell how a path goes on: so many, and of that time."""
+_AROUND, _AROUND_US, _MOST_AROUND, _NEAREST = 6, 3_000_000, 100, 2
+"""Rows on either side that tell how a path goes on: so many, and of that time, but the nearest, which may be late."""
 _NEXT, _EASE = 4, 1.1
 """Steps on either side between whose speeds, and a little beyond, those of a vehicle in between are."""
 _LONGEST = 3.0
@@ -53,6 +53,7 @@ def path_leaps(t_us: Ints, path_m: Floats) -> list[tuple[int, int]]:
             or np.ptp(t_s) * 1e6 - abs(leap_us) > _LONGEST * len(rows) * usual_us
         ):
             continue
+        rows, behind, t_s = (column[np.abs(rows - row - 0.5) > _NEAREST] for column in (rows, behind, t_s))
         terms = np.column_stack([np.ones_like(t_s), t_s, t_s**2, behind])
         fitted, *_ = np.linalg.lstsq(terms, path_m[rows], rcond=None)
         left = path_m[rows] - terms @ fitted

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from gcs.importing.clock_leaps import path_leaps
+from infra.clock_steps import set_back
 
 T_US = np.arange(0, 60_000_000, 200_000)
 MIDDLE = len(T_US) // 2
@@ -41,6 +42,22 @@ def test_none_is_found_where_there_is_none(kept, late_us):
     t_us = T_US[kept]
     late = np.random.default_rng(5).integers(0, late_us + 1, len(t_us))
     assert path_leaps(t_us + late, drive(t_us)) == []
+
+
+RANDOM = np.random.default_rng(6)
+LATE = {
+    "by a jitter": np.abs(RANDOM.normal(0.0, 30_000, len(T_US))),
+    "by a queue": RANDOM.exponential(50_000, len(T_US)),
+    "so that rows overtake each other": RANDOM.exponential(150_000, len(T_US)),
+    "cut to the second before": -(T_US % 1_000_000),
+}
+
+
+@pytest.mark.parametrize("late_us", LATE.values(), ids=LATE)
+def test_stamps_that_come_late_are_no_clock_that_was_set(late_us):
+    told = T_US + np.rint(late_us).astype(np.int64)
+    assert set_back(told) == []
+    assert path_leaps(np.sort(told), drive(T_US)) == []
 
 
 def test_who_stands_tells_nothing():
