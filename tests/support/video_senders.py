@@ -333,3 +333,19 @@ class RtspServer:
                     else:
                         client.sendall(struct.pack("!cBH", b"$", 0, len(data)) + data)
                 self.sent = number + 1
+
+
+def sent_as_rtp(film, times):
+    """RTP datagrams of each frame of a film that is sent over and over by one sender, even in time."""
+    sink, frames = _Datagrams(), []
+    with av.open(str(film)) as source:
+        packets = [packet for packet in source.demux(source.streams.video[0]) if packet.dts is not None]
+        with av.open(sink, "w", format="rtp", options={"packetsize": "1200"}) as container:
+            stream = container.add_stream_from_template(source.streams.video[0])
+            for number in range(times * len(packets)):
+                packet = av.Packet(bytes(packets[number % len(packets)]))
+                packet.stream, packet.pts, packet.dts, packet.time_base = stream, number, number, Fraction(1, FPS)
+                container.mux(packet)
+                frames.append([data for data in sink if data[1] & 0x7F == 96])
+                sink.clear()
+    return frames

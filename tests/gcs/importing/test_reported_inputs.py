@@ -1,80 +1,160 @@
-"""Inputs as public bug reports describe them, as they were handed in: ``tests/data/reported``."""
+"""Inputs as public bug reports describe them, as they were handed in: ``tests/data/reported``, by the commands."""
 
-import re
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gcs.errors import ImportFileError
-from gcs.importing.ground_vehicles import read_ground_vehicles
-from gcs.importing.sources import read_vehicle_logs
-from mavlink.tlog.check import check
+from gcs.importing.film import open_film
+from gcs.mission.mission import load_mission
 from mavlink.tlog.log import Tlog
-from vision.camera.lens_file import read_lens
+from tests.support.command_line import run_gcs
+from vision.video.video import VideoFile
 
 FOLDER = Path("tests/data/reported")
+GREY = ("grey_film.mp4", "--fov", "70", "--uav", "tables_uav.csv")
+POSED = ("--uav", "films_pose.csv", "--ugv", "films_fleet.csv", "--fov", "77.3")
+SUBTITLED = ("films_whole.mp4", "--ugv", "subtitles_fleet.csv", "--uav")
+FLEET_ALONE = ("--ugv", "films_fleet.csv")
+
+
+def imported(words, session):
+    """Exit code, report and messages of ``gcs import``, with the clocks as they stand in the files."""
+    video, *others = words
+    paths = [FOLDER / word if (FOLDER / word).exists() else word for word in others]
+    paths = [f"11={FOLDER / word[3:]}" if str(word).startswith("11=") else word for word in paths]
+    code, told, refused = run_gcs("import", "-o", session, "--video", FOLDER / video, "--clock=+0", "--json", *paths)
+    return code, json.loads(told) if code == 0 else {}, refused
 
 
 @pytest.mark.parametrize(
-    ("name", "words"),
+    ("words", "why"),
     [
-        ("two_boots_two_boots.bin", "the vehicle was started again at byte 27652; cut it there"),
-        ("ulog2csv_rover.csv", "column timestamp: cannot be s, since rows are 202360 apart"),
-        ("boot_ms_uav_uav.csv", "column timestamp: cannot be s, since rows are 500 apart"),
-        ("same_time_gpx_rover.gpx", "all 60 positions have the same time, 2020-06-12 05:50:25"),
-        ("local_dates_rover_de.csv", "the time '09.10.2025 08:53:20.000000' is not understood; give ISO 8601"),
-        ("local_dates_rover_us.csv", "the time '10/09/2025 08:53:20 AM' is not understood; give ISO 8601"),
+        ((*GREY, "--ugv", "11=two_boots_two_boots.bin"), "the vehicle was started again at byte 27652; cut it there"),
+        ((*GREY, "--ugv", "11=ulog2csv_rover.csv"), "column timestamp: cannot be s, since rows are 202360 apart"),
+        ((*GREY[:4], "boot_ms_uav_uav.csv", "--ugv", "11=excel_sep_line_rover.csv"), "since rows are 500 apart"),
+        ((*GREY, "--ugv", "11=same_time_gpx_rover.gpx"), "all 60 positions have the same time, 2020-06-12 05:50:25"),
+        ((*GREY, "--ugv", "11=local_dates_rover_de.csv"), "the time '09.10.2025 08:53:20.000000' is not understood"),
+        ((*GREY, "--ugv", "11=local_dates_rover_us.csv"), "the time '10/09/2025 08:53:20 AM' is not understood"),
+        ((*GREY, "--ugv", "date_in_track_name_rover.gpx"), "has no system id; give it as --ugv ID="),
+        ((*GREY, "--ugv", "11=local_time_gpx_rover.gpx"), "times without a zone are UTC"),
+        (("klv_hae_film.ts", *FLEET_ALONE), "above the ellipsoid alone (tag 75 or 104), not above sea level (tag 15)"),
+        (("djmd_error_film.mp4", *FLEET_ALONE, "--fov", "70"), "DJI meta 01:00:00:0': DJI does not publish its layout"),
     ],
 )
-def test_what_cannot_be_used_says_why(name, words):
-    with pytest.raises(ImportFileError, match=re.escape(words)):
-        read_ground_vehicles(None, [f"11={FOLDER / name}"])
+def test_what_cannot_be_used_says_why(words, why, tmp_path):
+    code, _, refused = imported(words, tmp_path / "s")
+    assert code == 2 and why in refused and refused.count("\n") == 1
+    assert not (tmp_path / "s").exists()
 
 
 @pytest.mark.parametrize(
-    ("name", "count", "said"),
+    ("words", "count", "said"),
     [
-        ("row_id_rover.csv", 60, "the column id counts rows: it is no system id"),
-        ("excel_sep_line_rover.csv", 60, ""),
-        ("time_units_message_rover_ms.csv", 60, ""),
-        ("time_units_message_rover_us.csv", 60, ""),
-        ("time_units_message_rover_ns.csv", 60, ""),
-        ("qgc_csv_rover.csv", 60, "times without a zone are UTC"),
-        ("local_time_gpx_rover.gpx", 60, "times without a zone are UTC"),
-        ("first_receiver_dead_rover.bin", 49, ""),
+        ((*GREY, "--ugv", "11=row_id_rover.csv"), 60, "the column id counts rows: it is no system id"),
+        ((*GREY, "--ugv", "11=excel_sep_line_rover.csv"), 60, ""),
+        ((*GREY, "--ugv", "11=time_units_message_rover_ms.csv"), 60, ""),
+        ((*GREY, "--ugv", "11=time_units_message_rover_us.csv"), 60, ""),
+        ((*GREY, "--ugv", "11=time_units_message_rover_ns.csv"), 60, ""),
+        ((*GREY, "--ugv", "11=qgc_csv_rover.csv"), 60, "times without a zone are UTC"),
+        (
+            (*GREY[:4], "first_receiver_dead_uav.bin", "--ugv", "11=first_receiver_dead_rover.bin"),
+            49,
+            "first_receiver_dead_uav.bin tells of 4.8 s of the film's 19.9 s",
+        ),
+        (
+            (*GREY[:4], "companion_position_uav.csv", "--tlog", "companion_position_fleet.tlog"),
+            400,
+            "by the fleet's median altitude of 430.0 m",
+        ),
+        (
+            (*GREY[:3], "--tlog", "clock_set_back_fleet.tlog"),
+            400,
+            "the recorder's clock was set by -3600.0 s at byte 35402: all times are on the clock that it has from",
+        ),
     ],
 )
-def test_what_is_read_is_that_of_one_vehicle_on_unix_time(name, count, said):
-    fleet = read_ground_vehicles(None, [f"11={FOLDER / name}"])
-    assert list(fleet.places) == [11] and len(fleet.places[11]) == count
-    assert all(1.5e15 < t_us < 2e15 for t_us in fleet.span_us)
-    assert any(said in words for words in fleet.assumed) if said else not fleet.assumed
+def test_a_vehicles_log_is_that_of_one_vehicle_on_the_films_time(words, count, said, tmp_path):
+    session = tmp_path / "s"
+    code, report, refused = imported(words, session)
+    assert code == 0, refused
+    assert any(said in text for text in report["assumed"])
+    log = Tlog.open(session / "telemetry.tlog")
+    rows, wire = log.columns(33, 11)
+    assert len(rows[log.index.component_id[rows] == 1]) == count
+    assert np.ptp(wire["alt"][log.index.component_id[rows] == 1]) < 5_000
+    first_us = int((session / "frames.csv").read_text().splitlines()[1].split(",")[1])
+    for system_id in (report["uav"], *report["ugv"]):
+        times = log.index.t_us[log.columns(33, system_id)[0]]
+        assert times.min() - 2_000_000 < first_us < times.max(), system_id
 
 
-def test_a_date_in_a_tracks_name_asks_for_the_id():
-    with pytest.raises(ImportFileError, match="has no system id; give it as --ugv ID="):
-        read_ground_vehicles(None, [str(FOLDER / "date_in_track_name_rover.gpx")])
-
-
-def test_the_velocity_is_that_of_the_core_that_flies():
-    (log,) = read_vehicle_logs(FOLDER / "lane_switch_uav.bin")
+def test_the_velocity_is_that_of_the_core_that_flies(tmp_path):
+    words = (*GREY[:4], "lane_switch_uav.bin", "--ugv", "11=first_receiver_dead_uav.bin")
+    assert imported(words, tmp_path / "s")[0] == 0
+    _, wire = Tlog.open(tmp_path / "s" / "telemetry.tlog").columns(33, 1)
     # the other core drifts by 6 m/s
-    assert np.nanmax(np.abs(log.places.v_ned)) < 1.0
+    assert len(wire) == 49 and max(np.abs(wire["vx"]).max(), np.abs(wire["vy"]).max()) < 100
 
 
 def test_bursts_tell_no_speed_of_a_clock():
-    found = check(Tlog.open(FOLDER / "short_bursts_fleet.tlog"))
-    assert all(not 0.0 <= clock.speed < 0.9 for clock in found.clocks)
+    code, told, _ = run_gcs("tlog", "check", FOLDER / "short_bursts_fleet.tlog")
+    assert code == 0 and "clocks run" not in told
 
 
-def test_subtitles_tell_the_body_and_the_zoom():
-    (body,) = read_vehicle_logs(FOLDER / "drone_yaw_srt_film.srt")
-    assert len(body.attitudes) == len(body.places) > 0
-    (zoomed,) = read_vehicle_logs(FOLDER / "zoom_srt_tele.srt")
-    assert not len(zoomed.view) and "a digital zoom of 4.00" in zoomed.view.source
+@pytest.mark.parametrize(
+    ("words", "video", "frames"),
+    [
+        (("trimmed_film_cut.mp4", *POSED), "66 frames of 320×180 px, 6.5 s", 66),
+        (("trimmed_one_gop_cut.mp4", *POSED), "47 frames of 320×180 px, 4.6 s", 47),
+        (("rotation_90_film.mp4", *POSED), "320×180 px (coded 180×320 px, turned by 90° to the right)", 80),
+        (("pixel_aspect_film.mp4", *POSED), "(coded 240×180 px, pixels 1.33 times as wide as high)", 80),
+        (("cover_first_film.mkv", *POSED), "80 frames of 320×180 px, 7.9 s", 80),
+        (("films_whole.mp4", *POSED[:4], "--lens", "lens_indentless_lens.yaml"), "80 frames of 320×180 px", 80),
+        (("klv_date_jump_film.ts", *FLEET_ALONE), "80 frames of 320×180 px", 80),
+        ((*SUBTITLED, "drone_yaw_srt_film.srt"), "80 frames", 80),
+        ((*SUBTITLED, "zoom_srt_tele.srt"), "80 frames", 80),
+        ((*SUBTITLED, "zoom_srt_enterprise_advanced.srt"), "80 frames", 80),
+    ],
+)
+def test_a_film_is_that_which_players_show(words, video, frames, tmp_path):
+    code, report, refused = imported(words, tmp_path / "s")
+    assert code == 0, refused
+    found = dict(report["found"])
+    assert video in found["video"] and len((tmp_path / "s" / "frames.csv").read_text().splitlines()) == frames + 1
+    camera = load_mission(tmp_path / "s" / "session.toml").camera
+    if "pixels" in video or "turned" in video:
+        assert (camera.width, camera.height) == (320, 180) and camera.fx == pytest.approx(camera.fy)
+    log = Tlog.open(tmp_path / "s" / "telemetry.tlog")
+    if "drone_yaw" in words[-1]:
+        assert "with the angles of the body" in found["uav"] and len(log.columns(30, 1)[0]) > 30
+    if "zoom" in words[-1]:
+        zoom = "4.00" if "tele" in words[-1] else "1.07"
+        assert f"a digital zoom of {zoom} in the subtitles" in found["camera"]
+    if "lens" in words[-1]:
+        assert camera.fx == pytest.approx(1484.12 * camera.width / 1920, abs=0.01)
+    if "jump" in words[0]:
+        assert "the date in its KLV steps by +18.0 s at 4.0 s: what holds longest counts" in report["assumed"]
+        assert np.ptp(log.index.t_us[log.columns(33, 1)[0]]) < 8_000_000
 
 
-def test_a_lens_in_block_style():
-    lens = read_lens(FOLDER / "lens_indentless_lens.yaml")
-    assert (lens.width, lens.fx) == (1920, pytest.approx(1484.12, abs=0.01))
+def test_the_first_frame_of_a_trimmed_film_is_the_one_that_players_show():
+    images = []
+    for name in ("films_whole.mp4", "trimmed_film_cut.mp4"):
+        film = open_film(FOLDER / name)
+        with VideoFile.open(film.path, film.elapsed_us) as video:
+            images.append([frame.image for frame in video.frames()])
+    whole, cut = images
+    assert len(cut) == 66
+    # that of 1.4 s, of ten a second
+    assert min(range(len(whole)), key=lambda k: np.abs(whole[k].astype(int) - cut[0]).mean()) == 14
+
+
+@pytest.mark.parametrize(
+    ("folder", "objects"), [("coco_zero", 1), ("coco_backslash", 1), ("visdrone_zero", 2), ("names_comma", 2)]
+)
+def test_labels_as_tools_write_them(folder, objects, tmp_path):
+    code, _, refused = run_gcs("eval-detector", FOLDER / folder, "-o", tmp_path / "out")
+    assert code == 0, refused
+    assert json.loads((tmp_path / "out" / "eval.json").read_text())["objects"] == objects
