@@ -422,7 +422,8 @@ def _home_m(uav: VehicleLog, fleet: GroundVehicles) -> float:
         ImportFileError: nothing tells how high the UAV was.
     """
     if not (np.isfinite(uav.places.alt_m) | np.isfinite(uav.places.height_m)).any():
-        raise ImportFileError(f"{uav.source}: nothing in it tells how high the UAV was")
+        why = "".join(f" ({words})" for words in (*uav.notes.assumed, *uav.notes.skipped))
+        raise ImportFileError(f"{uav.source}: nothing in it tells how high the UAV was{why}")
     home_m = fleet.ground_m
     if np.isnan(home_m) and not np.isfinite(uav.places.height_m).any():
         raise ImportFileError(

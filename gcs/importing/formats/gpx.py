@@ -30,6 +30,7 @@ class _GpxReader:
             self._tracks.name(text)
         elif name == "ele" and above == "trkpt":
             self._ele = number_or_nan(text)
+            self._tracks.skipped["altitudes that are no numbers"] += bool(text.strip() and math.isnan(self._ele))
         elif name == "time" and above == "trkpt":
             self._time, zoned = unix_seconds(text)
             if not zoned:

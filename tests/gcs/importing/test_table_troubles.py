@@ -308,3 +308,16 @@ def test_clocks_of_tracks_are_judged_like_those_of_tables(tmp_path):
     local = read(tmp_path, gpx_of([(iso(k, ""), *path_of(k)) for k in range(60)]), "rover.gpx")
     assert_whole(local)
     assert "times without a zone are UTC; --clock corrects that" in local.notes.assumed
+
+
+def test_decimal_commas_of_tracks_are_not_taken_for_other_numbers(tmp_path):
+    rows = [(iso(k), lat, lon, f"{alt:.2f}".replace(".", ",")) for k in range(9) for lat, lon, alt in [path_of(k)]]
+    log = read(tmp_path, gpx_of(rows), "rover.gpx")
+    assert np.isnan(log.places.alt_m).all() and log.notes.skipped == {"altitudes that are no numbers": 9}
+    points = "".join(
+        f"<Placemark><TimeStamp><when>{iso(k)}</when></TimeStamp><Point><coordinates>8,{k:07},47,0000020,430,0"
+        "</coordinates></Point></Placemark>"
+        for k in range(9)
+    )
+    with pytest.raises(ImportFileError, match="no point with a place and a time in it"):
+        read(tmp_path, f"<kml><Folder>{points}</Folder></kml>", "rover.kml")
