@@ -24,7 +24,7 @@ import psutil
 from bench.screens.flights import Moment
 from bench.screens.screen import Screen, TerminalScreen, read_screen
 from gcs.snapshot import Alarm, Event, FleetChange, Snapshot
-from gcs.station import Newcomer, Station
+from gcs.station import CameraPicture, Newcomer, Station
 from gcs.tui import RollcallApp
 from mavlink.transmit.message_rates import Rate
 
@@ -90,6 +90,9 @@ class ScriptedStation(Station):
 
     def next_view(self) -> None:
         """There is no other camera."""
+
+    def pictures(self) -> Sequence[CameraPicture]:
+        return [CameraPicture(name=self.title, snapshot=self.moment.snapshot, on_show=True)]
 
     def stop(self) -> None:
         return None
