@@ -205,6 +205,8 @@ def _on_one_clock(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
             f"{tlog.path}: the vehicles' clocks run {most.speed:.2g} times as fast as the stamps, which are therefore "
             "not the times of the flight; give the log that was recorded in it"
         )
+    alone = len({each.system_id for each in known}) == 1
+    whose = "the recorder's clock" + f", or that of system {most.system_id}," * alone
     ahead_us, said = np.zeros_like(t_us), list[str]()
     for step in most.steps:
         same = [
@@ -219,7 +221,7 @@ def _on_one_clock(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
         # the vehicle that reports first after it tells the place best
         first = min(same, key=lambda other: other.row)
         ahead_us[first.row :] += round(step.by_s * 1e6)
-        said.append(f"the recorder's clock was set by {step.by_s:+.2f} s at byte {first.offset}")
+        said.append(f"{whose} was set by {step.by_s:+.2f} s at byte {first.offset}")
     beside = f"the clock of system {most.system_id} runs {most.speed:.4f} times as fast"
     clock = f"that of the station that recorded it: {beside}"
     gains = [each for each in known if abs(each.gain - most.gain) < _SAME_SHARE * abs(most.gain)]

@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs.errors import ImportFileError
 from gcs.importing.fleet_log import open_fleet
+from gcs.importing.ground_vehicles import read_ground_vehicles
 from gcs.importing.sources import read_vehicle_logs
 from mavlink.protocol.encoder import ROVER, MavlinkEncoder
 
@@ -101,6 +102,24 @@ def test_a_vehicle_with_a_receiver_alone(tmp_path):
     (log,) = read_vehicle_logs(tmp_path / "rover.tlog")
     assert_path(log.places, T0)
     assert log.notes.found[0] == f"telemetry log, {STEPS} fixes of the receiver alone"
+
+
+@pytest.mark.parametrize("by_s", [0.3, -0.3])
+def test_a_step_that_one_vehicle_alone_shows_may_be_its_own(by_s, tmp_path):
+    fleet = open_fleet(written(tmp_path / "fleet.tlog", set_back_s=by_s, systems=(11,)))
+    (said,) = fleet.told()
+    assert said.startswith(
+        f"fleet.tlog: the recorder's clock, or that of system 11, was set by {-by_s:+.2f} s at byte "
+    )
+    assert_path(fleet.places(11), T0 + 11 - round(by_s * 1e6))
+
+
+def test_a_gap_of_a_vehicle_that_is_given_twice_is_told_once(tmp_path):
+    path = written(tmp_path / "fleet.tlog", systems=(11,))
+    kept = [(t_us, raw) for t_us, raw in open_fleet(path).records(()) if not 5e6 < t_us - T0 < 25e6]
+    path.write_bytes(b"".join(struct.pack(">Q", t_us) + raw for t_us, raw in kept))
+    (said,) = read_ground_vehicles(path, [f"11={path}"]).assumed
+    assert said == "fleet.tlog: nothing was logged for 20.2 s after position 25 of 100"
 
 
 def unstamped(path, *, dated=True, late_us=0):
