@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,8 +19,8 @@ _BESIDE_M, _CELLS = 2.0, 1.5
 _LEAST_MPS2 = 3.0
 """No ground vehicle is thrown to and fro, or circles, with as much all the time."""
 _MOST_IN_TURN = 8
-_DAMAGED_M = 1000.0
-"""Single positions that are farther off count as much."""
+_WHOLE = 0.88
+"""Share of positions that are not damaged; of eight in turn a quarter is off."""
 _CLEARLY = 0.4
 """Positions are those of several in turn if each fits its own n-th neighbours so much better than its next ones."""
 _LEAST_LEAPS, _LEAST_SHARE, _ALIKE = 4, 0.03, 0.25
@@ -41,8 +43,8 @@ def several_paths(t_us: Ints, degrees: Floats, where: Where) -> str:
     moved = np.flatnonzero(np.r_[True, (np.diff(degrees, axis=0) != 0.0).any(axis=1)])
     if len(moved) < _LEAST_ROWS:
         return ""
+    cell_m = cell_size_m(degrees, metres(degrees))
     path_m, t_s = metres(degrees)[moved], (t_us[moved] - t_us[0]) * 1e-6
-    cell_m = cell_size_m(degrees[moved], path_m)
     away_m, row = _take_turns(t_s, path_m, max(_BESIDE_M, _CELLS * cell_m)), 1
     if not away_m:
         away_m, row = _leaps_alike(t_s, path_m, cell_m)
@@ -55,13 +57,18 @@ def several_paths(t_us: Ints, degrees: Floats, where: Where) -> str:
 def _take_turns(t_s: Floats, path_m: Floats, far_m: float) -> float:
     """By how much positions are off from where those around them lie, 0 where these are of the same path."""
     off = _off_m(t_s, path_m, 1)
-    away_m = float(off.mean())
+    away_m = _mean(off)
     thrown = 2.0 * off / (np.diff(t_s)[:-1] * np.diff(t_s)[1:])
-    if away_m < far_m or float(thrown.mean()) < _LEAST_MPS2:
+    if away_m < far_m or _mean(thrown) < _LEAST_MPS2:
         return 0.0
     longest = min(_MOST_IN_TURN, len(t_s) // 3)
-    best = min((float(_off_m(t_s, path_m, n).mean()) for n in range(2, longest + 1)), default=np.inf)
+    best = min((_mean(_off_m(t_s, path_m, n)) for n in range(2, longest + 1)), default=np.inf)
     return away_m if best < _CLEARLY * away_m else 0.0
+
+
+def _mean(off: Floats) -> float:
+    """Mean without the largest ones, which single damaged positions make."""
+    return float(np.sort(off)[: math.ceil(_WHOLE * len(off))].mean())
 
 
 def _off_m(t_s: Floats, path_m: Floats, n: int) -> Floats:
@@ -71,8 +78,7 @@ def _off_m(t_s: Floats, path_m: Floats, n: int) -> Floats:
     """
     w = ((t_s[n:-n] - t_s[: -2 * n]) / (t_s[2 * n :] - t_s[: -2 * n]))[:, None]
     between = (1.0 - w) * path_m[: -2 * n] + w * path_m[2 * n :]
-    off: Floats = np.minimum(np.linalg.norm(path_m[n:-n] - between, axis=1), _DAMAGED_M)
-    return off
+    return np.asarray(np.linalg.norm(path_m[n:-n] - between, axis=1))
 
 
 def _leaps_alike(t_s: Floats, path_m: Floats, cell_m: float) -> tuple[float, int]:
@@ -82,6 +88,9 @@ def _leaps_alike(t_s: Floats, path_m: Floats, cell_m: float) -> tuple[float, int
     leg = np.minimum(np.linalg.norm(to, axis=1), np.linalg.norm(fro, axis=1))
     thrown = 2.0 * np.linalg.norm(leaps, axis=1) / (np.diff(t_s)[:-1] * np.diff(t_s)[1:])
     found = (leg > max(_BESIDE_M, _CELLS * cell_m) + _STEPS * np.linalg.norm(to + fro, axis=1)) & (thrown > _LEAST_MPS2)
+    # what turns round has come the same way, step by step
+    came = np.linalg.norm(to[1:] - to[:-1], axis=1) < 0.5 * np.linalg.norm(to[1:], axis=1)
+    found &= ~np.r_[False, came]
     leaps, first = leaps[found], int(np.argmax(found)) + 1
     if len(leaps) < max(_LEAST_LEAPS, _LEAST_SHARE * len(t_s)):
         return 0.0, 0

@@ -59,13 +59,16 @@ def stays(t_us: Ints, degrees: Floats, path_m: Floats, speed_mps: Floats | None 
 
 
 def cell_size_m(degrees: Floats, path_m: Floats) -> float:
-    """Size of the cells to which coordinates were rounded: by their decimals, else nothing is nearer along an axis."""
+    """Size of the cells to which coordinates were rounded, by their decimals.
+
+    Without such, the least step along an axis where most positions repeat the one before.
+    """
     decimals = (k for k in range(_MOST_DECIMALS) if np.abs(np.round(degrees, k) - degrees).max() < _ROUND_DEG)
     found = next(decimals, None)
     if found is not None:
         return _DEG_M * 10.0**-found
-    steps = [np.diff(np.unique(np.round(axis, 4))) for axis in path_m.T]
-    return max((float(step.min()) for step in steps if len(step)), default=0.0)
+    axes = [axis for axis in path_m.T if np.count_nonzero(np.diff(axis)) * 2 <= len(axis) and np.ptp(axis) > 1e-3]
+    return max((float(np.diff(np.unique(np.round(axis, 4))).min(initial=np.inf)) for axis in axes), default=0.0)
 
 
 def _leaps_on(t_s: Floats, path_m: Floats, begin: int, end: int, usual_m: float) -> bool:

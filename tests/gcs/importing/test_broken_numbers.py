@@ -7,7 +7,10 @@ import pytest
 
 from gcs.errors import ImportFileError
 from gcs.importing.ground_vehicles import GroundVehicles
+from gcs.importing.one_path import several_paths
+from gcs.importing.plausible import metres
 from gcs.importing.side_by_side import above_fleet, fleet_words, height_words, uav_words
+from gcs.importing.steps import stays
 from tests.support.imports.straight import READERS, N, Straight, read_as
 
 APART_DEG = {"4 m": 3.6e-5, "8 m": 7.2e-5, "14 m": 12.6e-5}
@@ -201,3 +204,24 @@ def test_a_vehicle_that_brakes_and_stands_is_believed(name, folder):
 
 def test_what_is_right_is_not_told(rover, uav):
     assert said_of_flight(uav, rover, rover) == ""
+
+
+S = np.arange(240)
+NOISE = np.random.default_rng(3).normal(0.0, 1.5e-5, (2, 240))
+GOOD_PATHS = {
+    "stands, 1.7 m of noise": (0.1, *NOISE),
+    "drives, 1.7 m of noise, 1 Hz": (1.0, 2e-5 * S + NOISE[0], NOISE[1]),
+    "5 Hz in a log of 10 Hz, 20 m/s": (0.1, 3.6e-5 * (S // 2), 0.0 * S),
+    "circles of 8 m, 1 Hz": (1.0, 7e-5 * np.cos(0.4 * S), 1e-4 * np.sin(0.4 * S)),
+    "two cells of 11 m in turn": (1.0, 1e-4 * (S % 2), 0.0 * S),
+    "to and fro on 20 m, 1 Hz": (1.0, 1.8e-4 * np.abs(S % 16 - 8) / 8, 0.0 * S),
+}
+
+
+@pytest.mark.parametrize("name", GOOD_PATHS)
+def test_a_path_of_one_vehicle_is_one(name):
+    step_s, north, east = GOOD_PATHS[name]
+    degrees = np.round(np.column_stack([47.1 + north, 8.1 + east]), 4 if "cells" in name else 7)
+    t_us = np.rint(step_s * 1e6 * S).astype(np.int64)
+    assert several_paths(t_us, degrees, str) == ""
+    assert not stays(t_us, degrees, metres(degrees)).any()
