@@ -14,7 +14,7 @@ ElementHandler = Callable[[Sequence[str], Mapping[str, str], str], None]
 
 
 class LineKeeper(Protocol):
-    """What wants to know where an element ends."""
+    """Target of a parser that is told where an element ends."""
 
     line: int
 

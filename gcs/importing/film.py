@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.importing.row_times import gaps
+from gcs.importing.checks.row_times import gaps
 from infra.plain_text import plain
 from vision.video.frame_index import film_stream, first_picture, open_video
 from vision.video.video import VideoFile

@@ -6,12 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from gcs.errors import ImportFileError
+from gcs.importing.checks.plausible import plausible
 from gcs.importing.formats.dji_srt import log_of_cues
 from gcs.importing.formats.film_streams import FilmStreams, read_streams
 from gcs.importing.formats.klv import log_of_klv
 from gcs.importing.formats.sei import TELEMETRY_UUID, log_of_messages
 from gcs.importing.formats.siyi import is_siyi, siyi_log
-from gcs.importing.plausible import plausible
 from gcs.importing.vehicle_log import VehicleLog
 
 

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
+from gcs.importing.checks.plausible import place_words
+from gcs.importing.checks.row_times import RowTimes, ascending, check_one_clock, numbered, row_times
 from gcs.importing.messages import TlogRecord
-from gcs.importing.plausible import place_words
-from gcs.importing.row_times import RowTimes, ascending, check_one_clock, numbered, row_times
 from gcs.importing.vehicle_log import AngleTrack, ImportNotes, PlaceTrack, VehicleLog, in_order, whole_places
 from mavlink.estimation.gimbal import yaw_frame
 from mavlink.geodesy import euler_from_quaternion

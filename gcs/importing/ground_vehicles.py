@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
+from gcs.importing.checks.plausible import metres
 from gcs.importing.fleet_log import FleetTlog, open_fleet
 from gcs.importing.messages import TlogRecord, vehicle_records
-from gcs.importing.plausible import metres
 from gcs.importing.sources import read_vehicle_logs
 from gcs.importing.vehicle_log import PlaceTrack, VehicleLog
 

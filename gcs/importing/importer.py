@@ -18,13 +18,13 @@ import numpy as np
 
 from gcs.errors import ImportFileError
 from gcs.importing.camera_choice import CameraOptions, ChosenCamera, choose_camera, mast_camera
+from gcs.importing.checks.row_times import gaps
+from gcs.importing.checks.side_by_side import above_fleet, fleet_words, height_words, uav_words
 from gcs.importing.clock_choice import LEAST_HEIGHT_M, searched_times
 from gcs.importing.film import ImportedFilm, open_film
 from gcs.importing.film_log import read_film_log
 from gcs.importing.ground_vehicles import LAST_ID, GroundVehicles, clock_words, read_ground_vehicles
 from gcs.importing.messages import TlogRecord, vehicle_records
-from gcs.importing.row_times import gaps
-from gcs.importing.side_by_side import above_fleet, fleet_words, height_words, uav_words
 from gcs.importing.smoothing import filled_in
 from gcs.importing.sources import read_vehicle_logs
 from gcs.importing.timeline import FilmTimes, check_overlap, film_length_us, find_timeline, on_film

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gcs.importing.plausible import MOST_M
+from gcs.importing.checks.plausible import MOST_M
 from gcs.importing.vehicle_log import AngleTrack, PlaceTrack, VehicleLog, ViewTrack, thinned, whole_places
 from mavlink.geodesy import quaternion_from_euler, wrap_pi
 from mavlink.protocol.encoder import COPTER, ROVER, MavlinkEncoder

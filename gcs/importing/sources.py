@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from gcs.errors import ImportFileError
+from gcs.importing.checks.plausible import plausible
 from gcs.importing.fleet_log import read_tlog_vehicles
 from gcs.importing.formats.ardupilot_log import read_ardupilot
 from gcs.importing.formats.csv_table import read_csv
@@ -19,7 +20,6 @@ from gcs.importing.formats.nmea import is_nmea, read_nmea
 from gcs.importing.formats.px4_log import read_px4
 from gcs.importing.formats.subtitles import read_cues
 from gcs.importing.formats.text_file import LOOKED_AT, open_file
-from gcs.importing.plausible import plausible
 from gcs.importing.vehicle_log import VehicleLog
 
 

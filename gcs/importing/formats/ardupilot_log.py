@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
+from gcs.importing.checks.row_times import RowTimes, ascending, at_second, row_times
+from gcs.importing.checks.two_clocks import clock_lead
 from gcs.importing.formats.dataflash import DataflashTables, read_tables
-from gcs.importing.row_times import RowTimes, ascending, at_second, row_times
-from gcs.importing.two_clocks import clock_lead
 from gcs.importing.vehicle_log import (
     M_PER_HDOP,
     AngleTrack,

@@ -178,7 +178,7 @@ def _check_unnamed(found: dict[str, Floats], names: set[str], where: str) -> Non
 
 
 def _most(column: Floats) -> float:
-    """How large most numbers are, 0 of none."""
+    """Size that most numbers stay below, 0 of none."""
     known = np.abs(column[np.isfinite(column)])
     return float(np.quantile(known, _MOST)) if len(known) else 0.0
 

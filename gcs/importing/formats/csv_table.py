@@ -25,9 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
+from gcs.importing.checks.row_times import NO_ZONE, numbered, row_times, unix_seconds
 from gcs.importing.formats.column_names import KNOWN, column_of, in_our_units
 from gcs.importing.formats.text_file import text_lines
-from gcs.importing.row_times import NO_ZONE, numbered, row_times, unix_seconds
 from gcs.importing.vehicle_log import (
     AngleTrack,
     ImportNotes,

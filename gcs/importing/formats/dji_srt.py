@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.importing.cameras import from_focal_length
+from gcs.importing.checks.row_times import numbered, row_times
+from gcs.importing.checks.two_clocks import DATE_IN_UTC, film_date
 from gcs.importing.formats.dji_cue import DjiCue, read_cue
 from gcs.importing.formats.subtitles import SubtitleCue
-from gcs.importing.row_times import numbered, row_times
 from gcs.importing.smoothing import smoothed_places
-from gcs.importing.two_clocks import DATE_IN_UTC, film_date
 from gcs.importing.vehicle_log import AngleTrack, ImportNotes, PlaceTrack, VehicleLog, ViewTrack, whole_places
 
 Floats = NDArray[np.float64]

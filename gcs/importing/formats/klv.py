@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.export.motion_imagery.misb import CHECKSUM, SETS_KEY, SIGNED, TIME, UNSIGNED, checksum
+from gcs.importing.checks.row_times import at_second, row_times
+from gcs.importing.checks.two_clocks import film_date
 from gcs.importing.formats.timed_bytes import TimedBytes
-from gcs.importing.row_times import at_second, row_times
-from gcs.importing.two_clocks import film_date
 from gcs.importing.vehicle_log import (
     AngleTrack,
     ImportNotes,

@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 from itertools import zip_longest
 from pathlib import Path
 
+from gcs.importing.checks.row_times import NO_ZONE, unix_seconds
 from gcs.importing.formats.point_tracks import PointTracks, read_xml_tracks
-from gcs.importing.row_times import NO_ZONE, unix_seconds
 from gcs.importing.vehicle_log import VehicleLog
 from infra.text_numbers import number_or_nan
 

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from gcs.errors import ImportFileError
+from gcs.importing.checks.row_times import by_number, numbered, row_times
 from gcs.importing.formats.text_file import open_file
-from gcs.importing.row_times import by_number, numbered, row_times
 from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog, whole_places
 from infra.plain_text import plain
 from infra.xml_text import ElementHandler, XmlRefusedError, read_elements

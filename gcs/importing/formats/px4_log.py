@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
+from gcs.importing.checks.row_times import RowTimes, ascending, at_second, row_times
+from gcs.importing.checks.two_clocks import clock_lead
 from gcs.importing.formats.text_file import open_file
-from gcs.importing.row_times import RowTimes, ascending, at_second, row_times
-from gcs.importing.two_clocks import clock_lead
 from gcs.importing.vehicle_log import (
     AngleTrack,
     ImportNotes,

@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 
 from gcs.errors import ImportFileError
+from gcs.importing.checks.row_times import at_second, row_times
+from gcs.importing.checks.two_clocks import film_date
 from gcs.importing.formats.timed_bytes import TimedBytes
-from gcs.importing.row_times import at_second, row_times
-from gcs.importing.two_clocks import film_date
 from gcs.importing.vehicle_log import (
     AngleTrack,
     ImportNotes,

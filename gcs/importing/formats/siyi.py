@@ -19,10 +19,10 @@ from datetime import UTC, datetime
 import numpy as np
 
 from gcs.errors import ImportFileError
+from gcs.importing.checks.row_times import numbered, row_times
+from gcs.importing.checks.two_clocks import DATE_IN_UTC, film_date
 from gcs.importing.formats.subtitles import SubtitleCue
-from gcs.importing.row_times import numbered, row_times
 from gcs.importing.smoothing import smoothed_places
-from gcs.importing.two_clocks import DATE_IN_UTC, film_date
 from gcs.importing.vehicle_log import AngleTrack, ImportNotes, VehicleLog, whole_places
 
 _ANGLE = r"([NSEW])\s?([0-9]{1,3})°\s?([0-9]{1,2})['′]\s?([0-9]{1,2}(?:\.[0-9]{1,6})?)[\"″]"

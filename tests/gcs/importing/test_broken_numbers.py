@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from gcs.errors import ImportFileError
+from gcs.importing.checks.one_path import several_paths
+from gcs.importing.checks.plausible import metres
+from gcs.importing.checks.side_by_side import above_fleet, fleet_words, height_words, uav_words
+from gcs.importing.checks.steps import stays
 from gcs.importing.ground_vehicles import GroundVehicles
-from gcs.importing.one_path import several_paths
-from gcs.importing.plausible import metres
-from gcs.importing.side_by_side import above_fleet, fleet_words, height_words, uav_words
-from gcs.importing.steps import stays
 from tests.support.imports.straight import READERS, N, Straight, read_as
 
 APART_DEG = {"4 m": 3.6e-5, "8 m": 7.2e-5, "14 m": 12.6e-5}

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from gcs.importing.checks.plausible import plausible
 from gcs.importing.formats.klv import log_of_klv
 from gcs.importing.formats.sei import TELEMETRY_UUID, log_of_messages
 from gcs.importing.formats.siyi import siyi_log
 from gcs.importing.formats.subtitles import SubtitleCue
 from gcs.importing.formats.timed_bytes import TimedBytes
-from gcs.importing.plausible import plausible
 from gcs.importing.sources import read_vehicle_logs
 from gcs.importing.vehicle_log import VehicleLog
 from mavlink.protocol.encoder import ROVER, MavlinkEncoder

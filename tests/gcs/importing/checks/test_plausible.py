@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gcs.errors import ImportFileError
+from gcs.importing.checks.plausible import plausible
 from gcs.importing.formats import px4_log
-from gcs.importing.plausible import plausible
 from gcs.importing.sources import read_vehicle_logs
 from gcs.importing.vehicle_log import AngleTrack, ImportNotes, PlaceTrack, VehicleLog
 from tests.support.imports.flown import fly

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gcs.importing.clock_leaps import path_leaps
+from gcs.importing.checks.clock_leaps import path_leaps
 from infra.clock_steps import set_back
 
 T_US = np.arange(0, 60_000_000, 200_000)

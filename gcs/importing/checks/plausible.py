@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.importing.steps import STALE, STAYS, altitude_words, stays
+from gcs.importing.checks.steps import STALE, STAYS, altitude_words, stays
 from gcs.importing.vehicle_log import AngleTrack, LogClock, PlaceTrack, VehicleLog
 
 Ints = NDArray[np.int64]

@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 
+from gcs.importing.checks.two_clocks import clock_lead
 from gcs.importing.ground_vehicles import clock_words
-from gcs.importing.two_clocks import clock_lead
 from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog
 
 T_S = np.arange(0.0, 60.0, 0.2)

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
-from gcs.importing.clock_leaps import path_leaps
-from gcs.importing.one_path import several_paths
-from gcs.importing.plausible import alone, metres, usual_step
-from gcs.importing.steps import STALE, STAYS, stays
+from gcs.importing.checks.clock_leaps import path_leaps
+from gcs.importing.checks.one_path import several_paths
+from gcs.importing.checks.plausible import alone, metres, usual_step
+from gcs.importing.checks.steps import STALE, STAYS, stays
 from gcs.importing.vehicle_log import Where, in_order, whole_places
 from infra.clock_steps import restarts, set_back
 

@@ -18,12 +18,12 @@ STAYS = "its position stays the same to the last digit, while it goes on,"
 _LEAST_S = 5.0
 """Positions that are the same to the last digit for a shorter time are taken as they are."""
 _BEHIND_M, _BEHIND_STEPS, _BEHIND_MPS = 3.0, 4.0, 0.5
-"""What stayed and leaps by more than the first, than so many usual steps and than this a second had gone on."""
+"""Leap, metres, usual steps and m/s beyond each of which a vehicle had gone on while its position stayed."""
 _MOVES_MPS, _CELLS, _STEADY = 1.5, 4.0, 0.08
-"""What moves as fast as this, and by so many cells of its coordinates in a second, does not stop within a row."""
+"""Speed, m/s, and cells of its coordinates in a second above which a vehicle does not stop within a row."""
 _SECOND_S = 1.0
 _GOES_MPS = 1.0
-"""What tells a higher speed does not stand."""
+"""Speed that a vehicle tells, m/s, above which it does not stand."""
 _MOST_DECIMALS, _ROUND_DEG = 9, 1e-11
 _DEG_M = 111_320.0
 _STEP_M, _STEP_MPS2, _AROUND = 5.0, 5.0, 5

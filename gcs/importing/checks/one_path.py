@@ -1,4 +1,4 @@
-"""Whether positions are one path, or those of two or more vehicles or receivers that take turns."""
+"""Paths that are one, or those of two or more vehicles or receivers that take turns."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.importing.plausible import metres
-from gcs.importing.steps import cell_size_m
+from gcs.importing.checks.plausible import metres
+from gcs.importing.checks.steps import cell_size_m
 from gcs.importing.vehicle_log import Where
 
 Floats = NDArray[np.float64]
@@ -55,7 +55,7 @@ def several_paths(t_us: Ints, degrees: Floats, where: Where) -> str:
 
 
 def _take_turns(t_s: Floats, path_m: Floats, far_m: float) -> float:
-    """By how much positions are off from where those around them lie, 0 where these are of the same path."""
+    """Distance of positions from where those around them lie, metres; 0 where these are of the same path."""
     off = _off_m(t_s, path_m, 1)
     away_m = _mean(off)
     thrown = 2.0 * off / (np.diff(t_s)[:-1] * np.diff(t_s)[1:])

@@ -1,4 +1,4 @@
-"""What the sources of a flight say against each other: places, altitudes and headings in another unit, frame or row."""
+"""Contradictions between the sources of a flight: places, altitudes and headings in another unit, frame or row."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
+from gcs.importing.checks.plausible import metres
 from gcs.importing.ground_vehicles import GroundVehicles
-from gcs.importing.plausible import metres
 from gcs.importing.vehicle_log import PlaceTrack, VehicleLog
 from mavlink.geodesy import separation_m
 

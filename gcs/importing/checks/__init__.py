@@ -1,0 +1,1 @@
+"""Checks of imported logs: times against times, positions against their path, numbers against other sources."""
