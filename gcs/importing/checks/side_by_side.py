@@ -127,7 +127,7 @@ def median_m(column: Floats) -> float:
 
 
 def _course_words(whose: str, track: PlaceTrack) -> Iterator[str]:
-    """Where a vehicle looks beside where it goes: nothing that drives goes sideways all the time."""
+    """Direction in which a vehicle looks beside that in which it goes: nothing drives sideways all the time."""
     rows, course = _courses(track)
     headings = track.heading[rows]
     known = np.isfinite(headings)
