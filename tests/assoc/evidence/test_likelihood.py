@@ -154,3 +154,18 @@ def test_bearing_with_receivers_that_wander_keeps_a_name_and_makes_none():
     well, even, badly = (score(null, 1.2) - score(null, 0.0) for null in (-12.0, -1.0, 1.0))
     assert well == pytest.approx(0.0, abs=0.5)
     assert 0.0 <= even <= 11 * 1.2 and badly == pytest.approx(11 * 1.2, abs=1.0)
+
+
+def test_bearing_with_receivers_that_wander_tells_nothing_between_vehicles():
+    """All pairs of a track gain alike, and the one that it may well be no more than it lacks."""
+    rng = np.random.default_rng(5)
+    near, beside = rng.normal(0.0, 0.3, (8, 4, 2)), rng.normal(0.4, 0.3, (8, 4, 2))
+    blocks = blocks_of([[[near[b], beside[b]]] for b in range(8)])
+    blocks = replace(blocks, log_null=np.full(blocks.count.shape, -0.5))
+    start, none = bound_variance(initial_state(1, 2), BIAS_STD_M), np.full((8, 1), NO_SWITCH)
+    plain, borne = (
+        run_filter(blocks, np.zeros(THETA), start, noise(in_view_bonus=np.full(2, bonus)), none)[0].score[0]
+        for bonus in (0.0, 1.2)
+    )
+    assert borne[0] - borne[1] == pytest.approx(plain[0] - plain[1])
+    assert 1.0 < borne[0] - plain[0] <= 7 * 1.2
