@@ -66,15 +66,17 @@ def read_index(path: Path) -> FrameIndex:
             raise VideoError(f"video {path}: FFmpeg does not know how its pictures are coded")
         stamps: list[int] = []
         keys: list[int] = []
+        key_rows: list[int] = []
         for pts, packet in _decodable(container, stream):
             if packet.is_keyframe:
                 keys.append(pts)
             if not packet.is_discard:
+                key_rows += [len(stamps)] if packet.is_keyframe else []
                 stamps.append(pts)
         shown = sorted(set(stamps))
         if not shown or not stream.codec_context.width:
             raise VideoError(f"video {path}: no frame with a time stamp in it; remux it, for example to .mkv")
-        _check_one_film(path, stamps, stream.time_base)
+        _check_one_film(path, stamps, key_rows, stream.time_base)
         width, height, quarter_turns, aspect, shown_as = _picture(path, stream)
         return FrameIndex(
             width=width,
@@ -126,15 +128,20 @@ def _from_key(packets: Iterable[tuple[int, Packet[VideoStream]]]) -> Iterator[tu
             yield pts, packet
 
 
-def _check_one_film(path: Path, stamps: list[int], tick: Fraction | None) -> None:
+def _check_one_film(path: Path, stamps: list[int], key_rows: list[int], tick: Fraction | None) -> None:
     """See that time stamps do not begin again: frames of two films would lie between each other.
+
+    Frames may be shown later than those behind them in the file, but none in front of a key frame later than that.
 
     Raises:
         VideoError: they do.
     """
     tick = tick or Fraction(1, 1_000_000)
     times = np.array(stamps, dtype=np.int64)
-    for at in [*restarts(times, round(1 / tick), _AGREE), *set_back(np.rint(times * float(tick * 1_000_000)))][:1]:
+    behind = times < np.maximum.accumulate(times)
+    keys_behind = [row for row in key_rows if behind[row] and np.count_nonzero(times[:row] >= times[row]) > 1]
+    back = set_back(np.rint(times * float(tick * 1_000_000)))
+    for at in [*restarts(times, round(1 / tick), _AGREE), *keys_behind, *back][:1]:
         raise VideoError(
             f"video {path}: time stamps begin again after {at} of {len(stamps)} frames: two films in one file; cut it "
             "there, or remux it so that they go on"

@@ -119,7 +119,7 @@ def test_a_gap_of_a_vehicle_that_is_given_twice_is_told_once(tmp_path):
     kept = [(t_us, raw) for t_us, raw in open_fleet(path).records(()) if not 5e6 < t_us - T0 < 25e6]
     path.write_bytes(b"".join(struct.pack(">Q", t_us) + raw for t_us, raw in kept))
     (said,) = read_ground_vehicles(path, [f"11={path}"]).assumed
-    assert said == "fleet.tlog: nothing was logged for 20.2 s after position 25 of 100"
+    assert said == "fleet.tlog: nothing was logged for 20.2 s after byte 1137"
 
 
 def unstamped(path, *, dated=True, late_us=0):
