@@ -46,7 +46,11 @@ def level_steps(offsets: Ints, least: int, around: int, *, late: bool = False) -
     steps: list[tuple[int, int]] = []
     level = _earliest if late else np.median
     start = 0
-    for i in (np.flatnonzero(np.abs(np.diff(offsets)) > least) + 1)[:_MOST_STEPS].tolist():
+    jumps = np.abs(np.diff(offsets))
+    at = np.flatnonzero(jumps > least)
+    if len(at) > _MOST_STEPS:  # single samples that are late jump too: a clock that was set is among the largest
+        at = np.sort(at[np.argpartition(jumps[at], -_MOST_STEPS)[-_MOST_STEPS:]])
+    for i in (at + 1).tolist():
         before, after = offsets[max(start, i - around) : i], offsets[i : i + around]
         if min(len(before), len(after)) < min(_NEXT, around):
             continue

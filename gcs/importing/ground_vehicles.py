@@ -153,6 +153,8 @@ def clock_words(log: VehicleLog, telemetry: PlaceTrack) -> tuple[str, ...]:
                 f"{log.source}: its clock is {whole.ahead_us * 1e-6:+.2f} s ahead of the telemetry of the same "
                 f"vehicle: they are {whole.now_m:.1f} m apart, with that {whole.then_m:.1f} m; {of_gps}the log counts",
             )
+        if whole.known:  # farther off a lap would fit as well
+            return ()
     return ()
 
 

@@ -15,7 +15,8 @@ def changed(mission: Mission, change: FleetChange) -> Mission:
     Raises:
         ValueError: it cannot be made, and why not.
     """
-    system_id, ids = change.system_id, mission.system_ids
+    system_id = change.system_id
+    ids = (mission.uav.system_id, *(view.system_id for view in mission.view), *mission.ugv_ids)
     called = mission.name_of(system_id)
     vehicle = MissionVehicle(system_id=system_id, name=change.name)
     if (change.what == "added") == (system_id in ids):

@@ -365,7 +365,7 @@ def load_mission(path: Path) -> Mission:
 
 
 def load_mast(path: Path) -> View:
-    """Read a camera on a mast from a file of its own, with what a ``[[view]]`` has.
+    """Read a camera on a mast from a file of its own, with what a ``[[view]]`` has; its clock is unknown unless told.
 
     Raises:
         ConfigError: no such file, not TOML, an unknown key, a wrong or missing value.
@@ -378,7 +378,8 @@ def load_mast(path: Path) -> View:
         view = build(View, table, str(path))
     except ValueError as error:
         raise ConfigError(str(error)) from None
-    return replace(view, camera=_with_lens(view.camera, path.parent, f"{path}: [camera]"))
+    clock = view.clock if "clock" in table else replace(view.clock, video_offset_s="auto")
+    return replace(view, clock=clock, camera=_with_lens(view.camera, path.parent, f"{path}: [camera]"))
 
 
 def unheeded_links(path: Path) -> tuple[str, ...]:
@@ -473,7 +474,7 @@ def _check_pitch(table: object, where: str) -> None:
         camera = table.get("camera", {})
         if isinstance(camera, Mapping) and "pitch_deg" not in camera:
             raise ConfigError(
-                f"{where}: pitch_deg is missing; a camera on a mast looks so far above the horizon (-: below)"
+                f"{where}: pitch_deg is missing: how far above the horizon the camera on the mast looks, -: below"
             )
 
 

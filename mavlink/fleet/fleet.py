@@ -417,6 +417,8 @@ class Fleet:
     def _keep_position(self, vehicle: Vehicle, report: PositionReport) -> tuple[Notice, ...]:
         assert self.origin is not None
         sample, boot_us = report.sample, report.reading.boot_us
+        if self._stand and math.isnan(self._origin.home_alt_m) and altitude_known(sample.alt_m):
+            self._origin.home_alt_m = sample.alt_m
         fix, notices = vehicle.add_position(report, self.origin, self._origin.home_alt_m)
         if fix is not None and vehicle is self._uav:
             self._origin.set_home_altitude(sample)

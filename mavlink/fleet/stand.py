@@ -26,8 +26,8 @@ class Stand:
 
     @property
     def ground_alt_m(self) -> float:
-        """Altitude of the ground, as far as known; NaN unknown."""
-        return self.alt_m if math.isnan(self.height_m) else self.alt_m - self.height_m
+        """Altitude of the ground, NaN unknown."""
+        return self.alt_m - self.height_m
 
     def state(self, frame: LocalFrame | None) -> UavState:
         """State of a UAV that would hang there; without a frame its place is unknown."""

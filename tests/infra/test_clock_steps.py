@@ -23,6 +23,16 @@ def test_a_clock_that_was_set_and_not_one_that_is_late():
     assert level_steps(offsets[:0], 2000, 20) == []
 
 
+def test_a_clock_that_was_set_after_thousands_of_late_packets():
+    rng = np.random.default_rng(1)
+    late = rng.exponential(20_000.0, 40_000) + np.where(rng.random(40_000) < 0.02, rng.uniform(1e5, 6e5, 40_000), 0.0)
+    offsets = np.rint(late).astype(np.int64)
+    offsets[32_000:] += 5_000_000
+    assert np.count_nonzero(np.abs(np.diff(offsets)) > 80_000) > 1_000
+    ((row, by),) = level_steps(offsets, 80_000, 200, late=True)
+    assert row == 32_000 and abs(by - 5_000_000) < 10_000
+
+
 def test_a_clock_that_was_set_back_by_less_than_a_step_and_not_times_in_any_order():
     times = np.arange(0, 40_000_000, 500_000)
     assert set_back(times) == []

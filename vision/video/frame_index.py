@@ -140,8 +140,9 @@ def _check_one_film(path: Path, stamps: list[int], key_rows: list[int], tick: Fr
     times = np.array(stamps, dtype=np.int64)
     behind = times < np.maximum.accumulate(times)
     keys_behind = [row for row in key_rows if behind[row] and np.count_nonzero(times[:row] >= times[row]) > 1]
-    back = set_back(np.rint(times * float(tick * 1_000_000)))
-    for at in [*restarts(times, round(1 / tick), _AGREE), *keys_behind, *back][:1]:
+    back = set_back(np.rint(times * float(tick * 1_000_000)).astype(np.int64))
+    if again := [*restarts(times, round(1 / tick), _AGREE), *keys_behind, *back]:
+        at = min(again)
         raise VideoError(
             f"video {path}: time stamps begin again after {at} of {len(stamps)} frames: two films in one file; cut it "
             "there, or remux it so that they go on"

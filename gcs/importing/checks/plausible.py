@@ -19,6 +19,8 @@ Bools = NDArray[np.bool_]
 _DAY_US = 86_400_000_000
 _OLD_US, _WEEKS_US = 1_262_304_000_000_000, 1024 * 7 * _DAY_US
 """Year 2010; and after how long a receiver's weeks begin again."""
+_LAST_US = 253_402_300_799_000_000
+"""End of the year 9999, the last that can be written."""
 _FASTEST_MPS, _SLACK_M = 300.0, 200.0
 """No vehicle of ours is faster; a receiver that corrects itself steps by less than the slack."""
 _DEG_M = 111_320.0
@@ -66,7 +68,8 @@ def plausible(log: VehicleLog) -> VehicleLog:
         STALE: log.notes.skipped.get(STALE, 0) + stale,
     }
     skipped = {**log.notes.skipped, **{reason: count for reason, count in left_out.items() if count}}
-    notes = replace(log.notes, skipped=skipped, assumed=(*log.notes.assumed, *words, *_at_sea(places), *_of_old(log)))
+    assumed = dict.fromkeys((*log.notes.assumed, *words, *_at_sea(places), *_of_old(log)))
+    notes = replace(log.notes, skipped=skipped, assumed=tuple(assumed))
     return replace(log, places=places, attitudes=attitudes, gimbal=gimbal, notes=notes)
 
 
@@ -77,7 +80,7 @@ def place_words(places: PlaceTrack, clock: LogClock) -> tuple[tuple[str, ...], B
         t_us = int(places.t_us[row])
         if clock != "utc":
             return f"{t_us * 1e-6:.1f} s of its time"
-        return f"{datetime.fromtimestamp(t_us * 1e-6, UTC):%Y-%m-%d %H:%M:%S.%f}"[:-4]
+        return f"{datetime.fromtimestamp(min(t_us, _LAST_US) * 1e-6, UTC):%Y-%m-%d %H:%M:%S.%f}"[:-4]
 
     places = _with_heights(places)
     words = [

@@ -28,6 +28,8 @@ _DEEP_M, _HIGH_M = 120.0, 1_000.0
 _UNITS = {"feet": 0.3048, "centimetres": 0.01, "millimetres": 0.001, "tenths": 0.1}
 _TURN, _LEVEL = np.radians(2.0 * np.pi + 0.01), np.radians(0.05)
 """Angles in radians that were taken for degrees are smaller than the first, and not all smaller than the second."""
+_MOST_OF_TURN = 0.6
+"""Share of a turn that a yaw covers which is asked for its unit without a course."""
 _LEG_S, _LEAST_LEG_M, _LEAST_LEGS = 2.0, 2.0, 10
 """Legs that tell a course."""
 _ALONG, _NEARER = np.radians(35.0), np.radians(10.0)
@@ -173,13 +175,16 @@ def _courses(track: PlaceTrack) -> tuple[NDArray[np.int64], Floats]:
 def uav_words(uav: VehicleLog) -> Iterator[str]:
     """In words, where angles of the UAV look as if they were radians under the name of degrees."""
     yaw = uav.attitudes.angles[:, 2] if len(uav.attitudes) else uav.places.heading[np.isfinite(uav.places.heading)]
-    yaw = (yaw + np.pi) % (2.0 * np.pi) - np.pi
+    yaw = (yaw[np.isfinite(yaw)] + np.pi) % (2.0 * np.pi) - np.pi
     if len(yaw) and np.ptp(yaw) > _LEVEL and np.abs(yaw).max() <= _TURN:
         _, course = _courses(uav.places)
-        off, length = _mean_angle(course) if len(course) else (0.0, 0.0)
-        if length < _AGREED or abs(off) > _NEARER:
+        off, length = _mean_angle(course) if len(course) else (1.0, 0.0)
+        # one that hovers may well look north all the time
+        turns = np.ptp(yaw) > _MOST_OF_TURN * _TURN
+        if turns or (len(course) and (length < _AGREED or abs(off) > _NEARER)):
             yield f"{uav.source}: its yaw never exceeds {np.degrees(np.abs(yaw).max()):.2f}°: are these radians?"
     pitch = uav.gimbal.angles[:, 1] if len(uav.gimbal) else np.empty(0)
+    pitch = pitch[np.isfinite(pitch)]
     if len(pitch) and _LEVEL < np.abs(pitch).max() <= np.radians(0.5 * np.pi + 0.01):
         yield (
             f"{uav.source}: its gimbal never looks farther than {np.degrees(np.abs(pitch).max()):.2f}° from the "

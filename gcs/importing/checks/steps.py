@@ -51,7 +51,9 @@ def stays(t_us: Ints, degrees: Floats, path_m: Floats, speed_mps: Floats | None 
     for begin, end in zip(first[long].tolist(), last[long].tolist(), strict=True):
         if speed_mps is not None:
             told = speed_mps[begin : end + 1]
-            went_on = np.isfinite(told).any() and float(np.nanmedian(told)) > _GOES_MPS
+            speed = float(np.nanmedian(told)) if np.isfinite(told).any() else 0.0
+            # in coarse coordinates a place stays until the next cell
+            went_on = speed > _GOES_MPS and speed * float(t_s[end] - t_s[begin]) > _CELLS * cell_m
         else:
             went_on = _leaps_on(t_s, path_m, begin, end, usual_m) or _was_moving(t_s, path_m, begin, cell_m)
         found[begin + 1 : end + 1] = went_on

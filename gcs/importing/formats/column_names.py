@@ -124,9 +124,9 @@ def in_our_units(
         found["height_m"] = found.pop("alt_m")
         assumed.append(_BY_LITCHI)
 
-    def scaled(of: tuple[str, ...], least: float, factor: float, said: str) -> bool:
+    def scaled(of: tuple[str, ...], least: float, factor: float, said: str, share: float = _MOST) -> bool:
         there = [name for name in of if name in found and np.isfinite(found[name]).any()]
-        large = any(_most(found[name]) > least for name in there)
+        large = any(_most(found[name], share) > least for name in there)
         if large:
             found.update({name: found[name] * factor for name in there})
             assumed.append(f"{', '.join(there)} are {said} by their size")
@@ -137,7 +137,8 @@ def in_our_units(
         scaled(("alt_m", "height_m"), _HIGHEST_M, 1e-3, "millimetres")
     _check_named(found, cells, where)
     for name in ("heading_deg", "course_deg"):
-        scaled((name,), _TURN_DEG, 0.01, "centidegrees")
+        # some rows may have a number that stands for an unknown one
+        scaled((name,), _TURN_DEG, 0.01, "centidegrees", 0.5)
     for group in _UNNAMED:
         scaled(tuple(f"{name}_deg" for name in group if name != "heading"), _TURN_DEG, 0.01, "centidegrees")
     _check_unnamed(found, {_lower(cell) for cell in cells}, where)
@@ -154,7 +155,9 @@ def _check_named(found: dict[str, Floats], cells: Sequence[str], where: str) -> 
         ours, factor = column_of(cell)
         most = _most(found[ours]) if ours in found else 0.0
         if factor == _TO_DEG and most > math.degrees(_TURN_RAD):
-            raise ImportFileError(f"{where}: {_shown(cell)} goes up to {most / factor:.4g}: no radians; call it …_deg")
+            raise ImportFileError(
+                f"{where}: {_shown(cell)} goes up to {most / factor:.4g}: no radians within a turn; are they …_deg?"
+            )
         if ours in ("alt_m", "height_m") and most > _HIGHEST_M:
             told = f"{_shown(cell)} goes up to {most / factor:.0f}, which is {most / 1000.0:.0f} km"
             raise ImportFileError(f"{where}: {told}: tell the unit in its name, as …_m, …_cm, …_mm or …_ft")
@@ -177,10 +180,10 @@ def _check_unnamed(found: dict[str, Floats], names: set[str], where: str) -> Non
             )
 
 
-def _most(column: Floats) -> float:
-    """Size that most numbers stay below, 0 of none."""
+def _most(column: Floats, share: float = _MOST) -> float:
+    """Size that a share of the numbers stays below, 0 of none."""
     known = np.abs(column[np.isfinite(column)])
-    return float(np.quantile(known, _MOST)) if len(known) else 0.0
+    return float(np.quantile(known, share)) if len(known) else 0.0
 
 
 def _shown(cell: str) -> str:

@@ -145,6 +145,13 @@ def test_centidegrees_are_known_by_their_size(tmp_path):
     assert "heading_deg are centidegrees by their size" in log.notes.assumed
 
 
+def test_a_number_for_unknown_headings_makes_no_centidegrees(tmp_path):
+    text = table("time,lat,lon,heading", lambda k, *p: f"{iso(k)},{p[0]},{p[1]},{655.35 if k % 8 == 0 else 90 + k}")
+    log = read(tmp_path, text)
+    assert np.degrees(log.places.heading[3]) == pytest.approx(93.0)
+    assert not any("centidegrees" in said for said in log.notes.assumed)
+
+
 def test_the_altitude_of_litchi_counts_from_the_take_off(tmp_path):
     text = table(
         "latitude,longitude,altitude(feet),ascent(feet),speed(mph),datetime(utc),velocityX(mps),pitch(deg),heading(deg)",

@@ -1,10 +1,13 @@
 """A fleet changes by one vehicle at a time; what cannot be is refused with the reason."""
 
+from dataclasses import replace
+
 import pytest
 
 from gcs.mission.fence import Fence
 from gcs.mission.fleet_changes import changed, with_all
-from gcs.mission.mission import Mission, MissionVehicle, View
+from gcs.mission.mast import Mast
+from gcs.mission.mission import Camera, Mission, MissionVehicle, View
 from gcs.snapshot import FleetChange
 
 FENCE = Fence(centre=(48.0, 11.0), radius_m=50.0, vehicles=(12,))
@@ -33,6 +36,16 @@ def change(what, system_id, name=""):
 def test_a_change_makes_another_mission(what, fleet):
     after = changed(BEGAN, change(*what))
     assert {i: after.name_of(i) for i in after.system_ids} == fleet
+
+
+def test_a_mast_can_be_renamed():
+    mast = Mast(latitude_deg=48.0, longitude_deg=11.0, height_m=12.0, heading_deg=0.0)
+    after = changed(
+        replace(BEGAN, view=(View(mast=mast, camera=Camera(pitch_deg=-20.0)),)), change("renamed", 257, "Gate")
+    )
+    assert after.name_of(257) == "Gate"
+    with pytest.raises(ValueError, match="another vehicle is called Gate"):
+        changed(after, change("renamed", 12, "Gate"))
 
 
 @pytest.mark.parametrize(

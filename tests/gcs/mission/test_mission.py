@@ -5,7 +5,7 @@ import pytest
 from gcs.errors import ConfigError, GcsError
 from gcs.flight.plan import FlightPlan
 from gcs.fold.camera.frame_camera import identifier_params
-from gcs.mission.mission import BUNDLED, load_mission, parse_mission, user_keys
+from gcs.mission.mission import BUNDLED, load_mast, load_mission, parse_mission, user_keys
 from gcs.session.metadata import mission_table
 
 GOOD = """
@@ -205,6 +205,16 @@ def test_cameras_on_masts():
     assert mission.views[2].mast.stand.heading == pytest.approx(1.5708, abs=1e-3)
     assert identifier_params(mission.views[2]).yaw_std_deg == 15.0
     assert [identifier_params(each).yaw_std_deg for each in mission.views[:2]] == [7.0, 7.0]
+
+
+@pytest.mark.parametrize(("clock", "offset_s"), [("", "auto"), ("[clock]\nvideo_offset_s = 0.0", 0.0)])
+def test_the_clock_of_a_mast_of_its_own_file_is_unknown_unless_told(clock, offset_s, tmp_path):
+    path = tmp_path / "mast.toml"
+    path.write_text(
+        f"[mast]\nlatitude_deg = 48\nlongitude_deg = 11\nheight_m = 9\nheading_deg = 0\n"
+        f"{clock}\n[camera]\npitch_deg = -9\n"
+    )
+    assert load_mast(path).clock.video_offset_s == offset_s
 
 
 @pytest.mark.parametrize(

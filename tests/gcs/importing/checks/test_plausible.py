@@ -45,6 +45,15 @@ def test_a_receiver_that_corrects_itself_is_followed():
     assert len(plausible(log_of(lat_deg=lat)).places) == N
 
 
+def test_places_of_four_decimals_stay_until_the_next_cell():
+    t_us = T_US[0] + 100_000 * np.arange(600)
+    lat, north = 48.0 + 1.5 * 0.1 * np.arange(600) / 111_320.0, np.zeros((600, 3))
+    north[:, 0] = 1.5
+    places = PlaceTrack.of(t_us, np.round(lat, 4), np.full(600, 11.0), v_ned=north)
+    log = VehicleLog(source="a.csv", clock="utc", places=places, notes=ImportNotes())
+    assert len(plausible(log).places) == 600
+
+
 def test_heights_before_home_is_set_are_none():
     height = np.full(N, 30.0)
     height[:20] = 0.0
