@@ -239,7 +239,7 @@ def test_times_are_those_of_the_time_stamps_when_the_pace_varies(tmp_path):
     # and so by when the quickest so far was sent, however late the others were
     quickest = np.minimum.accumulate(np.array(sender.stamps_s[: len(listed)]) - stamps)
     offset_s = listed - stamps - quickest
-    assert offset_s.min() > -0.01 and np.median(offset_s) < 0.3
+    assert offset_s.min() > -0.05 and np.median(offset_s) < 0.3  # a busy machine notes late that it sent
 
 
 def test_time_stamps_that_begin_anew_on_the_same_port_go_on_in_order(tmp_path):
