@@ -73,9 +73,10 @@ def set_back(times: Ints) -> list[int]:
     # of a clock that goes on as it did this is level on either side
     level, found = times - np.rint(usual * np.arange(len(times))).astype(np.int64), []
     for row in np.flatnonzero((steps < 0) & ~even).tolist():
-        lead_in, lead_out = even[max(0, row - _LEAD_IN) : row], even[row + 1 : row + 1 + _LEAD_IN]
+        if not (even[max(0, row - _LEAD_IN) : row].all() and even[row + 1 : row + 1 + _LEAD_IN].all()):
+            continue
         by = float(np.median(level[row + 1 : row + 1 + _NEXT]) - np.median(level[max(0, row + 1 - _NEXT) : row + 1]))
-        if lead_in.all() and lead_out.all() and abs(by - (steps[row] - usual)) < _AGREED * abs(steps[row] - usual):
+        if abs(by - (steps[row] - usual)) < _AGREED * abs(steps[row] - usual):
             found.append(row + 1)
     return found
 

@@ -1,4 +1,4 @@
-"""Which camera saw an object first, and as which of its tracks: one name for what nobody can name, in all views.
+"""First sight of an object, by camera and track: one name in all views for what nobody can name.
 
 A track is by itself what its own view saw first. Where it is surely one object with another view's track, the earlier
 of what both are counts for both; so all views end with the same, whoever hears of whom first.

@@ -66,7 +66,7 @@ class FleetTlog:
             f"{name}, system {i}: {said}"
             for i, judged in self.judged.items()
             if i not in without
-            for said in judged.assumed
+            for said in (*judged.assumed, *place_words(self.tracks[i], "utc")[0])
         )
         return (*(f"{name}: {said}" for said in self.about_clock), *of_vehicles)
 
@@ -160,8 +160,7 @@ def _with_tracks(fleet: FleetTlog) -> FleetTlog:
             check_one_clock(places.t_us, whose, at_byte)
             ordered = row_times(places.t_us, at, whose, at_byte, own_us=own_us, shared=True)
             places = replace(places.select(ordered.rows), t_us=ordered.t_us)
-            told, _ = place_words(places, "utc")
-            judged[system_id] = replace(ordered, assumed=(*ordered.assumed, *told))
+            judged[system_id] = ordered
         tracks[system_id] = places.select(np.argsort(places.t_us, kind="stable"))
     return replace(fleet, tracks=tracks, judged=judged)
 

@@ -146,15 +146,15 @@ def clock_words(log: VehicleLog, telemetry: PlaceTrack) -> tuple[str, ...]:
                 f"{first_s:+.2f} s ahead in the first half and {second_s:+.2f} s in the second; the log counts",
             )
         whole = _lead(log.places, shared, offsets)
-        if whole.known and abs(whole.ahead_us) >= _LEAST_AHEAD_US:
+        if whole.known and abs(whole.ahead_us) < _LEAST_AHEAD_US:
+            return ()  # farther off a lap would fit as well
+        if whole.known:
             leap = abs(abs(whole.ahead_us) - _LEAP_US) < _LEAP_US // 30
             of_gps = "GPS time and UTC are 18 s apart; " if leap else ""
             return (
                 f"{log.source}: its clock is {whole.ahead_us * 1e-6:+.2f} s ahead of the telemetry of the same "
                 f"vehicle: they are {whole.now_m:.1f} m apart, with that {whole.then_m:.1f} m; {of_gps}the log counts",
             )
-        if whole.known:  # farther off a lap would fit as well
-            return ()
     return ()
 
 

@@ -59,9 +59,9 @@ def tiled_cells(
     columns: int,
     rows: int,
     track: int = 0,
-    former: Mapping[str, Labelling] | None = None,
+    former: Mapping[int, Labelling] | None = None,
     mode: PictureMode = HALF_BLOCKS,
-) -> tuple[CellGrid, dict[str, Labelling]]:
+) -> tuple[CellGrid, dict[int, Labelling]]:
     """Draw the pictures in a field of cells.
 
     Args:
@@ -70,14 +70,15 @@ def tiled_cells(
         columns: Cells, above 0.
         rows: Cells, above 0.
         track: Track id of a box without a name in the picture on show, 0 none.
-        former: Labels of the cameras before, by name, so that they stay where they are.
+        former: Labels of the cameras before, by place in the mission, so that they stay where they are.
         mode: What the terminal can show.
 
     Returns:
-        The cells, and the labels by name.
+        The cells, and the labels by place.
     """
-    field, labels = CellGrid(columns, rows, pack(PANEL, theme=DARK), depth=mode.depth), dict[str, Labelling]()
-    for tile, (left, top, width, height) in zip(tiles, tile_rects(tiles, columns, rows), strict=False):
+    field, labels = CellGrid(columns, rows, pack(PANEL, theme=DARK), depth=mode.depth), dict[int, Labelling]()
+    for place, (tile, rect) in enumerate(zip(tiles, tile_rects(tiles, columns, rows), strict=False)):
+        left, top, width, height = rect
         ink, paper = pack(ACCENT if tile.on_show else FAINT, theme=DARK), pack(HEAD, theme=DARK)
         title = f"{'▸' if tile.on_show else ' '}{plain(tile.name)}"
         field.text(left, top, title.ljust(width)[:width], ink, paper)
@@ -85,6 +86,6 @@ def tiled_cells(
             field.text(left + 1, top + 1, "waiting for the first frame …"[: width - 1], pack(FAINT, theme=DARK))
             continue
         shown = tile.snapshot, selected, width, height - 1, track if tile.on_show else 0
-        labels[tile.name] = video_labels(*shown, (former or {}).get(tile.name))
-        field.place(video_cells(*shown, labels[tile.name], mode), left, top + 1)
+        labels[place] = video_labels(*shown, (former or {}).get(place))
+        field.place(video_cells(*shown, labels[place], mode), left, top + 1)
     return field, labels

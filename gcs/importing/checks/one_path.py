@@ -43,8 +43,9 @@ def several_paths(t_us: Ints, degrees: Floats, where: Where) -> str:
     moved = np.flatnonzero(np.r_[True, (np.diff(degrees, axis=0) != 0.0).any(axis=1)])
     if len(moved) < _LEAST_ROWS:
         return ""
-    cell_m = cell_size_m(degrees, metres(degrees))
-    path_m, t_s = metres(degrees)[moved], (t_us[moved] - t_us[0]) * 1e-6
+    path_m = metres(degrees)
+    cell_m = cell_size_m(degrees, path_m)
+    path_m, t_s = path_m[moved], (t_us[moved] - t_us[0]) * 1e-6
     away_m, row = _take_turns(t_s, path_m, max(_BESIDE_M, _CELLS * cell_m)), 1
     if not away_m:
         away_m, row = _leaps_alike(t_s, path_m, cell_m)

@@ -68,8 +68,7 @@ def plausible(log: VehicleLog) -> VehicleLog:
         STALE: log.notes.skipped.get(STALE, 0) + stale,
     }
     skipped = {**log.notes.skipped, **{reason: count for reason, count in left_out.items() if count}}
-    assumed = dict.fromkeys((*log.notes.assumed, *words, *_at_sea(places), *_of_old(log)))
-    notes = replace(log.notes, skipped=skipped, assumed=tuple(assumed))
+    notes = replace(log.notes, skipped=skipped, assumed=(*log.notes.assumed, *words, *_at_sea(places), *_of_old(log)))
     return replace(log, places=places, attitudes=attitudes, gimbal=gimbal, notes=notes)
 
 

@@ -178,10 +178,9 @@ def uav_words(uav: VehicleLog) -> Iterator[str]:
     yaw = (yaw[np.isfinite(yaw)] + np.pi) % (2.0 * np.pi) - np.pi
     if len(yaw) and np.ptp(yaw) > _LEVEL and np.abs(yaw).max() <= _TURN:
         _, course = _courses(uav.places)
-        off, length = _mean_angle(course) if len(course) else (1.0, 0.0)
-        # one that hovers may well look north all the time
-        turns = np.ptp(yaw) > _MOST_OF_TURN * _TURN
-        if turns or (len(course) and (length < _AGREED or abs(off) > _NEARER)):
+        # without a course nothing speaks against it: one that hovers may well look north all the time
+        off, length = _mean_angle(course) if len(course) else (0.0, 1.0)
+        if np.ptp(yaw) > _MOST_OF_TURN * _TURN or length < _AGREED or abs(off) > _NEARER:
             yield f"{uav.source}: its yaw never exceeds {np.degrees(np.abs(yaw).max()):.2f}°: are these radians?"
     pitch = uav.gimbal.angles[:, 1] if len(uav.gimbal) else np.empty(0)
     pitch = pitch[np.isfinite(pitch)]

@@ -56,7 +56,7 @@ class VideoPane(Pane):
         """Snapshot that is on screen in cells: as if the image were the part that is shown."""
         self._labelling = Labelling()
         self._inset: Inset | None = None
-        self._tile_labels: dict[str, Labelling] = {}
+        self._tile_labels: dict[int, Labelling] = {}
 
     def compose(self) -> ComposeResult:
         """An image of textual-image in pixel mode, nothing else."""

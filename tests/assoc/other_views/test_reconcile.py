@@ -8,7 +8,7 @@ from assoc.records import Sighting
 
 START = np.array([[0.0, 0.0], [9.0, 4.0], [20.0, -6.0], [31.0, 10.0], [12.0, 16.0]])
 CENTRE = np.array([14.0, -40.0])
-"""Of the circles that they drive; and where the wrong camera is."""
+"""Point, metres, about which vehicles drive circles, and where the wrong camera is."""
 
 
 def turned(p, angle):
@@ -41,7 +41,7 @@ def seen(t, place, names):
 
 
 def flown(drive, wrong, names=(0, 1, 2, 3, 4)):
-    """What the right view hears of the wrong one after six seconds."""
+    """Cause of the difference as the right view has it after six seconds beside the wrong one."""
     rng, hearing, told = np.random.default_rng(3), Hearing(), []
     for t in np.arange(0.0, 6.0, 0.2):
         told.append(seen(t, wrong(t) + rng.normal(0.0, 0.25, START.shape), names))

@@ -98,7 +98,7 @@ def errors(log):
 
 
 def turned_deg(log, whole):
-    """By how much angles of body and gimbal are off from those of the unbroken drive at their times."""
+    """Differences of body and gimbal angles from those of the unbroken drive at their times."""
     worst = 0.0
     for track, then in ((log.attitudes, whole.attitudes), (log.gimbal, whole.gimbal)):
         at, known = unix_us(log, track.t_us) - T0_US, unix_us(whole, then.t_us) - T0_US

@@ -22,7 +22,7 @@ def folder(tmp_path_factory):
 
 
 def said_of(name, drive, folder):
-    """What a reader says of a drive, refused or not."""
+    """Words of a reader about a drive, refused or not."""
     try:
         notes = read_as(name, drive, folder).notes
     except ImportFileError as error:
@@ -62,7 +62,7 @@ def fleet_of(*logs):
 
 
 def said_of_flight(uav, *rovers):
-    """What is said of a UAV above ground vehicles, refused or not."""
+    """Words of an import about a UAV above ground vehicles, refused or not."""
     fleet = fleet_of(*rovers)
     try:
         told = (*fleet_words(fleet), *(words for log in (uav, *rovers) for words in log.notes.skipped))
