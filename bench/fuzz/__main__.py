@@ -33,6 +33,7 @@ def write_section(path: Path, title: str, text: str) -> None:
     pattern = re.compile(rf"^## {re.escape(title)}\n.*?(?=^## |\Z)", re.MULTILINE | re.DOTALL)
     found = pattern.search(old)
     new = pattern.sub(lambda _: body + "\n", old) if found else f"{old.rstrip()}\n\n{body}"
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(new.rstrip() + "\n", encoding="utf-8")
 
 
