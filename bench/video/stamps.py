@@ -85,16 +85,17 @@ def datagrams(frames: Sequence[Sequence[bytes]], port: int) -> Sent:
 
 
 def served(pieces: Sequence[bytes], port: int, head: bytes = b"") -> Sent:
-    """Send to the first who connects."""
+    """Send to the first who connects and stays: who was refused before asks for another address, and hangs up."""
     with socket.create_server(("127.0.0.1", port)) as listener:
-        client, _ = listener.accept()
-        with client:
-            if head:
-                client.recv(4096)
-                client.sendall(head)
-            sent = paced(pieces, client.sendall)
-            time.sleep(1.0)
-            return sent
+        while True:
+            client, _ = listener.accept()
+            with client, contextlib.suppress(ConnectionError):
+                if head:
+                    client.recv(4096)
+                    client.sendall(head)
+                sent = paced(pieces, client.sendall)
+                time.sleep(1.0)
+                return sent
 
 
 def pushed(n: int, port: int) -> Sent:
