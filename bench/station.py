@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import os
 import re
 import signal
@@ -80,21 +79,6 @@ def mission_text(ugvs: Sequence[int], keys: str = "none", more: str = "") -> str
     """A mission file for UAV 1 and these vehicles."""
     vehicles = "".join(f"[[ugv]]\nsystem_id = {i}\n" for i in ugvs)
     return f'[uav]\nsystem_id = 1\n{vehicles}[signing]\nkeys = "{keys}"\n{more}'
-
-
-def key_of(system_id: int) -> bytes:
-    """The 32 bytes that a vehicle of an attack signs with."""
-    return hashlib.sha256(f"attack {system_id}".encode()).digest()
-
-
-def write_keys(folder: Path, ids: Sequence[int]) -> Path:
-    """A folder of keys as ``gcs keys`` makes it; returned again."""
-    folder.mkdir(parents=True, mode=0o700)
-    for system_id in ids:
-        file = folder / f"{system_id}.key"
-        file.touch(mode=0o600)
-        file.write_text(key_of(system_id).hex() + "\n")
-    return folder
 
 
 class FlyingStation:

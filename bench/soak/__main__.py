@@ -19,7 +19,7 @@ import tempfile
 import threading
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,7 +29,6 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.attacks.records import records_in, sender_of
 from bench.drawing import pyplot, read_rows
 from bench.ports import free_port
 from bench.station import CAMERA, FLY, FlyingStation, cost_of, mission_text
@@ -79,6 +78,28 @@ class VideoLoop:
 
 POLL_S = 0.05
 STALL_S = 0.2
+_OVERHEAD = {0xFD: 12, 0xFE: 8}
+"""Bytes of a frame beside its payload, by its magic byte."""
+_SIGNATURE = 13
+"""Bytes of a MAVLink 2 signature."""
+
+
+def records_in(data: bytes, path: Path) -> Iterator[tuple[int, int]]:
+    """System id and end of each whole record in what was read from a log, which begins with one.
+
+    Raises:
+        ValueError: there are bytes between records.
+    """
+    at = 0
+    while at + 10 < len(data):
+        overhead = _OVERHEAD.get(data[at + 8], 0)
+        if not overhead:
+            raise ValueError(f"{path}: no record at byte {at} of what was read")
+        stop = at + 8 + overhead + data[at + 9] + (_SIGNATURE if overhead == 12 and data[at + 10] & 1 else 0)
+        if stop > len(data):
+            break
+        yield data[at + 13] if overhead == 12 else data[at + 11], stop
+        at = stop
 
 
 class LogWatch:
@@ -117,8 +138,8 @@ class LogWatch:
             with path.open("rb") as file:
                 file.seek(begun)
                 data = file.read()
-            for at, stop in records_in(data, path):
-                self.recorded[sender_of(data[at + 8 : stop])] += 1
+            for system_id, stop in records_in(data, path):
+                self.recorded[system_id] += 1
                 self._read[path] = begun + stop
 
     def close(self) -> None:
@@ -145,6 +166,8 @@ _HELD = ("processes", "rss_mb", "own_mb", "cpu_percent", "threads", "descriptors
 COLUMNS = ("t_s", *_HELD, "records", "longest_stall_ms", "stalls")
 WARM_UP = 0.1
 """Share of the run after which memory is taken as the beginning's."""
+MOST_TOLD = 5
+"""Different warnings and alarms that the page quotes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -158,6 +181,8 @@ class Run:
     """Records by system id."""
     stalls: int
     longest_s: float
+    told: Sequence[str]
+    """Warnings and alarms of the flight: without troubles of the fleet's, that nothing is authenticated alone."""
     exit_code: int
     last_line: str
     """The flight's last line."""
@@ -177,6 +202,7 @@ def report(run: Run, chosen: argparse.Namespace, *, plot: str) -> str:
         ("not in the recording", f"{lost:,}"),
         ("sender's latest datagram", f"{run.sent['late_ms']:.0f} ms late"),
         ("no growth of the recording for > 200 ms", f"{run.stalls} times, longest {1e3 * run.longest_s:.0f} ms"),
+        ("warnings and alarms", "; ".join([f"{len(run.told)}", *sorted(set(run.told))[:MOST_TOLD]])),
         ("exit code of the flight", str(run.exit_code)),
     ]
     if run.samples:
@@ -295,9 +321,15 @@ def soak(chosen: argparse.Namespace, out: Path) -> Run:
             recorded=dict(watch.recorded),
             stalls=watch.stalls,
             longest_s=watch.longest_s,
+            told=_told(flight.session),
             exit_code=sealed,
             last_line=flight.output.strip().split("\n")[-1],
         )
+
+
+def _told(session: Path) -> list[str]:
+    rows = map(json.loads, (session / "events.jsonl").read_text(encoding="utf-8").splitlines())
+    return [row["text"] for row in rows if row["level"] in ("warning", "alarm") and row["kind"] != "text"]
 
 
 def _sample(

@@ -75,8 +75,9 @@ def test_the_page_says_what_is_missing():
     sent = {"packets": {"1": 50, "11": 50, "impostor 11": 10, "texts": 5, "garbage": 9, "boot words": 4},
             "seconds": 1000.0, "late_ms": 3.0}  # fmt: skip
     run = Run(
-        samples=samples, sent=sent, recorded={1: 50, 11: 63, 200: 4}, stalls=0, longest_s=0.1, exit_code=0, last_line=""
-    )
+        samples=samples, sent=sent, recorded={1: 50, 11: 63, 200: 4}, stalls=0, longest_s=0.1, exit_code=0,
+        last_line="", told=["UGV-11: no heartbeat", "UGV-11: no heartbeat", "a flood"],
+    )  # fmt: skip
     chosen = argparse.Namespace(
         seconds=1000.0,
         rate=100.0,
@@ -88,4 +89,5 @@ def test_the_page_says_what_is_missing():
     )
     page = report(run, chosen, plot="")
     assert "| packets sent by vehicles | 115 |" in page and "| not in the recording | 2 |" in page
+    assert "| warnings and alarms | 3; UGV-11: no heartbeat; a flood |" in page
     assert "+360.0 MB an hour" in page and "+0.0%; " in page and "-- --flood 5" in page

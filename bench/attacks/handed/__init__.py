@@ -1,1 +1,0 @@
-"""What strangers hand over: files that are opened, folders that lie among the recordings."""
