@@ -14,7 +14,7 @@ PYTEST = OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= \
 # What docs/reliability.md, docs/identity.md and the README rest on, and what lists wrong names, words and screens.
 BENCHES := paper latency field recorded again statements screens screens.speed soak video.looking video.stamps video.video_stream \
 	$(addprefix fuzz.,logs datagrams streams missions readers) \
-	$(addprefix receiving.,flood flood_claims ingest_cost kills screen_flood signing_speed tlog_speed)
+	$(addprefix receiving.,flood flood_claims ingest_cost tlog_speed)
 
 .PHONY: demo test test-slow test-all coverage check lint types layers docs bench-all lock clean
 

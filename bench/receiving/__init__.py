@@ -1,1 +1,1 @@
-"""Receiving, recording and reading telemetry: what it costs, and what floods, kills and disks do to it."""
+"""Receiving, recording and reading telemetry: what it costs, and what floods do to it."""
