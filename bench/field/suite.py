@@ -9,7 +9,6 @@ from concurrent.futures import as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bench.drawing import MISSING, pyplot, read_rows
 from bench.field.families import FAMILIES, Split, film_of, has_pixels, label_of, scenario_of, seeds_of
 from bench.field.measure import tally
 from bench.field.product import identify
@@ -143,7 +142,7 @@ def run(
     print_note: Callable[[str], None] = lambda _: None,
     report: Callable[[int, int], None] = lambda done, total: None,
 ) -> str:
-    """Play the suite; write ``field.md``, ``sessions.csv``, ``reliability.csv`` and ``reliability.png`` into a folder.
+    """Play the suite; write ``field.md``, ``sessions.csv`` and ``reliability.csv`` into a folder.
 
     Args:
         out: is made; files of these names in it are replaced.
@@ -167,8 +166,6 @@ def run(
     (out / "field.md").write_text(text, encoding="utf-8")
     write_sessions(outcomes, out / "sessions.csv")
     write_reliability(outcomes, out / "reliability.csv")
-    if not _draw_reliability(out / "reliability.csv", out / "reliability.png"):
-        print_note(MISSING)
     print_note(f"{len(outcomes)} sessions in {time.monotonic() - began:.0f} s; wrote {out}")
     return text
 
@@ -180,25 +177,3 @@ def _played(tasks: Sequence[Task], workers: int, report: Callable[[int, int], No
             outcomes.append(done.result())
             report(len(outcomes), len(tasks))
     return outcomes
-
-
-def _draw_reliability(table: Path, out: Path) -> bool:
-    """Draw share right over confidence, the number of boxes below; False when matplotlib is missing."""
-    plot = pyplot()
-    if plot is None:
-        return False
-    rows = read_rows(table)
-    figure, (upper, lower) = plot.subplots(2, 1, figsize=(5, 6), height_ratios=(3, 1), sharex=True)
-    upper.plot([0.4, 1.0], [0.4, 1.0], color="0.7", linewidth=1)
-    for version, marker in (("standard", "o"), ("hard", "s")):
-        mine = [row for row in rows if row["version"] == version]
-        confidence = [float(row["mean_confidence"]) for row in mine]
-        upper.plot(confidence, [float(row["share_right"]) for row in mine], marker=marker, label=version)
-        lower.plot(confidence, [int(row["boxes"]) for row in mine], marker=marker)
-    upper.set(ylabel="share of names that are right", xlim=(0.45, 1.01), ylim=(0.0, 1.03))
-    upper.legend()
-    lower.set(xlabel="confidence given", ylabel="boxes", yscale="log")
-    figure.tight_layout()
-    figure.savefig(out, dpi=110)
-    plot.close(figure)
-    return True

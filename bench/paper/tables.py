@@ -5,11 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from bench.latency.measure import MethodTiming
 from bench.paper import published
 from bench.paper.experiments import CONTINUOUS, Count
-from bench.paper.occlusion import Kept
-from bench.rows import read
 from infra.markdown import markdown_table
 
 SETTING = """\
@@ -20,13 +17,12 @@ coordinates. The identifier gets the same noisy reports and the UAV's telemetry 
 """
 
 
-def write_tables(out: Path, counts: list[Count], kept: list[Kept], quick: bool) -> None:
+def write_tables(out: Path, counts: list[Count], quick: bool) -> None:
     """Write every table.
 
     Args:
         out: Folder.
         counts: Results of the association experiments.
-        kept: Results of the occlusion experiment.
         quick: State in each table that the run was a short one.
     """
     note = "A short run: few windows.\n\n" if quick else ""
@@ -35,11 +31,9 @@ def write_tables(out: Path, counts: list[Count], kept: list[Kept], quick: bool) 
         "figure_8.md": _sweep(counts, "figure 8", "topology", "Figure 8: topology against noise", "sigma_topology"),
         "figure_9.md": _sweep(counts, "figure 9", "fusion", "Figure 9: both fused", "sigma_m"),
         "figure_10.md": _figure10(counts),
-        "table_1.md": _table1(out.parent / "latency" / "latency.csv"),
         "table_2.md": _table2(counts),
         "table_3.md": _table3(counts),
         "variants.md": _variants(counts),
-        "occlusion.md": _occlusion(kept),
     }
     for name, text in texts.items():
         (out / name).write_text(note + text, encoding="utf-8")
@@ -148,19 +142,6 @@ def _figure10(counts: list[Count]) -> str:
     )
 
 
-def _table1(latency: Path) -> str:
-    """Published times beside those of the last latency run, where there is one."""
-    timings = read(latency, MethodTiming) if latency.is_file() else []
-    rows = []
-    for name, ms in published.LATENCY_MS.items():
-        mine = [t for t in timings if t.method == name and (t.vehicles, t.tracks) == (7, 6)]
-        times = "; ".join(f"{t.variant} {t.cpu_median_ms:.2f}" for t in mine)
-        rows.append([name, f"{ms:.2f}", times or "not measured yet: python -m bench.latency"])
-    head = "# Table 1: latency, ms\n\nPublished on an i9-13900HX with an RTX 3090; ours is the median CPU time of one "
-    head += "thread for seven vehicles and six boxes, all variants in one run of `python -m bench.latency`.\n\n"
-    return head + markdown_table(["method", "published", "ours"], rows) + "\n"
-
-
 def _pair(count: Count | None) -> str:
     return f"{percent(count.precision)} / {percent(count.fper)}" if count else "–"
 
@@ -222,16 +203,4 @@ def _variants(counts: list[Count]) -> str:
         '"Least squares, true places" compares noisy reports with the true places: what positions alone can decide.\n\n'
     )
     columns = ["windows", "road", "σ, m", "method", "boxes", "precision", "right of all"]
-    return head + markdown_table(columns, rows) + "\n"
-
-
-def _occlusion(kept: list[Kept]) -> str:
-    rows = []
-    for keeper in dict.fromkeys(k.keeper for k in kept):
-        mine = [k for k in kept if k.keeper == keeper]
-        sums = [sum(getattr(k, name) for k in mine) for name in ("frames", "hidden", "switches", "taken")]
-        rows.append([keeper, *map(str, sums)])
-    head = "# Occlusion: id switches\n\nCurved road, each vehicle hidden for 1.2–2.2 s at its three sharpest turns. "
-    head += "Published: in the two cases shown, ByteTrack switches and the enhanced one does not.\n\n"
-    columns = ["tracker", "frames", "returns after ≥ 0.5 s", "id switches", "tracks gone to another vehicle"]
     return head + markdown_table(columns, rows) + "\n"

@@ -4,7 +4,7 @@
 
 The flight is the command that a user gives, in a process of its own, and the fleet is ``sim.fleet_process``; what
 comes after ``--`` goes to the fleet. A video is sent round and round as MPEG-TS over UDP. Every ten seconds the whole
-process tree is measured from outside. Writes ``soak.csv``, ``soak.png`` and ``soak.md``, and ends all that it started.
+process tree is measured from outside. Writes ``soak.csv`` and ``soak.md``, and ends all that it started.
 """
 
 from __future__ import annotations
@@ -29,7 +29,6 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.drawing import pyplot, read_rows
 from bench.ports import free_port
 from bench.station import CAMERA, FLY, FlyingStation, cost_of, mission_text
 from sim.fleet_process import system_ids
@@ -188,7 +187,7 @@ class Run:
     """The flight's last line."""
 
 
-def report(run: Run, chosen: argparse.Namespace, *, plot: str) -> str:
+def report(run: Run, chosen: argparse.Namespace) -> str:
     """The page, in Markdown."""
     sent, lost = _lost(run)
     rows: list[tuple[str, str]] = [
@@ -210,7 +209,6 @@ def report(run: Run, chosen: argparse.Namespace, *, plot: str) -> str:
     lines = ["# Soak", "", f"`python -m bench.soak {_words(chosen)}`", "", "| | |", "|---|---|"]
     lines += [f"| {name} | {value} |" for name, value in rows]
     lines += ["", f"The flight's last words: `{run.last_line.partition(' recorded in ')[0].rstrip(';')}`"]
-    lines += ["", f"![memory, processor, stalls]({plot})"] if plot else []
     return "\n".join(lines) + "\n"
 
 
@@ -252,30 +250,6 @@ def _growth(t: NDArray[np.float64], held: NDArray[np.float64], warm: NDArray[np.
     per_hour = float(np.polyfit(t[late] / 3600, held[late], 1)[0]) if late.sum() > 2 else float("nan")
     grown = f"{first:.1f} MB after a tenth, {last:.1f} MB at the end: {last / first - 1:+.1%}"
     return f"{grown}; {per_hour:+.1f} MB an hour in the second half"
-
-
-def draw(table: Path, out: Path) -> bool:
-    """Draw memory, processor and stalls over time; False when matplotlib is missing."""
-    plot = pyplot()
-    rows = read_rows(table)
-    if plot is None or not rows:
-        return False
-    minutes = [float(row["t_s"]) / 60 for row in rows]
-    figure, axes = plot.subplots(3, 1, figsize=(7, 6), sharex=True)
-    for axis, (name, label) in zip(
-        axes,
-        (("own_mb", "own MB"), ("cpu_percent", "% of one core"), ("longest_stall_ms", "longest stall, ms")),
-        strict=True,
-    ):
-        axis.plot(minutes, [float(row[name]) for row in rows], linewidth=1)
-        axis.set(ylabel=label)
-        axis.set_ylim(bottom=0)
-    axes[2].axhline(200.0, color="0.7", linewidth=1)
-    axes[2].set(xlabel="minutes")
-    figure.tight_layout()
-    figure.savefig(out, dpi=110)
-    plot.close(figure)
-    return True
 
 
 RESULTS = Path("bench-results")
@@ -384,8 +358,7 @@ def main() -> None:
     chosen.out.mkdir(parents=True, exist_ok=True)
     table, page = chosen.out / f"{chosen.name}.csv", chosen.out / f"{chosen.name}.md"
     run = soak(chosen, table)
-    drawn = draw(table, table.with_suffix(".png"))
-    text = report(run, chosen, plot=f"{chosen.name}.png" if drawn else "")
+    text = report(run, chosen)
     page.write_text(text, encoding="utf-8")
     print(text)
 

@@ -87,7 +87,7 @@ def test_the_page_says_what_is_missing():
         out=Path(),
         name="soak",
     )
-    page = report(run, chosen, plot="")
+    page = report(run, chosen)
     assert "| packets sent by vehicles | 115 |" in page and "| not in the recording | 2 |" in page
     assert "| warnings and alarms | 3; UGV-11: no heartbeat; a flood |" in page
     assert "+360.0 MB an hour" in page and "+0.0%; " in page and "-- --flood 5" in page

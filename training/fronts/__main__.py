@@ -5,7 +5,7 @@
 The first call cuts crops out of the video (or takes ``--crops FOLDER``), clusters each with its copy turned by 180° by
 the features of a pretrained ResNet-18, and draws a contact sheet of every cluster. A person checks them and edits
 ``corrections.csv``. The same call again trains, and exports ``front.onnx`` for ``[detector] front`` in a mission file.
-Every step is kept and not done twice; changed corrections are trained again. Needs the extras ``train`` and ``bench``.
+Every step is kept and not done twice; changed corrections are trained again. Needs the extra ``train``.
 
 Reference:
     Chen, Du, Wu 2025, doi:10.3390/drones9090612, section 3.3 and figure 4.
