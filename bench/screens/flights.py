@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.again.scripted import CAMERA, IMPOSTOR_PEER, RebootedEncoder, ScriptedDetector, boxes_of, impostor_frames
+from bench.scripted import CAMERA, IMPOSTOR_PEER, RebootedEncoder, ScriptedDetector, boxes_of, impostor_frames
 from gcs.flight.frame_loop import FrameLoop
 from gcs.fold.pipeline import Pipeline
 from gcs.health.faults import Faults

@@ -20,8 +20,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.again.scripted import InjectedFaults
 from bench.command_line import RESULTS
+from bench.scripted import InjectedFaults
 from bench.statements.checker import PLACES, check_cameras
 from bench.statements.flights import FlightScript, OperatorAct, fly_script
 from infra.markdown import markdown_table

@@ -1,6 +1,6 @@
 """Scripted flights whose truth is known by construction: recorded as a flight records, with what was so beside it.
 
-Telemetry, signatures, fold and recorder are the flight's own (``bench.again.scripted``); members fall silent, are late,
+Telemetry, signatures, fold and recorder are the flight's own (``bench.scripted``); members fall silent, are late,
 stand still, lie, are refused or never heard, the video stops or comes and goes, and an operator states and marks.
 """
 
@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.again.scripted import CAMERA, InjectedFaults, ScriptedFlight, fly, within
 from bench.screens.flights import Moment, Received, video_state
+from bench.scripted import CAMERA, InjectedFaults, ScriptedFlight, fly, within
 from gcs.snapshot import Event, Health, LinkHealth, Snapshot, Statement
 from mavlink.protocol.packet import Packet
 from sim.telemetry.detections import DetectorModel

@@ -1,1 +1,1 @@
-"""Live video, detectors and trackers: their speed, their losses, and parity with peers."""
+"""Live video: when its pictures are dated, and what looking at them takes."""

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.again.scripted import InjectedFaults, fly
 from bench.field.suite import write_motion
+from bench.scripted import InjectedFaults, fly
 from gcs.cli.identify import identify_into
 from gcs.playback.analysis import Analysis
 from gcs.session.frame_tables import motion_row, read_motions

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.again import scripted
-from bench.again.scripted import CAMERA, SECRET, InjectedFaults, fly
+from bench import scripted
+from bench.scripted import CAMERA, SECRET, InjectedFaults, fly
 from gcs.cli.identify import identify_into
 from gcs.errors import SessionError
 from gcs.fold.pipeline import Pipeline
@@ -275,7 +275,7 @@ def test_what_the_operator_stated_is_stated_again_at_the_same_frame(tmp_path, mo
             self.last = super().add_frame(index, t_us, **given)
             return self.last
 
-    monkeypatch.setattr("bench.again.scripted.Pipeline", OperatedPipeline)
+    monkeypatch.setattr("bench.scripted.Pipeline", OperatedPipeline)
     folder = fly(tmp_path / "flown", SCENARIO, InjectedFaults(no_video=((6.0, 6.6),)))
     identify_into(open_session(folder), tmp_path / "again")
     for name in ("identity.csv", "identity.jsonl"):

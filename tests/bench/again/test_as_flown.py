@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from bench.again.scripted import InjectedFaults, fly
+from bench.scripted import InjectedFaults, fly
 from gcs.health.alarm_rules import findings, reported_alarm
 from gcs.playback.as_flown import FlownReports
 from gcs.playback.replay import Replay

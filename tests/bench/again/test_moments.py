@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from bench.again.scripted import CAMERA, InjectedFaults, fly
+from bench.scripted import CAMERA, InjectedFaults, fly
 from gcs.playback.analysis import Analysis
 from gcs.playback.moments import moments_between
 from gcs.playback.snapshot_store import SnapshotStore

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from bench.again.scripted import InjectedFaults, fly
+from bench.scripted import InjectedFaults, fly
 from gcs.fold.pipeline import HELD_US
 from sim.world.presets import nominal
 from sim.world.scenario import ScenarioGround

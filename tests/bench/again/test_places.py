@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from bench.again.scripted import CAMERA, InjectedFaults, fly
+from bench.scripted import CAMERA, InjectedFaults, fly
 from gcs.playback.analysis import Analysis
 from gcs.playback.preview import Preview
 from gcs.playback.replay import Replay

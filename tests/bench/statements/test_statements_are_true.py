@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import pytest
 
-from bench.again.scripted import InjectedFaults
+from bench.scripted import InjectedFaults
 from bench.statements.boxes import check_agreement, check_claims, check_flips, read_identity
 from bench.statements.checker import check_alarms, check_flight, check_missing_alarms, check_row
 from bench.statements.flights import FlightScript, OperatorAct, fly_script
