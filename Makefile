@@ -13,8 +13,8 @@ PYTEST = OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= \
 	$(BIN)/python -m pytest -q --numprocesses $(TEST_PROCESSES) --dist worksteal $(PYTEST_OPTIONS)
 # What docs/reliability.md, docs/identity.md and the README rest on, and what lists wrong names, words and screens.
 BENCHES := paper latency field recorded statements screens soak video.looking video.stamps \
-	$(addprefix fuzz.,logs datagrams streams missions readers) \
-	$(addprefix receiving.,flood flood_claims ingest_cost tlog_speed)
+	$(addprefix fuzz.,logs datagrams streams readers) \
+	$(addprefix receiving.,flood flood_claims tlog_speed)
 
 .PHONY: demo test test-slow test-all coverage check lint types layers docs bench-all lock clean
 

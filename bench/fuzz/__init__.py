@@ -1,1 +1,1 @@
-"""Damage of every kind against readers that promise to lose nothing else: logs, datagrams, streams, mission files."""
+"""Damage of every kind against readers that promise to lose nothing else: logs, datagrams, streams, others' files."""

@@ -8,7 +8,6 @@ import random
 import re
 import sys
 import time
-import tomllib
 from collections.abc import Mapping, Sequence
 from itertools import chain
 from pathlib import Path
@@ -16,7 +15,6 @@ from pathlib import Path
 from bench.fuzz.datagrams import BLOCK, INPUTS, DatagramScore, fuzz_datagrams, lost, read_with_ours, read_with_pymavlink
 from bench.fuzz.frames import frame_pool
 from bench.fuzz.logs import LogScore, fuzz_logs
-from bench.fuzz.missions import GOOD, MissionScore, fuzz_missions
 from bench.fuzz.readers import ReaderScore, fuzz_places, fuzz_readers
 
 _HEAD = """# What damage and hostility cost
@@ -93,15 +91,6 @@ def streams_text(count: int = 2000) -> str:
     return "\n".join(lines)
 
 
-def missions_text(score: MissionScore) -> str:
-    """One paragraph, and what failed."""
-    lines = [
-        f"{score.files:,} mission files: {score.accepted:,} accepted, {score.refused:,} refused in one line each. "
-        f"Other exceptions {len(score.failures)}.",
-    ]
-    return "\n".join([*lines, *(f"- {line[:400]}" for line in score.failures[:_MOST_FAILURES])])
-
-
 def readers_text(score: ReaderScore) -> str:
     """One paragraph, and what failed."""
     files = score.read + score.refused + len(score.failures)
@@ -114,7 +103,7 @@ def readers_text(score: ReaderScore) -> str:
     return "\n".join([*lines, *(f"- {line[:400]}" for line in score.failures[:_MOST_FAILURES])])
 
 
-_COUNTS = {"logs": 10_000, "datagrams": 1_000_000, "streams": 2000, "missions": 10_000, "readers": 500}
+_COUNTS = {"logs": 10_000, "datagrams": 1_000_000, "streams": 2000, "readers": 500}
 _STEP = 200
 
 
@@ -168,10 +157,8 @@ def main() -> None:
         text = _datagrams(options.seed, count)
     elif options.what == "readers":
         text = _readers(options.good, options.seed, count, options.only, 60 * options.minutes)
-    elif options.what == "streams":
-        text = streams_text(count)
     else:
-        text = missions_text(fuzz_missions(range(options.seed, options.seed + count), tomllib.loads(GOOD)))
+        text = streams_text(count)
     print(text)
     write_section(options.out, options.what.capitalize(), text)
 

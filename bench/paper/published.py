@@ -12,7 +12,7 @@ FIG8_STEP = {"straight": 1.06, "curved": 0.96}
 """Loss of topology per 0.25 of σ, %, as the text has it."""
 FIG9_HIGH = 79.9
 """Fusion under high noise, %."""
-FALSE_BOX = {"projection": (99.07, 100.00), "topology": (96.53, 98.53), "TTS": (88.43, 45.71)}
+FALSE_BOX = {"projection": (99.07, 100.00), "topology": (96.53, 98.53)}
 """Precision and FPER, %."""
-FIELD = {"projection": (74.20, 75.00), "TTS": (19.50, 82.00)}
+FIELD = {"projection": (74.20, 75.00)}
 """Precision and FPER, %."""

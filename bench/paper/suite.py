@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from bench.paper.experiments import Condition, Count, Miss, conditions, evaluate
+from bench.paper.experiments import Condition, Count, conditions, evaluate
 from bench.paper.tables import write_tables
 from bench.rows import write
 from bench.workers import one_threaded
@@ -25,18 +25,17 @@ def run(out: Path, quick: bool, report: Callable[[int, int], None] = lambda done
     """
     out.mkdir(parents=True, exist_ok=True)
     began = time.monotonic()
-    counts, misses = _measure(conditions(quick), report)
+    counts = _measure(conditions(quick), report)
     write(out / "results.csv", Count, counts)
-    write(out / "identifier_misses.csv", Miss, misses)
     write_tables(out, counts, quick)
     return f"{out}: {len(counts)} rows in {(time.monotonic() - began) / 60.0:.1f} min"
 
 
-def _measure(plan: list[Condition], report: Callable[[int, int], None]) -> tuple[list[Count], list[Miss]]:
+def _measure(plan: list[Condition], report: Callable[[int, int], None]) -> list[Count]:
     """In processes of their own; the order of the results is the plan's."""
     with one_threaded() as pool:
         results = []
         for result in pool.map(evaluate, plan):
             results.append(result)
             report(len(results), len(plan))
-    return [count for some, _ in results for count in some], [miss for _, some in results for miss in some]
+    return [count for some in results for count in some]

@@ -19,12 +19,12 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from bench.ports import free_port
 from bench.receiving.senders import FLOODER, send_fleet, send_flood
 from infra.markdown import markdown_table
 from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.ingest import Ingest
 from mavlink.tlog.log import Tlog
+from tests.support.ports import free_port
 
 VEHICLES = 100
 FLOOD_AFTER_S = 2.0

@@ -23,7 +23,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from bench.ports import free_port
 from bench.receiving.senders import fleet_frames, send_fleet, send_flood
 from bench.station import CAMERA, FLY, FlyingStation, mission_text
 from infra.files.segment import segments
@@ -32,6 +31,7 @@ from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.signing.keys import Key, write_key
 from mavlink.signing.signer import Signer
 from mavlink.tlog.log import Tlog
+from tests.support.ports import free_port
 
 VEHICLES, CLAIMED = 20, 11
 RATE = 2400.0

@@ -29,9 +29,9 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.ports import free_port
 from bench.station import CAMERA, FLY, FlyingStation, cost_of, mission_text
 from sim.fleet_process import system_ids
+from tests.support.ports import free_port
 
 
 class VideoLoop:

@@ -26,8 +26,8 @@ import numpy as np
 from av.container import OutputContainer
 
 from bench.command_line import parser_of, print_results
-from bench.ports import free_port
 from bench.rows import write
+from tests.support.ports import free_port
 from tests.support.video_senders import (
     FPS,
     HEIGHT,

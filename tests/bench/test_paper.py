@@ -8,7 +8,7 @@ import pytest
 
 from bench.latency import crowd
 from bench.paper.experiments import CONTINUOUS, Condition, Count, conditions, evaluate
-from bench.paper.films import dense_road, false_box_road, field, film, paper_road
+from bench.paper.films import false_box_road, field, film, paper_road
 from bench.paper.methods import METHODS, ConditionNoise
 from bench.paper.tables import percent, pooled, published_at, write_tables
 from bench.paper.windows import windows
@@ -63,13 +63,6 @@ def test_false_boxes_belong_to_nobody():
     assert seen.seen.all()
 
 
-def test_dense_windows_keep_within_their_span():
-    found = windows(film(short(dense_road("straight", 1))), 12, 1, boxes=9, visible=9, span_m=28.0)
-    for window in found:
-        p = window.p_enu[..., :2]
-        assert np.linalg.norm(p[:, :, None] - p[:, None], axis=-1).max() <= 28.0
-
-
 def test_windows_follow_one_another_and_are_shuffled(cut):
     assert [w.start for w in cut] == [0, 12]
     assert all(sorted(w.vehicle.tolist()) == list(range(6)) for w in cut)
@@ -94,17 +87,10 @@ def test_windows_in_which_boxes_come_or_go_are_left_out():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["projection", "TTS", "mean residual", "identifier", "least squares, true places"])
+@pytest.mark.parametrize("name", ["projection", "mean residual", "identifier"])
 def test_without_noise_everybody_is_found(cut, name):
     right = sum(np.sum(METHODS[name](w, QUIET).vehicle == w.vehicle) for w in cut)
     assert right >= 11
-
-
-@pytest.mark.slow
-def test_the_identifier_does_without_yaw_and_headings_and_stands_noise(cut):
-    noise = ConditionNoise(position_m=2.0, topology=2.0, report_every=2)
-    for name in ("identifier, yaw unknown", "identifier, no headings"):
-        assert np.sum(METHODS[name](cut[0], noise).vehicle == cut[0].vehicle) >= 5
 
 
 @pytest.mark.slow
@@ -137,22 +123,20 @@ def test_every_condition_asks_methods_that_exist_about_more_than_a_thousand_fram
 
 
 @pytest.mark.slow
-def test_a_condition_counts_boxes_and_lists_what_was_missed():
+def test_a_condition_counts_boxes():
     condition = Condition(
         experiment="false box",
         case="look-alike",
         noise=ConditionNoise(position_m=6.0, topology=6.0),
-        methods=("projection", "TTS", "identifier"),
+        methods=("projection", "identifier"),
         flights=(short(false_box_road("look-alike", 1)),),
         boxes=7,
         most=2,
     )
-    counts, misses = evaluate(condition)
-    assert [c.method for c in counts] == ["projection", "TTS", "identifier"]
+    counts = evaluate(condition)
+    assert [c.method for c in counts] == ["projection", "identifier"]
     assert all((c.frames, c.ours, c.false) == (24, 12, 2) for c in counts)
     assert counts[0].named == 12
-    wrong = 14 - counts[2].right - counts[2].excluded
-    assert len(misses) == wrong
 
 
 @pytest.mark.slow
@@ -170,7 +154,7 @@ def test_the_continuous_identifier_is_asked_on_every_frame():
         most=9,
         wander=True,
     )
-    (total,), _ = evaluate(condition)
+    (total,) = evaluate(condition)
     assert (total.ours, total.false) == (72, 24)
 
 
@@ -181,7 +165,7 @@ def test_shares_are_percentages_and_unknown_without_cases():
 
 
 def test_counts_are_added_up_over_what_is_left_open():
-    some = [count(rotation_deg=0.0), count(rotation_deg=90.0, right=12), count(method="TTS")]
+    some = [count(rotation_deg=0.0), count(rotation_deg=90.0, right=12), count(method="topology")]
     both = pooled(some, "figure 7", "projection")
     assert (both.ours, both.right, both.frames) == (24, 21, 48)
     assert pooled(some, "figure 7", "projection", rotation_deg=90.0).right == 12
