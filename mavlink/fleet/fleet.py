@@ -266,8 +266,9 @@ class Fleet:
                 are those of then: a vehicle whose packets are still queued is not silent. 0: none are queued.
         """
         status_us = min(t_us, heard_us) if heard_us else t_us
-        estimates = [vehicle.positions.at(vehicle.clock.boot_of(t_us)) for vehicle in self._ugvs]
-        statuses = [_status(vehicle, status_us) for vehicle in self._ugvs]
+        estimates = [vehicle.estimate(t_us) for vehicle in self._ugvs]
+        heard = estimates if status_us == t_us else [vehicle.estimate(status_us) for vehicle in self._ugvs]
+        statuses = [vehicle.status(status_us, e) for vehicle, e in zip(self._ugvs, heard, strict=True)]
         rows = np.array([e.fix if e else NO_FIX for e in estimates], dtype=np.float64).reshape(-1, len(NO_FIX))
         valid = [
             estimate is not None and estimate.usable and not (status.contested or status.jumps)
@@ -305,7 +306,8 @@ class Fleet:
         return is_awaited(self._uav, self._gimbals, t_us)
 
     def _uav_status(self, t_us: int) -> VehicleStatus:
-        return self._stand.status(self._uav.system_id) if self._stand else _status(self._uav, t_us)
+        uav = self._uav
+        return self._stand.status(uav.system_id) if self._stand else uav.status(t_us, uav.estimate(t_us))
 
     @property
     def uav_delay_us(self) -> float:
@@ -483,11 +485,6 @@ class Fleet:
             )
             for text in texts
         )
-
-
-def _status(vehicle: Vehicle, t_us: int) -> VehicleStatus:
-    boot_us = vehicle.clock.boot_of(t_us)
-    return vehicle.status(t_us, vehicle.positions.at(boot_us), vehicle.attitudes.at(boot_us))
 
 
 def _add_heartbeat(vehicle: Vehicle, sample: Heartbeat, arrival: Arrival) -> Iterable[Notice]:

@@ -17,7 +17,7 @@ from mavlink.duplicate_id.sender_path import MAX_LINK_LAG_US
 from mavlink.estimation.clock import ClockFit, ClockReading, VehicleClock
 from mavlink.estimation.clock_health import ClockHealth
 from mavlink.estimation.gimbal import GimbalSample
-from mavlink.estimation.interpolation import ATTITUDE_LOST_S, LOST_S, Attitudes, Fix, Pose, PositionEstimate
+from mavlink.estimation.interpolation import ATTITUDE_LOST_S, LOST_S, Attitudes, Fix, PositionEstimate
 from mavlink.estimation.origin import FLEET_SPAN_M
 from mavlink.estimation.position_quality import Doubt, GpsReceivers, JumpDetector, PositionDoubts, PositionRejections
 from mavlink.estimation.positions import (
@@ -440,10 +440,15 @@ class Vehicle:
             return ()
         return tuple(self._notice(t_us, level, text) for level, text in reports if text)
 
-    def status(self, t_us: int, estimate: PositionEstimate | None, pose: Pose | None) -> VehicleStatus:
+    def estimate(self, t_us: int) -> PositionEstimate | None:
+        """Its position at a Unix time, µs; None before its first report."""
+        return self.positions.at(self.clock.boot_of(t_us))
+
+    def status(self, t_us: int, estimate: PositionEstimate | None) -> VehicleStatus:
         """One line of the fleet table, for a time and what was estimated for it."""
         heartbeat, reception, doubt = self._components.heartbeat, self._reception, self.doubt(t_us)
         rejected_packets, jumping = reception.rejections, self._jumps.is_jumping(t_us)
+        contested = self.in_conflict(t_us)
         gps = self._receivers.of_component(t_us, self._components.autopilot)
         return VehicleStatus(
             system_id=self.system_id,
@@ -458,7 +463,7 @@ class Vehicle:
             loss=reception.loss,
             refused=self.rejections.positions,
             last_text=self._texts.last,
-            contested=self.in_conflict(t_us),
+            contested=contested,
             refusals=self.rejections.counts,
             refused_for=_JUMPING if jumping else self.rejections.reason,
             jumps=jumping,
@@ -475,7 +480,7 @@ class Vehicle:
             drift_ppm=self._clock_health.drift_ppm(self.clock),
             round_trip_s=self._clock_health.round_trip_s,
             clock_error_s=self._clock_health.error_s,
-            clock_fault="" if self.in_conflict(t_us) else self._clock_health.fault(self.clock),
+            clock_fault="" if contested else self._clock_health.fault(self.clock),
             condition=self.conditions.at(t_us, self._components.autopilot),
             hardware=self._duplicate_id.hardware_text,
             doubted_for=doubt.reason if doubt is not None else "",
