@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,6 @@ from gcs.fold.ground.height import FOOT, TAKEOFF, GroundHeight
 from gcs.fold.ground.surface import Relief
 from gcs.fold.position_steps import StepFilter
 from gcs.mission.mission import Camera, Mission
-from gcs.mission.terrain_file import TerrainFile
 from gcs.snapshot import Event
 from mavlink.fleet.fleet import Fleet
 from mavlink.geodesy import LocalFrame
@@ -32,6 +32,9 @@ from vision.motion.image_motion import ImageMotion
 from vision.motion.lag_search import LagSearch
 from vision.motion.rotation import CameraTurn, GroundShift, rotation_of
 from vision.track.tracks import Tracks
+
+if TYPE_CHECKING:
+    from gcs.mission.terrain_file import TerrainFile
 
 LEAST_HEIGHT_M = 2.0
 """Above the ground; lower down nothing is level enough."""
@@ -335,6 +338,8 @@ def _terrain_of(mission: Mission) -> tuple[TerrainFile | None, str]:
     """The mission's terrain file, or why it is not used: recordings replay without it."""
     if mission.terrain is None:
         return None, ""
+    from gcs.mission.terrain_file import TerrainFile  # its libraries take their time
+
     try:
         return TerrainFile(mission.terrain), ""
     except ConfigError as error:

@@ -11,12 +11,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.mission.terrain_file import TerrainFile
 from mavlink.geodesy import LocalFrame
+
+if TYPE_CHECKING:
+    from gcs.mission.terrain_file import TerrainFile
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
