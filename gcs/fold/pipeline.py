@@ -286,11 +286,10 @@ class Pipeline:
         self._identifier.add_reports(reports_of(self.fleet.take_reports(), self.mission.ugv_ids, view, state))
         if detections is None:
             return self._snapshot(index, t_us, state, view, image, self._names_held(state), health)
-        telemetry_us = self.telemetry_time(t_us)
         if view is not None:
             moved, yaw_error = motion if self._view else None, float(self._identifier.pose_correction[YAW])
             view = self._cameras.zoomed(t_us, view, detections.at_least(self._score))
-            view = self._cameras.predicted(telemetry_us, view, self.fleet, moved, yaw_error=yaw_error)
+            view = self._cameras.predicted(state, view, self.fleet, moved, yaw_error=yaw_error)
         warp = ground_warp(self._view, view) if motion is None else motion.H
         wholes = self._joined(t_us, detections, view)
         if self._tracker is None:
@@ -307,7 +306,7 @@ class Pipeline:
         if anew:
             self._begin_anew()
             view = None
-        view = self._cameras.seen(telemetry_us, view, wholes.boxes, tracks) if view else None
+        view = self._cameras.seen(state.t_us, view, wholes.boxes, tracks) if view else None
         self._view = view
         self._look = _Look(
             t_us=t_us,

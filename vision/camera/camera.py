@@ -80,9 +80,13 @@ def camera_pose(
         return CameraPose(R_enu_cam=R_enu_gimbal @ _turn_x(mount.roll) @ R_GIMBAL_CAM, p_enu=position)
     R_enu_body = np.asarray(R_enu_body, dtype=np.float64)
     base = R_enu_body if mount.kind == "fixed" else R_ENU_NED @ _turn_z(_yaw(R_enu_body))
-    # R_base_gimbal = Rz(yaw) · Ry(pitch) · Rx(roll)
-    R_base_gimbal = _turn_z(mount.yaw) @ _turn_y(mount.pitch) @ _turn_x(mount.roll)
-    return CameraPose(R_enu_cam=base @ R_base_gimbal @ R_GIMBAL_CAM, p_enu=position)
+    return CameraPose(R_enu_cam=base @ _base_to_gimbal(mount) @ R_GIMBAL_CAM, p_enu=position)
+
+
+@lru_cache(maxsize=8)
+def _base_to_gimbal(mount: Mount) -> Floats:
+    """(3, 3) the gimbal's vectors into the frame that the mount's angles refer to: Rz(yaw) · Ry(pitch) · Rx(roll)."""
+    return np.asarray(_turn_z(mount.yaw) @ _turn_y(mount.pitch) @ _turn_x(mount.roll))
 
 
 def project(intrinsics: Intrinsics, pose: CameraPose, p_enu: ArrayLike) -> tuple[Floats, NDArray[np.bool_]]:

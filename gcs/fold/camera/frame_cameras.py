@@ -210,24 +210,30 @@ class FrameCameras:
         return magnified(camera, factor)
 
     def predicted(
-        self, t_us: int, camera: FrameCamera, fleet: Fleet, motion: ImageMotion | None, *, yaw_error: float = 0.0
+        self,
+        state: FleetState,
+        camera: FrameCamera,
+        fleet: Fleet,
+        motion: ImageMotion | None,
+        *,
+        yaw_error: float = 0.0,
     ) -> FrameCamera:
         """The camera as it should be at a frame before its boxes are seen.
 
         Args:
-            t_us: the frame's time on telemetry's clock.
+            state: the fleet at the frame.
             camera: as telemetry has it.
-            fleet: asked for the attitude.
+            fleet: asked for the attitude at other times.
             motion: how the camera moved since the last frame, by the pixels; None: not known.
             yaw_error: by how much the camera's heading is off, radians clockwise, as far as known.
         """
-        self._reported = self._attitude(t_us, camera, fleet)
+        self._reported = self._attitude(state, camera, fleet)
         zoomed = not np.array_equal(self._K, camera.intrinsics.K)
         self._K = camera.intrinsics.K
         if motion is not None and not zoomed:
-            turn = self._turn(t_us, camera, fleet, motion, yaw_error)
+            turn = self._turn(state, camera, motion, yaw_error)
             self._reported = replace(self._reported, seen_turn=turn)
-        return _turned(camera, self._fusion.predicted(t_us, self._reported))
+        return _turned(camera, self._fusion.predicted(state.t_us, self._reported))
 
     def seen(self, t_us: int, camera: FrameCamera, detections: Detections, tracks: Tracks) -> FrameCamera:
         """The camera after the boxes of the frame that was predicted last."""
@@ -253,13 +259,10 @@ class FrameCameras:
                 self._fusion.begin_at_lag(self._found_lag_s)
         return _turned(camera, R_enu_cam)
 
-    def _turn(
-        self, t_us: int, camera: FrameCamera, fleet: Fleet, motion: ImageMotion, yaw_error: float
-    ) -> CameraTurn | None:
+    def _turn(self, state: FleetState, camera: FrameCamera, motion: ImageMotion, yaw_error: float) -> CameraTurn | None:
         """Turn of the camera since the last frame by the pixels, with what telemetry knows of its flight."""
-        before = self._fusion.rotation(t_us)
+        before, v_enu = self._fusion.rotation(state.t_us), state.uav.v_enu
         height = float(camera.pose.p_enu[2]) - camera.ground_z
-        v_enu = fleet.uav_at(t_us).v_enu
         if before is None or height < LEAST_HEIGHT_M:
             return None
         (R_enu_cam, dt), known = before, bool(np.isfinite(v_enu).all())
@@ -274,26 +277,27 @@ class FrameCameras:
         )
         return rotation_of(motion, camera.intrinsics, ground)
 
-    def _attitude(self, t_us: int, camera: FrameCamera, fleet: Fleet) -> ReportedRotation:
+    def _attitude(self, state: FleetState, camera: FrameCamera, fleet: Fleet) -> ReportedRotation:
         """Telemetry's rotation at a frame and since the last."""
-        lag_us = self.attitude_lag_us
-        uav = fleet.uav_at(t_us + lag_us)
+        t_us, lag_us = state.t_us, self.attitude_lag_us
+        uav = fleet.uav_at(t_us + lag_us) if lag_us else state.uav
         before_us, self._asked_us = self._asked_us, t_us
 
         def rotation(uav: UavState) -> NDArray[np.float64]:
             return self._direction.pose(uav, camera.pose.p_enu).R_enu_cam
 
         sampled_us = fleet.attitude_times(before_us + lag_us, t_us + lag_us) if before_us else []
-        if uav.attitude_valid:
-            for sample_us in fleet.attitude_times(*self._lags.samples_wanted(t_us)):
-                self._lags.add_sample(sample_us, rotation(fleet.uav_at(sample_us)))
-        else:
+        wanted_us = fleet.attitude_times(*self._lags.samples_wanted(t_us)) if uav.attitude_valid else []
+        sampled = {sample_us: rotation(fleet.uav_at(sample_us)) for sample_us in {*sampled_us, *wanted_us}}
+        for sample_us in wanted_us:
+            self._lags.add_sample(sample_us, sampled[sample_us])
+        if not uav.attitude_valid:
             self._lags.forget()
         return ReportedRotation(
             R_enu_cam=rotation(uav),
             known=uav.attitude_valid,
             sample_us=tuple(sample_us - lag_us for sample_us in sampled_us),
-            samples_enu_cam=tuple(rotation(fleet.uav_at(sample_us)) for sample_us in sampled_us),
+            samples_enu_cam=tuple(sampled[sample_us] for sample_us in sampled_us),
         )
 
     def _lag_news(self, t_us: int) -> list[Event]:
