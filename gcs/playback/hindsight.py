@@ -23,6 +23,7 @@ from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +57,10 @@ _UNSURE = 0.89
 """A name is surer only where the mean is, too: what was told of a track in turn speaks against both."""
 _UNTOLD = 0.002
 """Probability of all candidates that were not told, each below 0.005."""
+_NO_EVIDENCE: dict[str, Any] = dict.fromkeys(
+    ("residual_m", "residual_px", "position_age_s", "projection", "topology", "fused"), NAN
+)
+"""Fields of a box without what was measured for the name that it had at the time."""
 _MOST_PASSED = 1000
 """Rows of a track that are kept although all boxes of their time have been named."""
 
@@ -105,20 +110,20 @@ def _smoothed(times_us: Sequence[int], p: FloatArray, fits: Sequence[bool]) -> F
         p: (m, n + 1) what was known then.
         fits: (m,) whether film and telemetry were known to fit.
     """
-    s, mean = p.copy(), p.copy()
-    total, count, fit_later = p[-1].copy(), 1, fits[-1]
-    for k in range(len(p) - 2, -1, -1):
-        if fit_later and not fits[k]:
-            s[k], mean[k] = s[k + 1], mean[k + 1]
-            continue
-        fit_later |= fits[k]
-        total += p[k]
-        count += 1
-        mean[k] = total / count
-        stays = math.exp(-1e-6 * _CHANGES_HZ * (times_us[k + 1] - times_us[k]))
-        changes = (1.0 - stays) / p.shape[1]
-        ahead = s[k + 1] / (stays * p[k] + changes)
-        s[k] = p[k] * (stays * ahead + changes * np.sum(ahead))
+    # frames that did not fit tell what they told where none fitted later
+    tells = np.array(fits)
+    tells[np.max(np.flatnonzero(tells), initial=-1) + 1 :] = True
+    rows = np.flatnonzero(tells)
+    mean = np.cumsum(p[rows[::-1]], axis=0)[::-1] / np.arange(len(rows), 0, -1)[:, None]
+    stays = [math.exp(-1e-6 * _CHANGES_HZ * (times_us[k + 1] - times_us[k])) for k in rows[:-1].tolist()]
+    changes = [(1.0 - share) / p.shape[1] for share in stays]
+    s = p[rows]
+    expected = np.array(stays)[:, None] * s[:-1] + np.array(changes)[:, None]
+    for k in range(len(rows) - 2, -1, -1):
+        ahead = s[k + 1] / expected[k]
+        s[k] *= stays[k] * ahead + changes[k] * np.add.reduce(ahead)
+    later = np.searchsorted(rows, np.arange(len(p)))
+    s, mean = s[later], mean[later]
     share = _MEAN_SHARE if fits[-1] else 1.0
     known = (1.0 - share) * s + share * mean
     none = np.minimum(mean[:, -1:], known[:, -1:])
@@ -203,10 +208,11 @@ def _renamed(snapshot: Snapshot, courses: Mapping[int, _Course], mission: Missio
     for box in sorted(boxes.values(), key=lambda box: (not box.coasting, box.stated, box.confidence)):
         holder[box.system_id] = box
     for track_id, box in boxes.items():
-        told = box
-        if box.system_id and holder[box.system_id] is not box:
-            told = replace(_without_evidence(box), system_id=0, confidence=box.none_of_ours)
-        boxes[track_id] = replace(told, since_us=since.update(t_us, track_id, told.system_id))
+        lost = box.system_id != 0 and holder[box.system_id] is not box
+        changes = _NO_EVIDENCE | {"system_id": 0, "confidence": box.none_of_ours} if lost else {}
+        since_us = since.update(t_us, track_id, 0 if lost else box.system_id)
+        if changes or since_us != box.since_us:
+            boxes[track_id] = replace(box, **changes, since_us=since_us)
     before = {box.system_id: box.track_id for box in tracked if box.system_id}
     new = tuple(
         boxes[box.track_id] if box.track_id else _part(box, boxes.get(before.get(box.system_id, 0)))
@@ -220,40 +226,43 @@ def _renamed(snapshot: Snapshot, courses: Mapping[int, _Course], mission: Missio
 def _told(box: Box, course: _Course | None, t_us: int, mission: Mission, contested: frozenset[int]) -> Box:
     """The box with what its course tells; as it was without one, where it is stated, and where a name was withheld."""
     withheld = bool(box.doubt) and math.isnan(box.confidence)
-    p = None if course is None or box.stated or withheld else course.at(t_us)
-    if p is None:
+    known = None if course is None or box.stated or withheld else course.at(t_us)
+    if known is None:
         return box
-    system_ids = mission.ugv_ids
-    order = [k for k in np.argsort(-p[:-1], kind="stable").tolist() if p[k] >= _LEAST_SHOWN]
+    system_ids, p = mission.ugv_ids, known.tolist()
+    order = sorted((k for k, each in enumerate(p[:-1]) if each >= _LEAST_SHOWN), key=lambda k: -p[k])
     first = order[0] if order and p[order[0]] >= mission.identity.threshold - _LOWER else None
     name = 0 if first is None else system_ids[first]
     if name in contested:
         return box
     others = [k for k in order if k != first]
-    known = {candidate.system_id: candidate for candidate in box.candidates}
+    before = {candidate.system_id: candidate for candidate in box.candidates}
+    renamed = name != box.system_id
     candidates = tuple(
-        replace(known.get(system_ids[k], Candidate(system_id=system_ids[k], confidence=0.0)), confidence=float(p[k]))
-        for k in order[:_MOST_CANDIDATES]
+        _candidate(system_ids[k], p[k], before.get(system_ids[k]), renamed=renamed) for k in order[:_MOST_CANDIDATES]
     )
-    told = box
-    if name != box.system_id:
-        candidates = tuple(replace(candidate, against="") for candidate in candidates)
-        told = replace(_without_evidence(box), residual_m=known[name].distance_m if name in known else NAN)
+    evidence = _NO_EVIDENCE | {"residual_m": before[name].distance_m if name in before else NAN} if renamed else {}
     return replace(
-        told,
+        box,
+        **evidence,
         doubt="",
         system_id=name,
-        confidence=float(p[-1] if first is None else p[first]),
+        confidence=p[-1 if first is None else first],
         runner_up=system_ids[others[0]] if others else 0,
-        runner_up_confidence=float(p[others[0]]) if others else 0.0,
+        runner_up_confidence=p[others[0]] if others else 0.0,
         candidates=candidates,
-        none_of_ours=float(p[-1]),
+        none_of_ours=p[-1],
     )
 
 
-def _without_evidence(box: Box) -> Box:
-    """The box without what was measured for the name that it had at the time."""
-    return replace(box, residual_m=NAN, residual_px=NAN, position_age_s=NAN, projection=NAN, topology=NAN, fused=NAN)
+def _candidate(system_id: int, p: float, told: Candidate | None, *, renamed: bool) -> Candidate:
+    """A vehicle that a box may be, with what was told of it; what spoke against it did so beside another name."""
+    if told is None:
+        return Candidate(system_id=system_id, confidence=p)
+    against = "" if renamed else told.against
+    return Candidate(
+        system_id=system_id, confidence=p, distance_m=told.distance_m, against=against, missing=told.missing
+    )
 
 
 def _part(box: Box, whole: Box | None) -> Box:
