@@ -44,9 +44,9 @@ def python(script, *words):
 
 
 def test_macos_imports_everything_and_replays(tmp_path):
-    code, stdout, stderr = python(MACOS, shortened(SWARM, tmp_path / "session", 60), tmp_path / "out")
+    code, stdout, stderr = python(MACOS, shortened(SWARM, tmp_path / "session", 30), tmp_path / "out")
     assert code == 0, stderr
-    assert "6 of 6 vehicles named" in stdout
+    assert "2 of 6 vehicles named" in stdout  # no more are in view so soon
 
 
 def test_windows_gets_one_clear_line():

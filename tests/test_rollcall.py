@@ -24,7 +24,7 @@ def test_its_names_are_few_and_sorted():
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory):
-    return rollcall.open(shortened(SWARM, tmp_path_factory.mktemp("short") / "session", 60))
+    return rollcall.open(shortened(SWARM, tmp_path_factory.mktemp("short") / "session", 40))
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +101,7 @@ def test_folders_beside_a_script_break_nothing(script, says, tmp_path):
     done = subprocess.run(
         [sys.executable, "script.py", str(shortened(SWARM, tmp_path / "a second", 10))],
         cwd=tmp_path,
-        env={"PYTHONPATH": str(ROOT), "PATH": ""},
+        env={"PYTHONPATH": str(ROOT), "PATH": "", "OMP_NUM_THREADS": "1"},
         capture_output=True,
         text=True,
         timeout=60,

@@ -14,7 +14,7 @@ from tests.support.bundled import SWARM, swarm_session
 from tests.support.command_line import run_gcs, run_gcs_process
 
 
-@pytest.fixture(scope="module", params=[100, pytest.param(600, marks=pytest.mark.slow)])
+@pytest.fixture(scope="module", params=[80, pytest.param(600, marks=pytest.mark.slow)])
 def named(request, tmp_path_factory):
     """The bundled real telemetry, so many frames of it or all, identified once: session, results, and what was said."""
     folder = tmp_path_factory.mktemp("swarm")

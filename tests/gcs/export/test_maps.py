@@ -28,9 +28,9 @@ KML = {"k": "http://www.opengis.net/kml/2.2", "gx": "http://www.google.com/kml/e
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory):
-    """The first 150 frames of the swarm, exported to all maps and as a table."""
+    """The first 40 frames of the swarm, exported to all maps and as a table."""
     folder = tmp_path_factory.mktemp("maps")
-    analysis = Analysis(open_session(shortened(SWARM, folder / "flight", 150)))
+    analysis = Analysis(open_session(shortened(SWARM, folder / "flight", 40)))
     sinks = [FORMATS[name].open(ExportJob(path=folder / f"a.{name}", name="flight")) for name in (*MAPS, "csv")]
     for shown in analysis.snapshots(images=False):
         for sink in sinks:

@@ -401,9 +401,15 @@ WAYS = {
     "the last come first": (ordered(lambda _: np.arange(N)[::-1]), READERS),
 }
 """Ways to break times, by a row and by seconds, and the readers in which they can be."""
+WAYS_OF_READERS = [
+    pytest.param(way, name, marks=[pytest.mark.slow] * (name != readers[k % len(readers)]))
+    for k, (way, (_, readers)) in enumerate(WAYS.items())
+    for name in readers
+]
+"""Of each way one reader is not slow, of each another one."""
 
 
-@pytest.mark.parametrize(("way", "name"), [(way, name) for way, (_, readers) in WAYS.items() for name in readers])
+@pytest.mark.parametrize(("way", "name"), WAYS_OF_READERS)
 @given(row=rows, by_s=st.floats(0.12, 1.3), back=st.booleans())
 @few
 def test_times_are_not_what_they_seem(way, name, row, by_s, back, folder, whole):

@@ -120,7 +120,7 @@ def test_of_telemetry_alone_it_is_told_what_is_missing(tmp_path):
     [(70.0, -50.0, 90.0, "stabilized"), (100.0, -35.0, 180.0, "fixed"), (40.0, -85.0, 0.0, "stabilized")],
 )
 def test_a_camera_that_nothing_describes_is_found(tmp_path, across_deg, pitch_deg, yaw_deg, mount):
-    scenario, flown, notes = Scenario(seed=5, duration_s=16.0, fps=3.0), tmp_path / "flown", []
+    scenario, flown, notes = Scenario(seed=5, duration_s=16.0, fps=2.0), tmp_path / "flown", []
     focal_px = scenario.camera.width / 2.0 / math.tan(math.radians(across_deg) / 2.0)
     camera = replace(scenario.camera, fx=focal_px, fy=focal_px, pitch_deg=pitch_deg, yaw_deg=yaw_deg, mount=mount)
     attitude = replace(scenario.attitude, gimbal=False)

@@ -95,7 +95,7 @@ def test_sources_of_an_import_are_on_one_time_line():
 
 
 @pytest.mark.slow_but_first
-@pytest.mark.parametrize("frames", [40, 320])
+@pytest.mark.parametrize("frames", [24, 320])
 def test_the_bundled_flight(frames, tmp_path):
     flight = shortened(CURVED_ROAD, tmp_path / "flight", frames)
     code, _, told = run_gcs("report", flight, "-o", tmp_path / "report.html")
