@@ -24,7 +24,8 @@ def quick(monkeypatch):
 
 
 def found(tmp_path, **options):
-    return {check.name: check for check in machine.checks(tmp_path / "sessions", **options)}
+    """By name, with the detector measured at one height alone."""
+    return {check.name: check for check in machine.checks(tmp_path / "sessions", gsd_m=0.05, **options)}
 
 
 def test_a_port_in_use_is_told_with_its_owner(tmp_path):

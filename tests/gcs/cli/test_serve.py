@@ -11,17 +11,23 @@ import psutil
 import pytest
 
 from gcs.session.recorder import Recorder
-from tests.support.bundled import CURVED_ROAD, SWARM
+from tests.support.bundled import CURVED_ROAD, SWARM, shortened
 from tests.support.command_line import GCS, run_gcs
 from tests.support.snapshots import ONE_UGV
 from tests.support.waiting import until
 
 
 @pytest.fixture(scope="module")
-def served():
+def flight(tmp_path_factory):
+    """A second of film."""
+    return shortened(CURVED_ROAD, tmp_path_factory.mktemp("served") / "flight", 10)
+
+
+@pytest.fixture(scope="module")
+def served(flight):
     """A replay's address, and the process that serves it."""
     with subprocess.Popen(
-        [*GCS, "replay", str(CURVED_ROAD), "--serve"],
+        [*GCS, "replay", str(flight), "--serve"],
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
@@ -115,10 +121,10 @@ def files_in(folder):
     return sorted((path, path.stat().st_size) for path in folder.rglob("*"))
 
 
-async def test_pictures_are_downloads_and_nothing_is_written(served):
+async def test_pictures_are_downloads_and_nothing_is_written(served, flight):
     address, process = served
     own, here = origin_of(address), Path(psutil.Process(process.pid).cwd())
-    before = [files_in(CURVED_ROAD), sorted(here.iterdir())]
+    before = [files_in(flight), sorted(here.iterdir())]
     socket = f"ws{address[4:]}ws?width=120&height=40"
     async with aiohttp.ClientSession() as client, client.ws_connect(socket, headers={"Origin": own}) as connection:
         browser = Browser(connection)
@@ -132,7 +138,7 @@ async def test_pictures_are_downloads_and_nothing_is_written(served):
             assert await status(f"{own}/download/{name}", Host="evil.example") == 403
         await browser.press("m")
         await browser.read_until(b"write nothing")
-    assert [files_in(CURVED_ROAD), sorted(here.iterdir())] == before
+    assert [files_in(flight), sorted(here.iterdir())] == before
 
 
 def test_it_listens_on_the_loopback_alone(served):

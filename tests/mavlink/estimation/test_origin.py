@@ -50,6 +50,7 @@ def assert_everybody_is_where_the_truth_is(world, t_us):
     assert [vehicle.position_state for vehicle in state.vehicles] == ["ok"] * (1 + len(world.ids))
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("rovers", ROVERS)
 @pytest.mark.parametrize("first_s", [0.2, 3.0, 25.0])
 @pytest.mark.parametrize("place", FALSE.values(), ids=FALSE)
@@ -60,6 +61,7 @@ def test_a_false_first_place_of_the_uav_is_made_good(place, first_s, rovers):
     assert_everybody_is_where_the_truth_is(world, t_us - 200_000)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("rovers", ROVERS)
 @pytest.mark.parametrize("for_s", [0.6, 1.6, 12.0])
 @pytest.mark.parametrize("place", FALSE.values(), ids=FALSE)

@@ -148,6 +148,7 @@ def test_the_lag_of_attitude_is_found():
         assert Sway(lag_s=lag_s, attitude_hz=20.0).fly()[2].lag_s == pytest.approx(lag_s, abs=0.01)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("lag_s", [-3.0, -0.5, 0.6])
 @pytest.mark.parametrize("tau_s", [0.25, 0.4])
 def test_attitude_that_is_far_off_in_time_is_searched_for(lag_s, tau_s):
