@@ -277,7 +277,7 @@ def test_other_errors_of_the_system_are_faults_of_the_program():
 def test_logs_where_it_is_asked_to(tmp_path):
     out, log = tmp_path / "out", tmp_path / "gcs.log"
     code, _, stderr = run_gcs_process(
-        "--log-level", "debug", "--log-file", log, "identify", swarm_session(tmp_path, frames=30), "-o", out
+        "--log-level", "debug", "--log-file", log, "identify", swarm_session(tmp_path, frames=10), "-o", out
     )
     assert code == 0, stderr
     assert "gcs.session.event_log" in log.read_text()
