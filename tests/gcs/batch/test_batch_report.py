@@ -11,6 +11,7 @@ import pytest
 from gcs.batch.jobs import DONE, FlightRecord, ScoreRecord, VehicleCall
 from gcs.batch.report.overview import batch_page, judge
 from tests.support.batches.short_flights import broken_flights, short_flights
+from tests.support.bundled import SWARM, shortened
 from tests.support.command_line import run_gcs
 
 HOSTILE = "<script>alert(1)</script>"
@@ -52,7 +53,8 @@ class Seen(HTMLParser):
 def results(tmp_path_factory):
     """Of flights with a truth that has others' names, with hostile words, without truth, and of broken ones."""
     folder = tmp_path_factory.mktemp("report")
-    wrong, hostile, plain = short_flights(folder / "flights", 3, frames=40)
+    wrong, hostile, plain = short_flights(folder / "flights", 3)
+    shortened(SWARM, wrong, 40)  # names are sure by then
     header, *rows = (wrong / "truth.csv").read_text().splitlines()
     turned = [re.sub(r"[2-7]$", lambda found: str((int(found[0]) - 1) % 6 + 2), row) for row in rows]
     (wrong / "truth.csv").write_text("\n".join([header, *turned]))
