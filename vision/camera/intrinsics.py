@@ -76,8 +76,9 @@ class Intrinsics:
         pixels = np.asarray(uv, dtype=np.float64)
         seen = (pixels - (self.cx, self.cy)) / (self.fx, self.fy)
         ideal = undistort(seen, self.distortion)
-        ray = np.concatenate([ideal, np.ones_like(ideal[..., :1])], axis=-1)
-        return np.asarray(ray / np.linalg.norm(ray, axis=-1, keepdims=True))
+        ray = np.ones((*ideal.shape[:-1], 3))
+        ray[..., :2] = ideal
+        return np.asarray(ray / np.sqrt(np.add.reduce(ray * ray, axis=-1, keepdims=True)))
 
     def pixels(self, p_cam: ArrayLike) -> tuple[Floats, NDArray[np.bool_]]:
         """Pixels (..., 2) of points (..., 3) in the camera frame, and whether each can be seen (...,).

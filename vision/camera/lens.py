@@ -54,7 +54,7 @@ def undistort(xy: Floats, lens: Floats) -> Floats:
     error = distort(ideal, lens) - xy
     for _ in range(STEPS):
         if not (np.abs(error) > CLOSE).any():
-            break
+            return ideal
         ideal = _clamp(ideal - _solve(_jacobian(ideal, lens), error), limit)
         error = distort(ideal, lens) - xy
     missed = np.abs(error).max(axis=-1) > CLOSE

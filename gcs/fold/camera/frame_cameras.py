@@ -238,18 +238,18 @@ class FrameCameras:
     def seen(self, t_us: int, camera: FrameCamera, detections: Detections, tracks: Tracks) -> FrameCamera:
         """The camera after the boxes of the frame that was predicted last."""
         assert self._reported is not None
-        factor = self._zoom.change(t_us, camera, detections, tracks)
+        found = tracks.detection >= 0
+        boxes, track_id = detections.select(tracks.detection[found]), tracks.track_id[found]
+        rays = camera.intrinsics.rays(boxes.centre)
+        factor = self._zoom.change(t_us, camera, boxes, track_id, rays)
         if factor != 1.0:
             self._optics.magnify(t_us, factor)
             camera = magnified(camera, factor)
-        found = np.flatnonzero(tracks.detection >= 0)
-        boxes = tracks.detection[found]
-        rays = camera.intrinsics.rays(detections.centre[boxes])
-        size = np.sqrt(detections.w[boxes] * detections.h[boxes])
+            rays = camera.intrinsics.rays(boxes.centre)
         seen = SeenTracks(
-            track_id=tracks.track_id[found],
+            track_id=track_id,
             ray=rays / rays[:, 2:],
-            noise=np.maximum(BOX_NOISE * size, LEAST_NOISE_PX) / camera.intrinsics.fx,
+            noise=np.maximum(BOX_NOISE * np.sqrt(boxes.w * boxes.h), LEAST_NOISE_PX) / camera.intrinsics.fx,
         )
         R_enu_cam = self._fusion.update(t_us, self._reported, camera.pose.p_enu, camera.ground_z, seen)
         if self._reported.known:

@@ -19,7 +19,6 @@ from gcs.fold.camera.frame_camera import FrameCamera
 from gcs.fold.ground.contact import ground_places
 from vision.camera.intrinsics import zoomed
 from vision.detect.detections import Detections
-from vision.track.tracks import Tracks
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -110,19 +109,19 @@ class SilentZoom:
         # how far apart they are tells it better than how large they are
         return factor * float(np.exp(_log_spread(jumped[0][again]) - _log_spread(before[0][found[again]])))
 
-    def change(self, t_us: int, view: FrameCamera, detections: Detections, tracks: Tracks) -> float:
+    def change(self, t_us: int, view: FrameCamera, boxes: Detections, track_id: IntArray, rays: FloatArray) -> float:
         """Factor by which the image is magnified beyond ``view``, by the tracks of a look; 1 not.
 
         Args:
             t_us: when the frame was taken.
             view: its camera, as known so far.
-            detections: its boxes.
-            tracks: after them.
+            boxes: (k,) those of it that tracks took.
+            track_id: (k,) of these tracks.
+            rays: (k, 3) through the middles of the boxes, camera frame.
         """
-        seen = np.flatnonzero(tracks.detection >= 0)
-        seen = seen[_whole(view, detections)[tracks.detection[seen]]]
-        boxes, ids = detections.select(tracks.detection[seen]), tracks.track_id[seen]
-        places, sizes = _measured(view, boxes)
+        whole = _whole(view, boxes)
+        boxes, ids = boxes.select(whole), track_id[whole]
+        places, sizes = _measured(view, boxes, rays[whole])
         keep = float(np.exp(-max(t_us - self._t_us, 0) / 1e6 / USUAL_S)) if self._t_us else 0.0
         self._t_us = t_us
         while self._looks and t_us - self._looks[0][0] > BEFORE_S * 1e6:
@@ -176,9 +175,10 @@ def magnified(view: FrameCamera, factor: float) -> FrameCamera:
     return replace(view, intrinsics=zoomed(view.intrinsics, factor))
 
 
-def _measured(view: FrameCamera, boxes: Detections) -> tuple[FloatArray, FloatArray]:
-    """Places (k, 2) on the ground, and ln of the boxes' sizes there."""
-    return ground_places(view.intrinsics.rays(boxes.centre), np.sqrt(boxes.w * boxes.h), view)
+def _measured(view: FrameCamera, boxes: Detections, rays: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+    """Places (k, 2) on the ground, and ln of the boxes' sizes there; ``rays`` (k, 3): through them, where known."""
+    through = view.intrinsics.rays(boxes.centre) if rays is None else rays
+    return ground_places(through, np.sqrt(boxes.w * boxes.h), view)
 
 
 def _median_px(boxes: Detections) -> float:
