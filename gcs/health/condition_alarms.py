@@ -36,7 +36,7 @@ def _charge(row: VehicleRow) -> float:
 
 
 def _reports(row: VehicleRow, age_s: float) -> bool:
-    return answers(row) and not row.contested and age_s < OLD_S
+    return age_s < OLD_S and answers(row) and not row.contested
 
 
 def _is_empty(row: VehicleRow, now: Snapshot) -> bool:

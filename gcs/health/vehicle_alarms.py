@@ -50,7 +50,7 @@ def _ever_received(row: VehicleRow) -> bool:
 
 def _silent(row: VehicleRow) -> bool:
     positions_come = row.position_state == "ok" and row.heartbeat_age_s < NO_HEARTBEAT_S
-    return _ever_received(row) and row.heartbeat_age_s > SILENT_S and not positions_come
+    return SILENT_S < row.heartbeat_age_s < math.inf and not positions_come
 
 
 def answers(row: VehicleRow) -> bool:
@@ -106,7 +106,7 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         meaning=f"heartbeats come, and no position for twice its usual interval and more than {UNSTEADY_S:g} s",
         advice="check its stream rates and its receiver; it cannot be named meanwhile",
         condition=lambda row, _: row.position_state == "stale" and row.heartbeat_age_s < SPEAKS_S,
-        kept_while=lambda row, _: _silent(row) and row.position_state == "stale",
+        kept_while=lambda row, _: row.position_state == "stale" and _silent(row),
         lasts_s=UNSTEADY_S,
     ),
     AlarmRule(
@@ -118,7 +118,7 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         meaning=f"heartbeats come, and no position for more than {LOST_S:g} s, and four times as long as usual",
         advice="check its stream rates and its receiver; it cannot be named meanwhile",
         condition=lambda row, _: row.position_state == "lost" and row.heartbeat_age_s < SPEAKS_S,
-        kept_while=lambda row, _: _silent(row) and row.position_state == "lost",
+        kept_while=lambda row, _: row.position_state == "lost" and _silent(row),
         lasts_s=BACK_S,
     ),
     AlarmRule(
@@ -132,7 +132,7 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         condition=lambda row, _: row.position_state == "refused" and answers(row),
         detail=lambda row, _: row.refused_for,
         each_detail=True,
-        kept_while=lambda row, _: _silent(row) and bool(row.refused_for),
+        kept_while=lambda row, _: bool(row.refused_for) and _silent(row),
         lasts_s=UNSTEADY_S,
         doubts_name=True,
     ),
