@@ -50,7 +50,8 @@ class ClockRate:
             self._least, self._stop_us = point, arrival_us + BIN_US
             return False
         if arrival_us < self._stop_us:
-            self._least = min(self._least, point, key=lambda p: p[1])
+            if point[1] < self._least[1]:
+                self._least = point
             return False
         if arrival_us >= self._stop_us + 2 * BIN_US:
             self._bins.clear()  # a pause: what came before and after cannot be compared

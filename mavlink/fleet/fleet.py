@@ -356,12 +356,11 @@ class Fleet:
         return (Notice(t_us=packet.t_us, level="info", kind="vehicle", text=text, system_id=packet.system_id),)
 
     def _add_position(self, vehicle: Vehicle, sample: GlobalPosition, arrival: Arrival) -> tuple[Notice, ...]:
-        vehicle.compare_place(sample, arrival)
+        reason = vehicle.compare_place(sample, arrival)
         if not vehicle.is_from_autopilot(sample, arrival):
             return vehicle.conflict_notices(sample.t_us)
         reading, notices = vehicle.learn_clock(sample, arrival)
         report = PositionReport(sample, arrival, reading)
-        reason = vehicle.place_error(sample, arrival)
         if reason and not reading.fit.fits:
             vehicle.rejections.count(reason)  # a reboot that is not accepted yet begins without a fix
             return notices

@@ -354,15 +354,17 @@ class Vehicle:
         level = self.rejections.add_position(t_us, reason, had_position=self.positions.known)
         return (self._notice(t_us, level, f"position not used: {reason}"),) if level is not None else ()
 
-    def place_error(self, sample: GlobalPosition, arrival: Arrival) -> str:
-        """Why a report is no place at all, empty when it may be one."""
-        return place_error(sample, self._receivers.of_sender(sample.t_us, arrival.sender))
+    def compare_place(self, sample: GlobalPosition, arrival: Arrival) -> str:
+        """Compares a place with those of other senders, whichever component reports it.
 
-    def compare_place(self, sample: GlobalPosition, arrival: Arrival) -> None:
-        """Compares a place with those of other senders, whichever component reports it."""
+        Returns:
+            Why the report is no place at all, and was not compared; empty when it may be one.
+        """
         gps = self._receivers.of_sender(sample.t_us, arrival.sender)
-        if not place_error(sample, gps):
+        error = place_error(sample, gps)
+        if not error:
             self._duplicate_id.compare_place(sample, arrival.sender, position_stds(gps, self._limits)[0])
+        return error
 
     def add_position(self, report: PositionReport, frame: LocalFrame, home_alt_m: float) -> tuple[Fix | None, Notices]:
         """Checks a report that is a place, and keeps it when it can be right.
