@@ -375,7 +375,9 @@ class AttitudeFusion:
 
     def _admit(self, t_us: int, p_enu: FloatArray, ground_z: float, seen: SeenTracks) -> None:
         """Take vehicles that are not in the state yet, as far as there is room."""
-        new = np.flatnonzero(~np.isin(seen.track_id, self._track_id))
+        new = np.flatnonzero((seen.track_id[:, None] != self._track_id).all(axis=1))
+        if not len(new):
+            return
         d = seen.ray[new] @ self._R.T
         low = d[:, 2] < -STEEP * np.linalg.norm(d, axis=1)
         new = new[low][: MOST_TRACKS - len(self._track_id)]
