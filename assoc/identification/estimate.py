@@ -32,7 +32,7 @@ from assoc.identification.clutter import Clutter
 from assoc.identification.conflicts import ConflictMonitor
 from assoc.identification.doubts import AnswerDoubt, Doubted
 from assoc.identification.fleet_fit import FleetFit
-from assoc.identification.found_share import FoundShare
+from assoc.identification.found_share import FoundShare, own_boxes
 from assoc.identification.gross_errors import GrossErrors
 from assoc.identification.other_errors import OtherErrors
 from assoc.identification.search_lock import SearchLock, SearchState
@@ -56,8 +56,6 @@ _LONGEST_AGE_S = 1e3
 """Upper limit of a report's age, seconds, so that a report never received gives a finite variance."""
 _FAST_TAU_S = 2.5
 """Correlation time of errors that wander too fast for their course to tell anything, seconds."""
-_OWN_BOX_STD = 3.0
-"""Farthest that a vehicle's own box is from its report among strangers, 1σ of what receivers wander."""
 _OTHER_EVERY = 3
 """Updates from one look at the course to the next, while vehicles are compared by place alone."""
 
@@ -262,7 +260,8 @@ class Estimator:
         p = told.p
         self._co_visibility.update(t, live[seen], places[seen], p[seen, :n], self._params.close_m)
         self._learn(t, context, best, p)
-        own = seen & self._may_be_own_box(context, best)
+        strangers = context.clutter > self._params.clutter
+        own = seen & own_boxes(best.vehicle, best.final.mean, self._bias_std, strangers=strangers)
         self._found.update(t, np.where(self.unlooked_s > 0.0, 0.0, context.view), best.vehicle[own])
         self._offset_prior.update(t, self.time_offset_s, locked=self.locked)
         score = np.max(best.score, axis=1)
@@ -305,15 +304,6 @@ class Estimator:
         strangers = self._stated.strangers_among(ids)
         told = told.after(AnswerDoubt.MISSING, np.where(strangers[:, None], told.p, shared))
         return told.after(AnswerDoubt.UNSTEADY, self._steady.limited(t, tracks, told.p, stated))
-
-    def _may_be_own_box(self, context: UpdateContext, best: Hypothesis) -> BoolArray:
-        """(m,) tracks that have a vehicle and, where strangers drive as well, are where it reports to be.
-
-        A stranger that takes the place of a vehicle without a box is no box of that vehicle's.
-        """
-        bias = best.final.mean[np.arange(len(best.vehicle)), best.vehicle]
-        near = np.linalg.norm(bias, axis=1) < _OWN_BOX_STD * self._bias_std
-        return (best.vehicle >= 0) & (near | (context.clutter <= self._params.clutter))
 
     def _follow_sway(self, context: UpdateContext, best: Hypothesis, camera: CameraState) -> None:
         """Fit the sway of a camera that is fixed to the body, or how one wanders whose places are coarse."""

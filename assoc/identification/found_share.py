@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 _USUAL, _USUAL_S = 0.985, 2.5
 """The share that is assumed, and for how many seconds of each vehicle that counts."""
@@ -28,6 +29,27 @@ _COUNTED, _NO_TRUST = 1.4, 3.0
 no trust."""
 _LONGEST_STEP_S = 1.0
 """Time that counts between two updates, seconds."""
+_OWN_STD = 3.0
+"""Farthest that a vehicle's own box is from its report, 1σ of what receivers wander."""
+
+
+def own_boxes(vehicle: IntArray, bias: FloatArray, bias_std: float, *, strangers: bool) -> BoolArray:
+    """Tracks that may be the box of the vehicle that they are given to.
+
+    Where strangers drive as well, one that is far from the report has the place of a vehicle without a box, and is no
+    box of that vehicle's.
+
+    Args:
+        vehicle: (m,) of each track, −1 none.
+        bias: (≥ m, n, 2) how far each track is from each report, metres.
+        bias_std: 1σ per axis of what receivers wander, metres.
+        strangers: Whether more is seen than vehicles of ours.
+
+    Returns:
+        (m,).
+    """
+    away = np.linalg.norm(bias[np.arange(len(vehicle)), vehicle], axis=1)
+    return np.asarray((vehicle >= 0) & ((away < _OWN_STD * bias_std) | (not strangers)))
 
 
 class FoundShare:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from assoc.identification.found_share import FoundShare
+from assoc.identification.found_share import FoundShare, own_boxes
 
 ALL_IN_VIEW = np.ones(6)
 
@@ -48,3 +48,12 @@ def test_one_that_is_never_found_says_nothing_of_the_others():
     for t in np.arange(0.0, 60.0, 0.25):
         found.update(float(t), ALL_IN_VIEW, np.arange(1, 6))
     assert found.log_odds_lost == 0.0 and found.trust == 1.0
+
+
+def test_a_stranger_far_off_is_no_vehicles_own_box() -> None:
+    vehicle, bias = np.array([0, 1, -1]), np.zeros((3, 2, 2))
+    bias[1, 1] = 3.0, 4.0
+    assert own_boxes(vehicle, bias, 1.5, strangers=True).tolist() == [True, False, False]
+    # among ours alone it is a receiver that errs more than others
+    assert own_boxes(vehicle, bias, 1.5, strangers=False).tolist() == [True, True, False]
+    assert own_boxes(vehicle, bias, 2.0, strangers=True).tolist() == [True, True, False]
