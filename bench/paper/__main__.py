@@ -8,7 +8,7 @@ from gcs.cli.output.progress import progress
 def main() -> None:
     parser = parser_of(
         "paper",
-        "The published experiments as tables",
+        "The published experiments: tables and figures",
         "few noise levels, one flight each; under two minutes",
     )
     options = parser.parse_args()

@@ -21,9 +21,11 @@ from assoc.methods.topology import (
     topology_angles,
     topology_cost,
 )
+from assoc.params import IdentifierParams, ScheduleParams
 from assoc.records import CameraState, Observation, VehicleReports
 from bench.paper.films import CAMERA
 from bench.paper.projection import Projection, associate_by_projection, reprojection_errors
+from bench.paper.tts import associate_by_tts, associate_by_tts_once, tts_similarity
 from bench.paper.windows import Window
 from vision.camera.camera import CameraPose, Mount, camera_pose, ground
 from vision.camera.intrinsics import Intrinsics
@@ -42,7 +44,7 @@ class ConditionNoise:
     """White noise of one condition."""
 
     position_m: float
-    """σ on the relative coordinates that projection and the identifier are given."""
+    """σ on the relative coordinates that projection, TTS and the identifier are given."""
     topology: float
     """σ on what topology is given: metres on positions, degrees on headings."""
     heading_deg: float = 2.0
@@ -121,12 +123,39 @@ def fusion(window: Window, noise: ConditionNoise) -> MethodAnswer:
     return MethodAnswer(vehicle=np.argmax(fused, axis=1), confidence=np.max(fused, axis=1))
 
 
+def _tts_views(window: Window, noise: ConditionNoise) -> tuple[FloatArray, FloatArray]:
+    return window.uv[-1] * (1.0, -1.0), _relative(window, noise)[-1, :, :2]
+
+
+def tts(window: Window, noise: ConditionNoise) -> MethodAnswer:
+    """Triangular topological sequence, both steps."""
+    return _plain(associate_by_tts(*_tts_views(window, noise)))
+
+
+def tts_one_step(window: Window, noise: ConditionNoise) -> MethodAnswer:
+    """Its first step alone."""
+    return _plain(associate_by_tts_once(tts_similarity(*_tts_views(window, noise))))
+
+
+def tts_pairs(window: Window, noise: ConditionNoise) -> MethodAnswer:
+    """Both steps with the other reading: all pairs of triangles."""
+    return _plain(associate_by_tts(*_tts_views(window, noise), "pairs"))
+
+
 def mean_residual(window: Window, noise: ConditionNoise) -> MethodAnswer:
     """The plain way with a known pose: boxes on the ground, mean distance to the reports, all assigned."""
     reported = np.arange(0, len(window.uv), noise.report_every)
     seen = np.stack([_on_ground(window, int(k)) for k in reported])
     away = seen[:, :, None] - window.positions(noise.position_m)[reported][:, None, :, :2]
     return _plain(associate_by_topology(np.linalg.norm(np.mean(away, axis=0), axis=2)))
+
+
+def bound(window: Window, noise: ConditionNoise) -> MethodAnswer:
+    """The most that positions can decide: true places against the noisy reports, least squares, all assigned."""
+    reported = np.arange(0, len(window.uv), noise.report_every)
+    true = window.p_enu[reported][:, window.vehicle, :2]
+    away = true[:, :, None] - window.positions(noise.position_m)[reported][:, None, :, :2]
+    return _plain(associate_by_topology(np.sum(away * away, axis=(0, 3))))
 
 
 def _on_ground(window: Window, k: int) -> FloatArray:
@@ -141,32 +170,74 @@ def identifier(window: Window, noise: ConditionNoise) -> MethodAnswer:
     return identify(window, noise)[-1]
 
 
+def identifier_no_yaw(window: Window, noise: ConditionNoise) -> MethodAnswer:
+    """The same without any heading of the UAV."""
+    return identify(window, noise, yaw_known=False)[-1]
+
+
+def identifier_no_heading(window: Window, noise: ConditionNoise) -> MethodAnswer:
+    """The same without headings of the vehicles and without fronts of the boxes."""
+    return identify(window, noise, headings=False)[-1]
+
+
+def identifier_every_frame(window: Window, noise: ConditionNoise) -> MethodAnswer:
+    """The same, but thinking on every frame instead of four times a second."""
+    return identify(window, noise, params=IdentifierParams(schedule=ScheduleParams(every_s=0.0)))[-1]
+
+
 METHODS: dict[str, Method] = {
     "projection": projection,
     "topology": topology,
     "topology signed": topology_signed,
     "fusion": fusion,
+    "TTS": tts,
+    "TTS one step": tts_one_step,
+    "TTS all pairs": tts_pairs,
+    "least squares, true places": bound,
     "mean residual": mean_residual,
     "identifier": identifier,
+    "identifier, yaw unknown": identifier_no_yaw,
+    "identifier, no headings": identifier_no_heading,
+    "identifier, every frame": identifier_every_frame,
 }
 
 
-def identify(window: Window, noise: ConditionNoise) -> list[MethodAnswer]:
-    """The answer of a new identifier to every frame of a window, which it is fed frame by frame."""
-    who = Identifier(range(1, window.p_enu.shape[1] + 1))
+def identify(
+    window: Window,
+    noise: ConditionNoise,
+    *,
+    yaw_known: bool = True,
+    headings: bool = True,
+    params: IdentifierParams | None = None,
+) -> list[MethodAnswer]:
+    """Feed a window to a new identifier, frame by frame.
+
+    Args:
+        window: The window.
+        noise: Of the reports.
+        yaw_known: False: the UAV's heading is not given.
+        headings: False: neither headings of vehicles nor fronts of boxes are given.
+        params: Of the identifier.
+
+    Returns:
+        The answer of every frame.
+    """
+    who = Identifier(range(1, window.p_enu.shape[1] + 1), params)
     answers = []
-    p, heading = window.positions(noise.position_m), window.headings(noise.heading_deg)
+    p = window.positions(noise.position_m)
+    heading = window.headings(noise.heading_deg) if headings else np.full(p.shape[:2], np.nan)
+    front = window.front if headings else np.full(window.front.shape, np.nan)
     for k in range(len(window.uv)):
         t_us = START_US + round((window.start + k) / window.fps * 1e6)
         reports = vehicle_reports(t_us, p[k], heading[k]) if k % noise.report_every == 0 else VehicleReports.empty()
-        camera = camera_state(window.uav_enu[k], float(window.uav_yaw[k]))
-        answer = who.update(_observation(t_us, window, k), camera, reports)
+        camera = camera_state(window.uav_enu[k], float(window.uav_yaw[k]) if yaw_known else None)
+        answer = who.update(_observation(t_us, window, k, front[k]), camera, reports)
         answers.append(MethodAnswer(vehicle=answer.system_id - 1, confidence=answer.confidence))
     return answers
 
 
-def _observation(t_us: int, window: Window, k: int) -> Observation:
-    m, front = window.uv.shape[1], window.front[k]
+def _observation(t_us: int, window: Window, k: int, front: FloatArray) -> Observation:
+    m = window.uv.shape[1]
     reach = 0.5 * window.length_px[k]
     ahead = window.uv[k] + reach[:, None] * np.stack([np.sin(front), -np.cos(front)], axis=-1)
     return Observation(

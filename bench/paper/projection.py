@@ -4,15 +4,30 @@ Reference: Chen, Du, Wu, Drones 2025, 9(9), 612, section 3.2, doi:10.3390/drones
 
 Symbols: x_i^t = (a, b, c) vehicle i minus UAV in world coordinates, metres, at frame t, n_rl vehicles; y_j^t = (u, v)
 pixel position of track j, n_im tracks; θ (3 × 2) projection matrix, y = θᵀx. Every injective assignment of the fewer
-to the more is a hypothesis: a set of s = min(n_rl, n_im) vehicles, and an order, the track that each of them meets.
-The pseudoinverse of X depends on the set alone, so the θ of all its orders are one product.
+to the more is a hypothesis. Its normal equations are sums of per-vehicle and per-pair Gram blocks,
+
+    XᵀX = Σ_i G_i,  G_i = Σ_t x_i^t x_i^tᵀ      XᵀY = Σ_(i,j) H_ij,  H_ij = Σ_t x_i^t y_j^tᵀ      θ = (XᵀX)⁻¹ XᵀY
+
+so the frames are summed once and not once per hypothesis. XᵀX depends on the set of vehicles alone: it is solved once
+per set, for all pairs, and the θ of all hypotheses of the set are one product Θ = B A, B the solved pairs and A the 0/1
+matrix of which vehicle is paired with which track. Hypotheses are the last axis of every array.
+
+All injective assignments of the fewer to the more, in blocks that stay in a processor's cache.
+
+Symbols: n_rl vehicles, n_im tracks, s = min(n_rl, n_im) pairs of an assignment. An assignment is a set of s vehicles,
+whose members in ascending order are its places, and an order: the track that each place meets. Every order goes with
+every set, so what depends on the orders alone is made once for all sets, and kept for the next call.
+
+Reference:
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations, permutations
-from math import perm
+from functools import lru_cache
+from itertools import combinations, islice
+from math import comb, perm
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +36,70 @@ from assoc.errors import AssocError, DegenerateError, ShapeError
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-_RANK_TOLERANCE = 3e-5
-"""Smallest ratio of the least to the largest singular value of X at which θ counts as determined."""
+BoolArray = NDArray[np.bool_]
+_RANK_TOLERANCE = 1e-9
+"""Smallest ratio of the least to the largest eigenvalue of XᵀX at which θ counts as determined."""
+_BLOCK = 20_160
+"""Hypotheses times frames of one block: 8 factorial / 2, a few hundred kB."""
+_SETS = 16
+"""Least sets of vehicles in a block where there are many: fewer cost more calls than they save memory."""
+_MEETINGS = 2**18
+"""Largest size of ``meets``, numbers: 2 MB."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Orders:
+    """Consecutive orders."""
+
+    track: IntArray
+    """(s, h) track of each place."""
+    meets: FloatArray
+    """(s · n_im, h) A: 1 in row k · n_im + j where place k meets track j, else 0."""
+
+
+def block_shape(n_rl: int, n_im: int, frames: int) -> tuple[int, int]:
+    """Vehicle sets and orders of one block: few enough for the cache, enough to hide the cost of a call."""
+    s = min(n_rl, n_im)
+    count = perm(n_im, s)
+    sets = min(comb(n_rl, s), max(_SETS, _BLOCK // (count * frames)))
+    return sets, max(1, min(count, _BLOCK // (sets * frames), _MEETINGS // (s * n_im)))
+
+
+def vehicle_sets(n_rl: int, s: int, size: int) -> Iterator[IntArray]:
+    """All sets of s vehicles in lexicographic order, as arrays (≤ size, s)."""
+    sets = combinations(range(n_rl), s)
+    while chunk := list(islice(sets, size)):
+        yield np.array(chunk, np.int64)
+
+
+@lru_cache(maxsize=8)
+def orders(start: int, stop: int, n_im: int, s: int) -> Orders:
+    """The orders start … stop − 1 of all perm(n_im, s) in lexicographic order.
+
+    Args:
+        start: First.
+        stop: One beyond the last; beyond the end it is the end.
+        n_im: Tracks.
+        s: Places.
+
+    Returns:
+        Shared, read-only arrays.
+
+    Example:
+        >>> orders(0, 6, 3, 2).track.T.tolist()
+        [[0, 1], [0, 2], [1, 0], [1, 2], [2, 0], [2, 1]]
+    """
+    rank = np.arange(start, min(stop, perm(n_im, s)))
+    # place k takes the d_k-th of the n_im − k tracks that are left:  rank = Σ_k d_k · perm(n_im − k − 1, s − k − 1)
+    track = np.array([rank // perm(n_im - k - 1, s - k - 1) % (n_im - k) for k in range(s)])
+    for k in reversed(range(s - 1)):
+        track[k + 1 :] += track[k + 1 :] >= track[k]
+    meets = np.zeros((s * n_im, len(rank)))
+    # A[k · n_im + j_k, h] = 1
+    np.put_along_axis(meets, n_im * np.arange(s)[:, None] + track, 1.0, axis=0)
+    track.setflags(write=False)
+    meets.setflags(write=False)
+    return Orders(track=track, meets=meets)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,21 +120,23 @@ class Projection:
     """Hypotheses left out because their vehicles do not determine θ."""
 
 
-@dataclass(frozen=True, slots=True)
-class _FrameBest:
-    """The best hypothesis of one future frame so far."""
+@dataclass(slots=True)
+class _Best:
+    """The best hypothesis of each of F future frames so far; s pairs."""
 
-    error: float
-    """Its pixel error in that frame, summed over pairs."""
+    error: FloatArray
+    """(F,) its pixel error in that frame, summed over pairs."""
+    track: IntArray
+    """(F, s) its tracks."""
     vehicle: IntArray
-    """(n_im,)."""
+    """(F, s) their vehicles."""
     theta: FloatArray
-    """(3, 2)."""
-    summed: float
-    """Its pixel error over all future frames."""
+    """(F, 3, 2) its projection matrix, pixels per metre."""
+    per_frame: FloatArray
+    """(F, F) its pixel error in every future frame."""
 
 
-def associate_by_projection(x: FloatArray, y: FloatArray, *, history: int = 10, most: int = 100_000) -> Projection:
+def associate_by_projection(x: FloatArray, y: FloatArray, *, history: int = 10, most: int = 3_000_000) -> Projection:
     """Find the assignment whose own least-squares projection predicts the future frames best.
 
     Each future frame votes for the hypothesis with the least summed pixel error; the most votes win, ties go to the
@@ -79,31 +158,18 @@ def associate_by_projection(x: FloatArray, y: FloatArray, *, history: int = 10, 
     """
     _check(x, y, history)
     n_rl, n_im = x.shape[1], y.shape[1]
-    s, total = min(n_rl, n_im), perm(max(n_rl, n_im), min(n_rl, n_im))
+    total = perm(max(n_rl, n_im), min(n_rl, n_im))
     if total > most:
         raise AssocError(f"projection: {total} assignments of {n_im} tracks to {n_rl} vehicles; at most {most} allowed")
-    order = np.array(list(permutations(range(n_im), s)), np.int64)
-    past, then = y[:history, order], y[history:, order]
-    rows = past.transpose(0, 2, 1, 3).reshape(history * s, -1)
-    best: list[_FrameBest | None] = [None] * len(then)
-    degenerate = 0
-    for chosen in combinations(range(n_rl), s):
-        X = x[:history, chosen].reshape(-1, 3)
-        spread = np.linalg.svd(X, compute_uv=False)
-        if len(spread) < 3 or spread[2] <= _RANK_TOLERANCE * spread[0]:
-            degenerate += len(order)
-            continue
-        # θ = (XᵀX)⁻¹ Xᵀ Y of all orders
-        theta = (np.linalg.pinv(X) @ rows).reshape(3, -1, 2)
-        away = np.tensordot(x[history:, chosen], theta, axes=1).transpose(0, 2, 1, 3) - then
-        error = np.sum(np.linalg.norm(away, axis=3), axis=2)
-        best = [_better(one, f, error, np.array(chosen), order, theta, n_im) for f, one in enumerate(best)]
-    found = [one for one in best if one is not None]
-    if not found:
+    past_x, past_y, next_x, next_y = x[:history], y[:history], x[history:], y[history:]
+    G = np.einsum("tia,tib->iab", past_x, past_x)
+    H = np.einsum("tia,tjc->ijac", past_x, past_y)
+    best, degenerate = _enumerate(G, H, next_x, next_y)
+    if best is None:
         raise DegenerateError(
             f"projection: X has rank below 3 for all {total} assignments; vehicles and UAV lie in one plane through it"
         )
-    return _elect(found, total, degenerate)
+    return _elect(best, n_im, total, degenerate)
 
 
 def reprojection_errors(x: FloatArray, y: FloatArray, theta: FloatArray) -> FloatArray:
@@ -130,33 +196,101 @@ def _check(x: FloatArray, y: FloatArray, history: int) -> None:
         raise DegenerateError("projection: no vehicle or no track")
 
 
-def _better(
-    best: _FrameBest | None,
-    frame: int,
-    error: FloatArray,
-    chosen: IntArray,
-    order: IntArray,
-    theta: FloatArray,
-    n_im: int,
-) -> _FrameBest:
-    """Best of a future frame so far and a further set of vehicles, errors (F, h); the earlier of equals."""
-    k = int(np.argmin(error[frame]))
-    if best is not None and best.error <= error[frame, k]:
+def _enumerate(G: FloatArray, H: FloatArray, x: FloatArray, y: FloatArray) -> tuple[_Best | None, int]:
+    """Winner of each future frame over all hypotheses, and how many were degenerate."""
+    n_rl, n_im = H.shape[:2]
+    s = min(n_rl, n_im)
+    count = perm(n_im, s)
+    size, run = block_shape(n_rl, n_im, len(x))
+    best: _Best | None = None
+    degenerate = 0
+    for sets in vehicle_sets(n_rl, s, size):
+        gram = np.sum(G[sets], axis=1)
+        full = _full_rank(gram)
+        degenerate += count * int(np.sum(~full))
+        if not np.any(full):
+            continue
+        vehicles = sets[full]
+        B, X = _solved(gram[full], H[vehicles]), x[:, vehicles].transpose(1, 0, 2, 3)
+        for start in range(0, count, run):
+            order = orders(start, start + run, n_im, s)
+            # Θ = B A, all hypotheses of the block at once
+            theta = (B @ order.meets).reshape(2, len(vehicles), 3, -1)
+            best = _better(best, _errors(X, y, theta, order.track), vehicles, order.track, theta)
+    return best, degenerate
+
+
+def _full_rank(gram: FloatArray) -> BoolArray:
+    """(g,) whether XᵀX determines θ, from (g, 3, 3)."""
+    values = np.linalg.eigvalsh(gram)
+    return np.asarray(values[:, 0] > _RANK_TOLERANCE * values[:, -1], np.bool_)
+
+
+def _solved(gram: FloatArray, H: FloatArray) -> FloatArray:
+    """(2 · g · 3, s · n_im) B, what each pair adds to the columns of θ, from (g, 3, 3) and (g, s, n_im, 3, 2)."""
+    g, s, n_im = H.shape[:3]
+    # θ = (XᵀX)⁻¹ Σ H_ij = Σ (XᵀX)⁻¹ H_ij
+    solved = np.linalg.solve(gram, H.transpose(0, 3, 4, 1, 2).reshape(g, 3, 2 * s * n_im))
+    B = solved.reshape(g, 3, 2, s * n_im).transpose(2, 0, 1, 3).reshape(6 * g, s * n_im)
+    return np.asarray(B, np.float64)
+
+
+def _errors(X: FloatArray, y: FloatArray, theta: FloatArray, track: IntArray) -> FloatArray:
+    """Σ over pairs of |θᵀx − y| per hypothesis and future frame.
+
+    Args:
+        X: (g, F, s, 3) vehicles of each set.
+        y: (F, n_im, 2) tracks.
+        theta: (2, g, 3, h) columns of θ of each hypothesis.
+        track: (s, h) track of each place.
+
+    Returns:
+        (g, F, h) pixels.
+    """
+    g, F, s, _ = X.shape
+    away = (X.reshape(g, F * s, 3) @ theta).reshape(2, g, F, s, -1)
+    away -= np.take(y.transpose(2, 0, 1), track, axis=2)[:, None]
+    # in place: the passes over memory are what this costs
+    away *= away
+    distance = np.add(away[0], away[1], out=away[0])
+    np.sqrt(distance, out=distance)
+    return np.asarray(np.sum(distance, axis=2), np.float64)
+
+
+def _better(best: _Best | None, error: FloatArray, vehicles: IntArray, track: IntArray, theta: FloatArray) -> _Best:
+    """Best of the hypotheses so far and a further block, per future frame; the earlier of equals."""
+    F, h = error.shape[1:]
+    flat = error.transpose(1, 0, 2).reshape(F, -1)
+    k = np.argmin(flat, axis=1)
+    least = flat[np.arange(F), k]
+    if best is not None and not np.any(least < best.error):
         return best
-    vehicle = np.full(n_im, -1, np.int64)
-    vehicle[order[k]] = chosen
-    return _FrameBest(float(error[frame, k]), vehicle, theta[:, k], float(error[:, k].sum()))
+    a, b = k // h, k % h
+    new = _Best(least, track[:, b].T, vehicles[a], theta[:, a, :, b].transpose(0, 2, 1), error[a, :, b])
+    if best is None:
+        return new
+    won = new.error < best.error
+    return _Best(
+        np.where(won, new.error, best.error),
+        np.where(won[:, None], new.track, best.track),
+        np.where(won[:, None], new.vehicle, best.vehicle),
+        np.where(won[:, None, None], new.theta, best.theta),
+        np.where(won[:, None], new.per_frame, best.per_frame),
+    )
 
 
-def _elect(best: list[_FrameBest], total: int, degenerate: int) -> Projection:
+def _elect(best: _Best, n_im: int, total: int, degenerate: int) -> Projection:
     """The hypothesis with the most votes of future frames."""
-    votes = [sum(np.array_equal(one.vehicle, other.vehicle) for other in best) for one in best]
-    k = min(range(len(best)), key=lambda k: (-votes[k], best[k].summed))
+    answers = np.full((len(best.error), n_im), -1, np.int64)
+    np.put_along_axis(answers, best.track, best.vehicle, axis=1)
+    votes = np.array([np.sum(np.all(answers == one, axis=1)) for one in answers])
+    sums = np.sum(best.per_frame, axis=1)
+    k = int(np.lexsort((sums, -votes))[0])
     return Projection(
-        vehicle=best[k].vehicle,
-        theta=best[k].theta,
-        votes=votes[k],
-        error_px=best[k].summed,
+        vehicle=answers[k],
+        theta=best.theta[k],
+        votes=int(votes[k]),
+        error_px=float(sums[k]),
         hypotheses=total,
         degenerate=degenerate,
     )

@@ -406,7 +406,7 @@ WAYS_OF_READERS = [
     for k, (way, (_, readers)) in enumerate(WAYS.items())
     for name in readers
 ]
-"""Of each way one reader is not slow, of each another one."""
+"""Every way with each of its readers; one reader a way, another for each, is in the quick tests."""
 
 
 @pytest.mark.parametrize(("way", "name"), WAYS_OF_READERS)
