@@ -50,7 +50,7 @@ def _ever_received(row: VehicleRow) -> bool:
 
 def _silent(row: VehicleRow) -> bool:
     positions_come = row.position_state == "ok" and row.heartbeat_age_s < NO_HEARTBEAT_S
-    return SILENT_S < row.heartbeat_age_s < math.inf and not positions_come
+    return row.heartbeat_age_s > SILENT_S and _ever_received(row) and not positions_come
 
 
 def answers(row: VehicleRow) -> bool:
