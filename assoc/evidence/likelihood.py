@@ -118,7 +118,7 @@ def bound_variance(state: PairState, bias_std: float) -> PairState:
     return replace(state, var=np.minimum(state.var, bias_std**2))
 
 
-def _constant(blocks: Blocks, noise: Noise) -> tuple[FloatArray, FloatArray]:
+def block_constants(blocks: Blocks, noise: Noise) -> tuple[FloatArray, FloatArray]:
     """(B, T, n) variance of the block mean about the bias, and the part of ln p₁ that does not depend on e and V."""
     k, box = np.maximum(blocks.count, 1.0), blocks.box_var[:, :, None]
     white = noise.white_var + box
@@ -177,7 +177,7 @@ def run_filter(
         State after the last block, state after ``fold`` blocks.
     """
     mean_r = to_complex(blocks.mean + (blocks.jacobian @ (theta - blocks.theta))[:, :, None, :])
-    variance, constant = _constant(blocks, noise)
+    variance, constant = block_constants(blocks, noise)
     has_all = blocks.count > 0
     decay, prior = noise.decay, noise.bias_std**2
     null, bonus = _first_null(blocks, noise.log_area_at(theta)), noise.in_view_bonus

@@ -98,6 +98,13 @@ class Identifier:
         return self._estimator.fit_probability
 
     @property
+    def by_course(self) -> bool:
+        """True while names rest on the course of places on the ground: not on their size alone, not on directions, and
+        not on a mirrored picture.
+        """
+        return not (self._estimator.by_place or self._by_angles or self._mirrored)
+
+    @property
     def mirrored(self) -> bool:
         """True if left and right of the picture were found to be exchanged."""
         return self._mirrored

@@ -54,6 +54,7 @@ def identify(folder: Path, out: Path, frame_size: tuple[int, int] | None = None)
         frame_size: width and height of the frames, px, where nothing in the session tells.
     """
     analysis = Analysis(open_session(folder, frame_size=frame_size))
+    evidence = analysis.keep_evidence()
     wall, cpu, seen = list[float](), list[float](), list[Snapshot]()
     try:
         with IdentityLog(out) as log:
@@ -72,7 +73,7 @@ def identify(folder: Path, out: Path, frame_size: tuple[int, int] | None = None)
             events.close()
         (out / "afterwards").mkdir()
         with IdentityLog(out / "afterwards") as log:
-            for snapshot in by_hindsight(seen, analysis.mission):
+            for snapshot in by_hindsight(seen, analysis.mission, evidence):
                 log.write(snapshot)
     finally:
         analysis.close()

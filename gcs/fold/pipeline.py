@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from assoc.geometry.ground import YAW
 from assoc.identification.identifier import Identifier
 from assoc.records import CameraState, Identities
+from assoc.whole_flight.evidence import FlightEvidence
 from gcs.fold.camera.frame_camera import (
     FrameCamera,
     camera_aim,
@@ -98,9 +99,11 @@ class Pipeline:
 
     Attributes:
         seat: where it meets the folds of the flight's other cameras; None: it is by itself.
+        evidence: keeps what names rest on, for those who look at the whole flight later; None: nobody does.
     """
 
     seat: Seat | None = None
+    evidence: FlightEvidence | None = None
 
     def __init__(
         self,
@@ -282,8 +285,12 @@ class Pipeline:
         self._events += self._cameras.follow_ground(state, self.fleet.origin)
         if self._cameras.ground_step_m:
             self._identifier.raise_ground(self._cameras.ground_step_m)
+            self._begin_evidence()
         view = self._frame_camera(state, size if image is None else _size_of(image))
-        self._identifier.add_reports(reports_of(self.fleet.take_reports(), self.mission.ugv_ids, view, state))
+        reports = reports_of(self.fleet.take_reports(), self.mission.ugv_ids, view, state)
+        self._identifier.add_reports(reports)
+        if self.evidence is not None:
+            self.evidence.add_reports(reports)
         if detections is None:
             return self._snapshot(index, t_us, state, view, image, self._names_held(state), health)
         if view is not None:
@@ -354,6 +361,7 @@ class Pipeline:
         if self.mission.ugv_ids != before.ugv_ids:
             self.fleet.set_ugvs(self.mission.ugv_ids)
             self._identifier.change_fleet(self.mission.ugv_ids)
+            self._begin_evidence()
             self._statements.count_again(self._identifier)
             self._names.began_anew = True
             if self._look:
@@ -381,11 +389,16 @@ class Pipeline:
     def _begin_anew(self) -> None:
         """Forget all evidence."""
         self._identifier = Identifier(self.mission.ugv_ids, self._params)
+        self._begin_evidence()
         self._statements.count_again(self._identifier)
         self._view = None
         self._names.began_anew = True
         if self._look:
             self._look = replace(self._look, found=None, view=None, uv={})
+
+    def _begin_evidence(self) -> None:
+        if self.evidence is not None:
+            self.evidence.begin_anew(self.mission.ugv_ids)
 
     def _follow_steps(self, state: FleetState) -> None:
         """Names begin anew after a step of the UAV's position that cannot be taken out."""
@@ -457,7 +470,10 @@ class Pipeline:
         heard = None
         if self.seat and self.fleet.origin:
             heard = partial(self.seat.answers, index, self.fleet.origin, tuple(self.mission.ugv_ids))
-        found = self._identifier.update(observation, self._camera(view), heard=heard, unlooked_s=unlooked_s)
+        camera = self._camera(view)
+        found = self._identifier.update(observation, camera, heard=heard, unlooked_s=unlooked_s)
+        if self.evidence is not None and self._identifier.by_course:
+            self.evidence.add_frame(t_us, observation, camera, self._identifier.pose_correction)
         if self._identifier.height_error is not None:
             self._cameras.hear_film(*self._identifier.height_error)
         return found

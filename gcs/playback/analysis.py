@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from assoc.whole_flight.evidence import FlightEvidence
 from gcs.errors import GcsError
+from gcs.fold.camera.frame_camera import identifier_params
 from gcs.fold.meeting import Seat
 from gcs.fold.pipeline import Pipeline
 from gcs.fold.seen_elsewhere import with_elsewhere
@@ -97,6 +99,7 @@ class Analysis:
         if camera is not None:
             self.mission = replace(self.mission, camera=camera)
         self._folded: Pipeline | None = None
+        self._evidence: FlightEvidence | None = None
         self._log, self._looks, self._turns = opened.log, opened.looks, opened.turns
         self._frames_order_us = np.maximum.accumulate(self.times_us)
         self._stall_s = stall_after_s(self._frames_order_us)
@@ -240,12 +243,19 @@ class Analysis:
             else:
                 yield at_us, snapshot
 
+    def keep_evidence(self) -> FlightEvidence:
+        """What names rest on, kept from the next fold on, for a look at the whole flight."""
+        self._evidence = FlightEvidence(identifier_params(self.mission))
+        return self._evidence
+
     def _pipeline(self, seat: Seat | None) -> Pipeline:
         senders, session, mission = self._log.senders, self.opened.session, self.mission
         if session.began is not None:
             mission = replace(mission, uav=session.began.uav, ugv=session.began.ugv)
         pipeline = Pipeline(mission, links=senders.names, address=senders.address, sized=self.opened.size.known)
-        self._folded, pipeline.seat = pipeline, seat
+        self._folded, pipeline.seat, pipeline.evidence = pipeline, seat, self._evidence
+        if self._evidence is not None:
+            self._evidence.begin_anew(mission.ugv_ids)
         for statement in read_statements(session.folder, self.mission.ugv_ids):
             pipeline.state_name(statement)
         for change in session.changes:

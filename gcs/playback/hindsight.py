@@ -30,9 +30,11 @@ from numpy.typing import NDArray
 
 from assoc.history import INTERVALS, longest_gap_s
 from assoc.params import IdentifierParams
+from assoc.whole_flight.evidence import FlightEvidence
 from gcs.fold.since import Since
 from gcs.fold.snapshot_rows import standing_of
 from gcs.mission.mission import Mission
+from gcs.playback.whole_flight import FITS, Known, by_whole_flight
 from gcs.snapshot import NAN, Box, Candidate, Snapshot, VehicleRow
 
 FloatArray = NDArray[np.float64]
@@ -48,8 +50,6 @@ _AT_ONCE_S = 3.0
 _LOWER = 0.05
 """Margin of the least mean of a name below a screen's threshold: what was thought at first is in the mean."""
 _GAP_MAX_S = IdentifierParams().gap_max_s
-_FITS = 0.5
-"""Probability from which on film and telemetry count as belonging together."""
 _LEAST_SHOWN = 0.005
 """A candidate that is less probable is not told."""
 _MOST_CANDIDATES = 3
@@ -150,7 +150,7 @@ class _Courses:
             course = self._open.get(box.track_id)
             if course is None or not 0 <= snapshot.t_us - course.times_us[-1] <= longest_us:
                 course = self._open[box.track_id] = _Course()
-            course.add(snapshot.t_us, self._probabilities(box), fits=not snapshot.health.fit <= _FITS)
+            course.add(snapshot.t_us, self._probabilities(box), fits=not snapshot.health.fit <= FITS)
         return {box.track_id: self._open[box.track_id] for box in snapshot.boxes if box.track_id in self._open}
 
     def forget(self, t_us: int) -> None:
@@ -170,39 +170,54 @@ class _Courses:
         return (1.0 - _UNTOLD) * p / np.sum(p) + _UNTOLD / len(p)
 
 
-def by_hindsight(snapshots: Iterable[Snapshot], mission: Mission) -> Iterator[Snapshot]:
-    """Name the boxes of a recording by what is known of their tracks 15 s later.
+def by_hindsight(
+    snapshots: Iterable[Snapshot], mission: Mission, evidence: FlightEvidence | None = None
+) -> Iterator[Snapshot]:
+    """Name the boxes of a recording by what is known of their tracks 15 s later, and by the whole recording.
 
     What the operator stated stays, and so do events and alarms: they tell what was known at the time.
 
     Args:
         snapshots: of a fold, in its order.
         mission: who can be named, and how probable a name must be.
+        evidence: what that fold takes in; None: the whole recording is not looked at.
 
     Yields:
         The same snapshots, their boxes and vehicles with the names that they turned out to have.
     """
+    every, since = _by_courses(snapshots, mission), Since[int, int]()
+    for known in every if evidence is None else by_whole_flight(every, mission, evidence):
+        yield _renamed(known, mission, since)
+
+
+def _by_courses(snapshots: Iterable[Snapshot], mission: Mission) -> Iterator[Known]:
+    """The snapshots with what is known of each track by itself, 15 s later."""
     courses, waiting = _Courses(mission.ugv_ids), deque[tuple[Snapshot, dict[int, _Course]]]()
-    since = Since[int, int]()
     for snapshot in snapshots:
         waiting.append((snapshot, courses.add(snapshot)))
         # a clock that was set back ends the wait, too
         while abs(snapshot.t_us - waiting[0][0].t_us) > AHEAD_S * 1e6:
             passed, taken = waiting.popleft()
-            yield _renamed(passed, taken, mission, since)
+            yield _known(passed, taken)
             courses.forget(passed.t_us)
     for passed, taken in waiting:
-        yield _renamed(passed, taken, mission, since)
+        yield _known(passed, taken)
 
 
-def _renamed(snapshot: Snapshot, courses: Mapping[int, _Course], mission: Mission, since: Since[int, int]) -> Snapshot:
+def _known(snapshot: Snapshot, courses: Mapping[int, _Course]) -> Known:
+    at_us = snapshot.seen_us or snapshot.t_us
+    found = {track: course.at(at_us) for track, course in courses.items()}
+    return Known(snapshot, {track: p for track, p in found.items() if p is not None})
+
+
+def _renamed(known: Known, mission: Mission, since: Since[int, int]) -> Snapshot:
     """The snapshot with the names that its tracks turned out to have."""
+    snapshot, t_us = known.snapshot, known.at_us
     if not snapshot.boxes:
         return snapshot
-    t_us = snapshot.seen_us or snapshot.t_us
     tracked = [box for box in snapshot.boxes if box.track_id]
     contested = frozenset(row.system_id for row in snapshot.vehicles if row.contested or snapshot.vehicles[0].contested)
-    boxes = {box.track_id: _told(box, courses.get(box.track_id), t_us, mission, contested) for box in tracked}
+    boxes = {box.track_id: _told(box, known.p.get(box.track_id), mission, contested) for box in tracked}
     # of two boxes with one name the surer has it, and one that was seen before one that is only predicted
     holder: dict[int, Box] = {}
     for box in sorted(boxes.values(), key=lambda box: (not box.coasting, box.stated, box.confidence)):
@@ -223,11 +238,16 @@ def _renamed(snapshot: Snapshot, courses: Mapping[int, _Course], mission: Missio
     return replace(snapshot, boxes=new, vehicles=tuple(rows))
 
 
-def _told(box: Box, course: _Course | None, t_us: int, mission: Mission, contested: frozenset[int]) -> Box:
-    """The box with what its course tells; as it was without one, where it is stated, and where a name was withheld."""
-    withheld = bool(box.doubt) and math.isnan(box.confidence)
-    known = None if course is None or box.stated or withheld else course.at(t_us)
-    if known is None:
+def _told(box: Box, known: FloatArray | None, mission: Mission, contested: frozenset[int]) -> Box:
+    """The box with what is known of it; as it was where nothing is, where it is stated, and where a name was withheld.
+
+    Args:
+        box: The box.
+        known: (n + 1,) probabilities of each vehicle and of none of them; None: not known.
+        mission: Who can be named.
+        contested: Vehicles whose names are not to be given.
+    """
+    if known is None or box.stated or (box.doubt and math.isnan(box.confidence)):
         return box
     system_ids, p = mission.ugv_ids, known.tolist()
     order = sorted((k for k, each in enumerate(p[:-1]) if each >= _LEAST_SHOWN), key=lambda k: -p[k])

@@ -199,6 +199,7 @@ class _NamedCamera:
     def identify(self) -> Generator[int, None, None]:
         """Name all frames; yields the time of the first before, and then that of each."""
         analysis, calls, blind = self.analysis, self.calls, False
+        evidence = analysis.keep_evidence() if self._hindsight else None
         with IdentityLog(self._folder) as log, contextlib.closing(EventLog(self._folder / EVENTS)) as events:
             reports, trouble = FlownReports.of(analysis.opened)
             if trouble:
@@ -206,8 +207,8 @@ class _NamedCamera:
             moments = analysis.moments(reports.flown)
             yield int(analysis.times_us[0]) if len(analysis.times_us) else 0
             snapshots = _frames(moments, reports, calls, events, self.notes.append)
-            if self._hindsight:
-                snapshots = by_hindsight(snapshots, analysis.mission)
+            if evidence is not None:
+                snapshots = by_hindsight(snapshots, analysis.mission, evidence)
             for last in snapshots:
                 log.write(last)
                 calls.look(last)

@@ -1,0 +1,200 @@
+"""How likely each segment is each vehicle, given the other segments of that vehicle, and what is common to all.
+
+A vehicle's segments are one chain: they share the course of its errors (``assoc.whole_flight.residuals``). So a segment
+is weighed by what the rest of the chain, before it and after it, leaves open:
+
+    S = ln N(r | rest) − ln u − M' − ln λ + ln q/(1 − q) + 0.25 T,   M' = M − ln[(1 − c) + c eᴹ]
+
+M says how much better the segment drives like the vehicle's reports than their own past foretells them, wherever it is;
+no more of it counts than look-alikes leave, c of all others. λ is the density of strangers, q the share of vehicles
+that have a box, T the time for which the segment was seen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag, cho_factor, cho_solve, solve_triangular
+
+from assoc.geometry.ground import THETA
+from assoc.hypotheses.pose import PosePrior
+from assoc.whole_flight.evidence import Segments
+from assoc.whole_flight.residuals import Errors, Residuals
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+NEVER = -60.0
+"""Score of a pair that is out of the question."""
+_ALIKE = 0.05
+"""c: share of the others that drive like a vehicle."""
+_FOUND = 0.8
+"""q."""
+_LEAST_STRANGERS = 0.5
+"""Least mean number of strangers in view."""
+_PER_S = 0.25
+"""Score of each second for which a segment was seen, nats: who is in view has a box, not now and then."""
+_ANYWHERE_M = 30.0
+"""1σ of the place of a segment of which only the course counts, metres."""
+_REACH_STDS, _REACH_M = 6.0, 8.0
+"""A pair further apart than so many σ_b and metres is out of the question."""
+_MOST_ROWS, _MOST_REST = 40, 30
+"""Blocks of a segment that are weighed, and those of the rest of its chain."""
+_MOST_LEARNT = 60
+"""Blocks of a chain from which the size of the errors is learnt."""
+_COMMON_STD_M, _COMMON_TAU_S, _KNOT_S = 0.5, 30.0, 4.0
+"""σ_c, metres, τ_c, and how far apart the knots are between which c is linear, seconds."""
+_BIAS_STDS_M, _TAUS_S = (0.3, 0.5, 0.8, 1.2, 1.7, 2.4, 3.4), (6.0, 12.0, 25.0, 50.0, 100.0)
+"""Candidates of σ_b, metres, and τ, seconds."""
+_USUAL_BIAS_M, _BIAS_SPREAD, _USUAL_TAU_S = 1.5, 0.8, 40.0
+"""Their log-normal priors: median and 1σ of the logarithm of σ_b; median of τ, whose logarithm has 1σ of 1."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pose:
+    """What is common to all vehicles."""
+
+    theta: FloatArray
+    """(9,)."""
+    common: FloatArray
+    """(B, 2) c, metres."""
+    cost: float
+    """What both are off by their priors, nats."""
+
+
+def pair_scores(segments: Segments, residuals: Residuals, pose: Pose, errors: Errors, owner: IntArray) -> FloatArray:
+    """(S, n) ln odds that each segment is each vehicle, ``NEVER`` where nothing was compared.
+
+    Args:
+        segments: The pieces of tracks.
+        residuals: Of all pairs.
+        pose: The camera's, and what is common.
+        errors: Of the vehicles' positions.
+        owner: (S,) vehicle of each segment, −1 none: the chains.
+    """
+    r, has = residuals.at(pose.theta, pose.common), residuals.blocks.count > 0
+    mean = np.sum(r * has[..., None], axis=0) / np.maximum(np.sum(has, axis=0), 1)[..., None]
+    reach_m = _REACH_STDS * errors.bias_std + _REACH_M
+    near = has.any(axis=0) & (np.linalg.norm(mean, axis=2) < reach_m)
+    strangers = max(float(np.mean(np.sum(segments.seen[:, owner < 0], axis=1))), _LEAST_STRANGERS)
+    usual = np.log(_FOUND / (1.0 - _FOUND)) - np.log(strangers / residuals.area_m2) + _PER_S * segments.seen_s
+    score = np.full(near.shape, NEVER)
+    for segment, vehicle in np.argwhere(near).tolist():
+        rest = np.flatnonzero((owner == vehicle) & ~segments.apart[segment])
+        place, motion = _compared(residuals, r, errors, segment, vehicle, rest[rest != segment])
+        alike = np.logaddexp(np.log(1.0 - _ALIKE), np.log(_ALIKE) + motion)
+        score[segment, vehicle] = place + motion - alike + usual[segment]
+    return np.maximum(score, NEVER)
+
+
+def _compared(
+    residuals: Residuals, r: FloatArray, errors: Errors, segment: int, vehicle: int, rest: IntArray
+) -> tuple[float, float]:
+    """How likely a segment is where its vehicle's other segments let expect it, ln 1/m², and M.
+
+    Args:
+        residuals: Of all pairs.
+        r: (B, S, n, 2) the same at the pose.
+        errors: Of the vehicles' positions.
+        segment: The segment.
+        vehicle: The vehicle.
+        rest: (k,) other segments of that vehicle.
+    """
+    rows = residuals.rows(segment, vehicle, _MOST_ROWS)
+    own = _stacked(r[rows, segment, vehicle])
+    cov = residuals.covariance(vehicle, rows, rows, errors)
+    cov[np.diag_indices_from(cov)] += residuals.noise(segment, vehicle, rows)
+    # anywhere: the mean of each axis has a wide prior
+    level = np.kron(np.eye(2), np.ones((len(rows), 1)))
+    centred = own - np.repeat(np.mean(r[rows, segment, vehicle], axis=0), len(rows))
+    anywhere = _log_normal(centred, cov + _ANYWHERE_M**2 * level @ level.T) + np.log(2.0 * np.pi * _ANYWHERE_M**2)
+    motion = anywhere + float(np.sum(residuals.motion[rows, segment, vehicle]))
+    if len(rest):
+        others, of = residuals.chain_rows(rest, vehicle)
+        nearest = np.argsort(np.min(np.abs(others[:, None] - rows), axis=1), kind="stable")[:_MOST_REST]
+        others, of = others[nearest], of[nearest]
+        known = residuals.covariance(vehicle, others, others, errors)
+        known[np.diag_indices_from(known)] += residuals.noise(of, vehicle, others)
+        lower = np.linalg.cholesky(known)
+        across = residuals.covariance(vehicle, others, rows, errors)
+        half = solve_triangular(lower, np.column_stack([_stacked(r[others, of, vehicle]), across]), lower=True)
+        own = own - half[:, 1:].T @ half[:, 0]
+        cov = cov - half[:, 1:].T @ half[:, 1:]
+    return _log_normal(own, cov) - anywhere, motion
+
+
+def fit_pose(residuals: Residuals, prior: PosePrior, errors: Errors, owner: IntArray) -> Pose:
+    """θ and c of least cost for given owners: generalised least squares, the vehicles' own errors marginalised.
+
+    Args:
+        residuals: Of all pairs, linearised nearby.
+        prior: Of θ.
+        errors: Of the vehicles' positions.
+        owner: (S,) vehicle of each segment, −1 none.
+    """
+    n_blocks = len(residuals.blocks.count)
+    knots = np.linspace(0.0, n_blocks - 1.0, max(int(np.ceil(n_blocks / _KNOT_S)) + 1, 2))
+    # c is linear between knots
+    hat = np.maximum(1.0 - np.abs(np.arange(n_blocks)[:, None] - knots) / (knots[1] - knots[0]), 0.0)
+    wander = np.linalg.inv(_COMMON_STD_M**2 * np.exp(-np.abs(knots[:, None] - knots) / _COMMON_TAU_S))
+    precision = block_diag(np.diag(1.0 / prior.std**2), wander, wander)
+    mean = np.concatenate([prior.mean, np.zeros(2 * len(knots))])
+    r = residuals.at(residuals.theta, np.zeros((n_blocks, 2)))
+    H, g = precision.copy(), precision @ mean
+    for vehicle in np.unique(owner[owner >= 0]).tolist():
+        rows, of = residuals.chain_rows(np.flatnonzero(owner == vehicle), vehicle)
+        if not len(rows):
+            continue
+        cov = residuals.covariance(vehicle, rows, rows, errors)
+        cov[np.diag_indices_from(cov)] += residuals.noise(of, vehicle, rows)
+        J, none = residuals.blocks.jacobian[rows, of], np.zeros((len(rows), len(knots)))
+        J = np.concatenate([np.column_stack([J[:, 0], hat[rows], none]), np.column_stack([J[:, 1], none, hat[rows]])])
+        weighed = cho_solve(cho_factor(cov), J)
+        H += J.T @ weighed
+        # (Λ + JᵀVJ) x = Λμ + JᵀV (J x₀ − r)
+        g += weighed.T @ (J[:, :THETA] @ residuals.theta - _stacked(r[rows, of, vehicle]))
+    x = np.linalg.solve(H, g)
+    east, north = x[THETA : THETA + len(knots)], x[THETA + len(knots) :]
+    return Pose(
+        theta=x[:THETA],
+        common=np.stack([hat @ east, hat @ north], axis=1),
+        cost=float(0.5 * (x - mean) @ precision @ (x - mean)),
+    )
+
+
+def learn_errors(residuals: Residuals, pose: Pose, owner: IntArray) -> Errors:
+    """The likeliest σ_b and τ of the chains, with their priors."""
+    r = residuals.at(pose.theta, pose.common)
+    chains = []
+    for vehicle in np.unique(owner[owner >= 0]).tolist():
+        rows, of = residuals.chain_rows(np.flatnonzero(owner == vehicle), vehicle)
+        thin = slice(None, None, -(-max(len(rows), 1) // _MOST_LEARNT))
+        chains.append((vehicle, rows[thin], of[thin]))
+
+    def log_likelihood(errors: Errors) -> float:
+        spread = np.log(errors.bias_std / _USUAL_BIAS_M) / _BIAS_SPREAD, np.log(errors.tau_s / _USUAL_TAU_S)
+        total = -0.5 * float(spread[0] ** 2 + spread[1] ** 2)
+        for vehicle, rows, of in chains:
+            cov = residuals.covariance(vehicle, rows, rows, errors)
+            cov[np.diag_indices_from(cov)] += residuals.noise(of, vehicle, rows)
+            total += _log_normal(_stacked(r[rows, of, vehicle]), cov)
+        return total
+
+    return max((Errors(std, tau) for std in _BIAS_STDS_M for tau in _TAUS_S), key=log_likelihood)
+
+
+def _stacked(r: FloatArray) -> FloatArray:
+    """(2a,) east of all, then north of all, of places (a, 2)."""
+    return r.T.reshape(-1)
+
+
+def _log_normal(x: FloatArray, cov: FloatArray) -> float:
+    """ln N(x; 0, cov)."""
+    if not len(x):
+        return 0.0
+    lower = np.linalg.cholesky(cov)
+    z = solve_triangular(lower, x, lower=True)
+    return float(-0.5 * z @ z - np.sum(np.log(np.diag(lower))) - 0.5 * len(x) * np.log(2.0 * np.pi))

@@ -1,0 +1,162 @@
+"""What the identifier took in of a recording, kept for a second look at it as a whole."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.evidence.motion import ReportLog
+from assoc.history import TrackHistory
+from assoc.params import IdentifierParams
+from assoc.records import CameraState, Observation, VehicleReports
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+_MARGIN_S = 10.0
+"""Time by which buffers are longer than what they hold, seconds."""
+_TOGETHER_FRAMES = 2
+"""Segments that are seen in more frames than this together are two objects."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Frame:
+    t_us: int
+    observation: Observation
+    camera: CameraState
+    theta: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Segments:
+    """Pieces of tracks that are one object each, with all reports of their time. S segments, F frames."""
+
+    history: TrackHistory
+    """Their rays, a column for each segment."""
+    log: ReportLog
+    camera: CameraState
+    """Of the last frame."""
+    of: dict[tuple[int, int], int]
+    """Segment of a box, by the frame's time, Unix µs, and track id."""
+    seen: BoolArray
+    """(F, S) frames in which each was seen."""
+    apart: BoolArray
+    """(S, S) pairs that cannot be one vehicle: they were seen together."""
+    theta: FloatArray
+    """(9,) median pose correction of the identifier in the later half."""
+
+    @property
+    def seen_s(self) -> FloatArray:
+        """(S,) for how long each was seen, seconds."""
+        frames = np.diff(self.history.t[: self.history.n])
+        return np.asarray(np.sum(self.seen, axis=0) * np.median(frames))
+
+
+class FlightEvidence:
+    """Frames and reports in the order of the recording.
+
+    Args:
+        params: Of the identifier.
+    """
+
+    def __init__(self, params: IdentifierParams) -> None:
+        self.params = params
+        self.system_ids: tuple[int, ...] = ()
+        """Whom the reports are of."""
+        self._frames: list[_Frame] = []
+        self._reports: list[VehicleReports] = []
+
+    def add_frame(self, t_us: int, observation: Observation, camera: CameraState, theta: FloatArray) -> None:
+        """Take in a frame.
+
+        Args:
+            t_us: Its time on the video's clock, Unix µs.
+            observation: Its tracks, at its time on telemetry's clock.
+            camera: Where the camera was.
+            theta: (9,) pose correction that the identifier has for it.
+        """
+        known = np.isfinite(camera.p_enu).all() and np.isfinite(camera.R_enu_cam).all() and camera.attitude_known
+        if self._frames and observation.t_us <= self._frames[-1].observation.t_us:
+            self.begin_anew(self.system_ids)
+        if known and np.isfinite(camera.ground_z):
+            self._frames.append(_Frame(t_us=t_us, observation=observation, camera=camera, theta=theta))
+
+    def add_reports(self, reports: VehicleReports) -> None:
+        """Take in reports that arrived before the next frame."""
+        if len(reports.t_us):
+            self._reports.append(reports)
+
+    def begin_anew(self, system_ids: Sequence[int]) -> None:
+        """Forget everything: what comes, of these vehicles, is not comparable with what was."""
+        self.system_ids = tuple(system_ids)
+        self._frames.clear()
+        self._reports.clear()
+
+    def forget(self, before_us: int) -> None:
+        """Drop frames and reports before a time on the video's clock, Unix µs."""
+        passed = bisect_left(self._frames, before_us, key=lambda frame: frame.t_us)
+        if passed:
+            early_us = self._frames[passed - 1].observation.t_us
+            del self._frames[:passed]
+            self._reports = [each for each in self._reports if np.max(each.t_us) >= early_us]
+
+    def segments(self, start_us: int, stop_us: int, name: Callable[[int, int], int | None]) -> Segments | None:
+        """The tracks between two times, each cut where its name changes; None where nothing was seen.
+
+        Args:
+            start_us: First time on the video's clock, Unix µs.
+            stop_us: Last one.
+            name: Index of the vehicle of a box by the frame's time and track id, as it is known so far; None: nobody.
+        """
+        first = bisect_left(self._frames, start_us, key=lambda frame: frame.t_us)
+        frames = self._frames[first : bisect_right(self._frames, stop_us, key=lambda frame: frame.t_us)]
+        if len(frames) < 2:
+            return None
+        q, origin_us = self.params, frames[0].observation.t_us
+        span_s = 1e-6 * (frames[-1].observation.t_us - origin_us) + _MARGIN_S
+        history, cuts, of = TrackHistory(span_s, q.frame_step_s, q.gap_max_s), _Cuts(), dict[tuple[int, int], int]()
+        for frame in frames:
+            seen = frame.observation
+            ids = np.array([cuts.piece(track, name(frame.t_us, track)) for track in seen.track_id.tolist()], np.int64)
+            history.append(1e-6 * (seen.t_us - origin_us), replace(seen, track_id=ids), frame.camera)
+            for track, piece in zip(seen.track_id.tolist(), ids.tolist(), strict=True):
+                of[frame.t_us, track] = history.column_of(piece)
+        log = ReportLog(len(self.system_ids), span_s)
+        for each in self._reports:
+            log.add(np.asarray((each.t_us - origin_us) / 1e6), each)
+        seen_in = np.isfinite(history.ray[: history.n, :, 0])
+        together = seen_in.astype(np.float64).T @ seen_in.astype(np.float64)
+        np.fill_diagonal(together, 0.0)
+        return Segments(
+            history=history,
+            log=log,
+            camera=frames[-1].camera,
+            of=of,
+            seen=seen_in,
+            apart=together > _TOGETHER_FRAMES,
+            theta=np.median([frame.theta for frame in frames[len(frames) // 2 :]], axis=0),
+        )
+
+
+class _Cuts:
+    """Numbers the pieces of tracks: a track goes on as another piece where it gets another name."""
+
+    def __init__(self) -> None:
+        self._piece: dict[int, int] = {}
+        self._name: dict[int, int] = {}
+        self._pieces = 0
+
+    def piece(self, track: int, name: int | None) -> int:
+        """Number of the piece that a track is in, from 1 on; one without a name goes on."""
+        changed = name is not None and self._name.get(track, name) != name
+        if name is not None:
+            self._name[track] = name
+        if changed or track not in self._piece:
+            self._pieces += 1
+            self._piece[track] = self._pieces
+        return self._piece[track]

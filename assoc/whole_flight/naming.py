@@ -1,0 +1,111 @@
+"""The names of a stretch of a recording by all of its frames and reports at once.
+
+A screen names a box by what was seen until then. Afterwards the whole course of each track is known, before and after:
+which segments are which vehicle (``owners``), the camera's pose, what the vehicles' errors have in common and how each
+wanders (``chains``) are found together, each given the others in turn, until the naming stays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.geometry.ground import THETA
+from assoc.hypotheses.priors import prior_of
+from assoc.params import IdentifierParams
+from assoc.whole_flight.chains import NEVER, Pose, fit_pose, learn_errors, pair_scores
+from assoc.whole_flight.evidence import Segments
+from assoc.whole_flight.owners import best_owners, owner_probabilities
+from assoc.whole_flight.residuals import Errors, Residuals, residuals_at
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_ROUNDS = 8
+"""Most rounds of pose, errors and naming: three or four usually suffice."""
+_MOVED = np.array([0.01, np.inf, 0.01, 0.01, np.inf, np.inf, 1.0, 0.05, 0.1])
+"""Residuals are linearised again when θ moved further than this (as θ)."""
+_MOST_PAIRS = 6000
+"""Pairs of segment and vehicle beyond which a stretch is not looked at as a whole: it would take minutes."""
+_DOUBLE_NATS, _DOUBLE_LEAST = 8.0, 2.0
+"""A vehicle without a segment of its own fits another's segment if its score there is this close, and this much."""
+_DOUBLE_COVER = 0.3
+"""Share of a segment's time for which a vehicle with a segment of its own has one, at least."""
+_DOUBLE_P = 0.5
+"""Most that a name counts for where another vehicle may as well be that segment."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Named:
+    owner: IntArray
+    score: FloatArray
+    worth: float
+
+
+def segment_probabilities(segments: Segments, q: IdentifierParams, owner: IntArray) -> FloatArray | None:
+    """(S, n + 1) probabilities of each segment's vehicles, the last column "none of ours"; NaN: nothing was compared.
+
+    Args:
+        segments: The pieces of tracks.
+        q: Parameters of the identifier.
+        owner: (S,) vehicle of each by what is known so far, −1 none: where the search starts.
+
+    Returns:
+        None where there are too many pairs.
+    """
+    if segments.seen.shape[1] * segments.log.n_vehicles > _MOST_PAIRS:
+        return None
+    starts = (np.zeros(THETA), segments.theta)
+    best = max((_named(segments, q, owner, theta) for theta in starts), key=lambda named: named.worth)
+    p = owner_probabilities(best.score, segments.apart, best.owner)
+    p = _without_doubles(p, best, segments)
+    p[np.all(best.score <= NEVER, axis=1)] = np.nan
+    return p
+
+
+def _named(segments: Segments, q: IdentifierParams, owner: IntArray, theta: FloatArray) -> _Named:
+    """Names, pose and errors found together from a starting pose (9,)."""
+    prior = prior_of(q, segments.camera, q.time_offset_std_s, segments.history.speed_mps).part_at(theta)
+    errors = Errors(q.bias_m, q.bias_tau_s)
+    residuals = residuals_at(segments, q, theta, errors)
+    for k in range(_ROUNDS):
+        pose, residuals = _posed(segments, q, residuals, fit_pose(residuals, prior, errors, owner), errors)
+        if k:
+            errors = learn_errors(residuals, pose, owner)
+        score = pair_scores(segments, residuals, pose, errors, owner)
+        before, owner = owner, best_owners(score, segments.seen)
+        if np.array_equal(before, owner):
+            break
+    rows = np.flatnonzero(owner >= 0)
+    return _Named(owner=owner, score=score, worth=float(np.sum(score[rows, owner[rows]])) - pose.cost)
+
+
+def _posed(
+    segments: Segments, q: IdentifierParams, residuals: Residuals, pose: Pose, errors: Errors
+) -> tuple[Pose, Residuals]:
+    """The pose with residuals that hold there."""
+    if np.any(np.abs(pose.theta - residuals.theta) > _MOVED):
+        residuals = residuals_at(segments, q, pose.theta, errors)
+    return pose, residuals
+
+
+def _without_doubles(p: FloatArray, best: _Named, segments: Segments) -> FloatArray:
+    """The probabilities without sure names of segments that a vehicle without a segment of its own fits as well.
+
+    One of the two reports where it is not, and the places do not tell which.
+    """
+    p, n = p.copy(), best.score.shape[1]
+    for segment in np.flatnonzero(best.owner >= 0).tolist():
+        own, score = best.owner[segment], best.score[segment]
+        frames = segments.seen[:, segment]
+        for other in range(n):
+            fits = score[other] > max(score[own] - _DOUBLE_NATS, _DOUBLE_LEAST)
+            if other != own and fits:
+                has = np.any(segments.seen[frames][:, best.owner == other], axis=1)
+                if np.mean(has) < _DOUBLE_COVER:
+                    over = max(p[segment, own] - _DOUBLE_P, 0.0)
+                    p[segment, own] -= over
+                    p[segment, other] += over
+    return p

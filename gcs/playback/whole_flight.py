@@ -1,0 +1,146 @@
+"""Names by the whole of a recording, stretch by stretch: what each box is by all frames and reports about it.
+
+``assoc.whole_flight`` finds the names, the camera's pose and the errors of the vehicles' positions together. What it
+gives counts 0.9, and 0.1 what is known of each track by itself (``gcs.playback.hindsight``): only where both agree a
+name is sure. A stretch in which it expects fewer right names than are known already is left as it is: there the errors
+are of another kind than it knows, as where a camera shakes. So is one that film and telemetry do not fit in.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.whole_flight.evidence import FlightEvidence, Segments
+from assoc.whole_flight.naming import segment_probabilities
+from gcs.mission.mission import Mission
+from gcs.snapshot import Snapshot
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+FITS = 0.5
+"""Probability from which on film and telemetry count as belonging together."""
+_STRETCH_S, _MARGIN_S = 60.0, 30.0
+"""Boxes of so long are named at once, by what was seen from so long before the first to so long after the last, s."""
+_WHOLE_SHARE = 0.9
+"""Weight of the whole flight against what is known of the track by itself."""
+_LEAST_GAIN = 0.97
+"""A stretch counts where it gives so many of the names that are known without it, by their probabilities."""
+_SURE = 0.9
+"""A box is surely none of ours only where its track by itself says so, too."""
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """A snapshot with what is known of its boxes."""
+
+    snapshot: Snapshot
+    p: dict[int, FloatArray]
+    """(n + 1,) probabilities of each vehicle and of none of them, by track."""
+
+    @property
+    def at_us(self) -> int:
+        """When its boxes were seen, Unix µs."""
+        return self.snapshot.seen_us or self.snapshot.t_us
+
+
+def by_whole_flight(every: Iterable[Known], mission: Mission, evidence: FlightEvidence) -> Iterator[Known]:
+    """Name boxes by the whole of a recording.
+
+    Args:
+        every: What is known of each snapshot, in the order of the fold.
+        mission: Who can be named.
+        evidence: What the fold has taken in so far, and goes on to.
+
+    Yields:
+        The same, with what is known then.
+    """
+    given, waiting = deque[Known](), deque[Known]()
+    for known in every:
+        # a clock that was set back ends a stretch, too
+        set_back = bool(waiting) and known.at_us < waiting[-1].at_us
+        if waiting and (set_back or known.at_us - waiting[0].at_us > 1e6 * (_STRETCH_S + _MARGIN_S)):
+            stop_us = waiting[-1].at_us if set_back else waiting[0].at_us + round(1e6 * _STRETCH_S)
+            named = _stretch(given, waiting, stop_us, mission, evidence)
+            yield from named
+            given.extend(waiting.popleft() for _ in named)
+            while given and abs(given[-1].at_us - given[0].at_us) > 1e6 * _MARGIN_S:
+                given.popleft()
+            if set_back:
+                given.clear()
+            elif given:
+                evidence.forget(given[0].at_us)
+        waiting.append(known)
+    if waiting:
+        yield from _stretch(given, waiting, waiting[-1].at_us, mission, evidence)
+
+
+def _stretch(
+    before: Iterable[Known], waiting: Iterable[Known], stop_us: int, mission: Mission, evidence: FlightEvidence
+) -> list[Known]:
+    """The waiting ones up to a time, Unix µs, by all that is there."""
+    every = [*before, *waiting]
+    named = [known for known in waiting if known.at_us <= stop_us]
+    if tuple(mission.ugv_ids) != evidence.system_ids or not every[-1].snapshot.health.fit > FITS:
+        return named
+    names = {
+        (known.at_us, track): int(np.argmax(p[:-1]))
+        for known in every
+        for track, p in known.p.items()
+        if np.max(p[:-1], initial=0.0) >= mission.identity.threshold
+    }
+    segments = evidence.segments(every[0].at_us, every[-1].at_us, lambda at_us, track: names.get((at_us, track)))
+    if segments is None:
+        return named
+    p = segment_probabilities(segments, evidence.params, _owners(segments, names, every))
+    return named if p is None else _chosen(named, segments, p, mission.identity.threshold)
+
+
+def _owners(segments: Segments, names: dict[tuple[int, int], int], every: list[Known]) -> IntArray:
+    """(S,) vehicle that most boxes of each segment are known to be, −1 none."""
+    n = segments.log.n_vehicles
+    votes = np.zeros((segments.seen.shape[1], n + 1))
+    for known in every:
+        for track in known.p:
+            segment = segments.of.get((known.at_us, track))
+            if segment is not None:
+                votes[segment, names.get((known.at_us, track), n)] += 1.0
+    first = np.argmax(votes, axis=1)
+    return np.where((first < n) & (np.max(votes, axis=1) > 0.0), first, -1)
+
+
+def _chosen(named: list[Known], segments: Segments, p: FloatArray, threshold: float) -> list[Known]:
+    """The snapshots by the whole flight, or as they are where they expect more right names."""
+    whole, gained, had = list[Known](), 0.0, 0.0
+    for known in named:
+        pooled = dict(known.p)
+        for track, before in known.p.items():
+            segment = segments.of.get((known.at_us, track))
+            if segment is not None and np.isfinite(p[segment, 0]):
+                pooled[track] = _pooled(p[segment], before)
+                gained += _named_share(p[segment], threshold)
+                had += _named_share(before, threshold)
+        whole.append(replace(known, p=pooled))
+    return whole if gained > _LEAST_GAIN * had else named
+
+
+def _named_share(p: FloatArray, threshold: float) -> float:
+    """Probability of the name that is given, 0 for none."""
+    best = float(np.max(p[:-1], initial=0.0))
+    return best if best >= threshold else 0.0
+
+
+def _pooled(whole: FloatArray, before: FloatArray) -> FloatArray:
+    """(n + 1,) 0.9 of what the whole flight says and 0.1 of what is known of the track by itself."""
+    p = _WHOLE_SHARE * whole + (1.0 - _WHOLE_SHARE) * before
+    over = p[-1] - max(_SURE - 0.01, before[-1])
+    vehicles = before[:-1] + 1e-6
+    if over > 0.0:
+        p[:-1] += over * vehicles / np.sum(vehicles)
+        p[-1] -= over
+    return np.asarray(p)
