@@ -39,7 +39,7 @@ _PER_S = 0.25
 """Score of each second for which a segment was seen, nats: who is in view has a box, not now and then."""
 _ANYWHERE_M = 30.0
 """1σ of the place of a segment of which only the course counts, metres."""
-_REACH_STDS, _REACH_M = 6.0, 8.0
+_REACH_STDS, _REACH_M = 5.0, 4.0
 """A pair further apart than so many σ_b and metres is out of the question."""
 _MOST_ROWS, _MOST_REST = 40, 30
 """Blocks of a segment that are weighed, and those of the rest of its chain."""

@@ -70,14 +70,17 @@ def _named(segments: Segments, q: IdentifierParams, owner: IntArray, theta: Floa
     prior = prior_of(q, segments.camera, q.time_offset_std_s, segments.history.speed_mps).part_at(theta)
     errors = Errors(q.bias_m, q.bias_tau_s)
     residuals = residuals_at(segments, q, theta, errors)
+    tried = {owner.tobytes()}
     for k in range(_ROUNDS):
         pose, residuals = _posed(segments, q, residuals, fit_pose(residuals, prior, errors, owner), errors)
         if k:
             errors = learn_errors(residuals, pose, owner)
         score = pair_scores(segments, residuals, pose, errors, owner)
-        before, owner = owner, best_owners(score, segments.seen)
-        if np.array_equal(before, owner):
+        owner = best_owners(score, segments.seen)
+        # it may go round among a few namings, too
+        if owner.tobytes() in tried:
             break
+        tried.add(owner.tobytes())
     rows = np.flatnonzero(owner >= 0)
     return _Named(owner=owner, score=score, worth=float(np.sum(score[rows, owner[rows]])) - pose.cost)
 
