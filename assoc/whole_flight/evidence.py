@@ -13,6 +13,7 @@ from assoc.evidence.motion import ReportLog
 from assoc.history import TrackHistory
 from assoc.params import IdentifierParams
 from assoc.records import CameraState, Observation, VehicleReports
+from assoc.whole_flight.linking import linked
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -20,8 +21,10 @@ BoolArray = NDArray[np.bool_]
 
 _MARGIN_S = 10.0
 """Time by which buffers are longer than what they hold, seconds."""
-_TOGETHER_FRAMES = 2
-"""Segments that are seen in more frames than this together are two objects."""
+_TOGETHER_FRAMES, _TOGETHER_SHARE = 2.0, 0.1
+"""Segments are two objects that are seen together in more frames than this, and that share of the shorter one's: where
+one track takes over from another, both have the vehicle for a moment.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,18 +132,37 @@ class FlightEvidence:
         log = ReportLog(len(self.system_ids), span_s)
         for each in self._reports:
             log.add(np.asarray((each.t_us - origin_us) / 1e6), each)
+        theta = np.median([frame.theta for frame in frames[len(frames) // 2 :]], axis=0)
+        column = _join(history, linked(history, theta))
+        of = {box: int(column[piece]) for box, piece in of.items()}
         seen_in = np.isfinite(history.ray[: history.n, :, 0])
         together = seen_in.astype(np.float64).T @ seen_in.astype(np.float64)
-        np.fill_diagonal(together, 0.0)
+        frames_of = np.diagonal(together)
+        most = _TOGETHER_FRAMES + _TOGETHER_SHARE * np.minimum(frames_of[:, None], frames_of)
+        apart = together > most
+        np.fill_diagonal(apart, False)
         return Segments(
             history=history,
             log=log,
             camera=frames[-1].camera,
             of=of,
             seen=seen_in,
-            apart=together > _TOGETHER_FRAMES,
-            theta=np.median([frame.theta for frame in frames[len(frames) // 2 :]], axis=0),
+            apart=apart,
+            theta=theta,
         )
+
+
+def _join(history: TrackHistory, group: IntArray) -> IntArray:
+    """Make one column of each group of a history's columns (T,); returns (T,) the column that each is in now."""
+    firsts, column = np.unique(group, return_inverse=True)
+    for name in ("ray", "front"):
+        before = getattr(history, name)
+        joined = before[:, firsts].copy()
+        for k in np.flatnonzero(firsts[column] != np.arange(len(group))).tolist():
+            seen = np.isfinite(before[:, k, 0])
+            joined[seen, column[k]] = before[seen, k]
+        setattr(history, name, joined)
+    return np.asarray(column, np.int64)
 
 
 class _Cuts:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from assoc.geometry.ground import THETA
 from assoc.hypotheses.priors import prior_of
@@ -29,6 +30,8 @@ _MOVED = np.array([0.01, np.inf, 0.01, 0.01, np.inf, np.inf, 1.0, 0.05, 0.1])
 """Residuals are linearised again when θ moved further than this (as θ)."""
 _MOST_PAIRS = 6000
 """Pairs of segment and vehicle beyond which a stretch is not looked at as a whole: it would take minutes."""
+_MISSED_PER_S = 0.5
+"""What a second without a box costs, nats: vehicles are missed for some seconds, not for many."""
 _DOUBLE_NATS, _DOUBLE_LEAST = 8.0, 2.0
 """A vehicle without a segment of its own fits another's segment if its score there is this close, and this much."""
 _DOUBLE_COVER = 0.3
@@ -59,7 +62,11 @@ def segment_probabilities(segments: Segments, q: IdentifierParams, owner: IntArr
         return None
     starts = (np.zeros(THETA), segments.theta)
     best = max((_named(segments, q, owner, theta) for theta in starts), key=lambda named: named.worth)
-    p = owner_probabilities(best.score, segments.apart, best.owner)
+    rival = _against_others(best.score, segments)
+    p = owner_probabilities(rival, segments.apart, best.owner)
+    # beside "none of ours" only what the score itself says counts
+    p[:, :-1] *= expit(best.score) / expit(rival)
+    p[:, -1] = 1.0 - np.sum(p[:, :-1], axis=1)
     p = _without_doubles(p, best, segments)
     p[np.all(best.score <= NEVER, axis=1)] = np.nan
     return p
@@ -76,13 +83,18 @@ def _named(segments: Segments, q: IdentifierParams, owner: IntArray, theta: Floa
         if k:
             errors = learn_errors(residuals, pose, owner)
         score = pair_scores(segments, residuals, pose, errors, owner)
-        owner = best_owners(score, segments.seen)
+        owner = best_owners(_against_others(score, segments), segments.apart)
         # it may go round among a few namings, too
         if owner.tobytes() in tried:
             break
         tried.add(owner.tobytes())
     rows = np.flatnonzero(owner >= 0)
     return _Named(owner=owner, score=score, worth=float(np.sum(score[rows, owner[rows]])) - pose.cost)
+
+
+def _against_others(score: FloatArray, segments: Segments) -> FloatArray:
+    """(S, n) scores for the comparison with segments that cannot be the same vehicle: who has no box misses more."""
+    return np.asarray(np.where(score > 0.0, score + _MISSED_PER_S * segments.seen_s[:, None], score))
 
 
 def _posed(

@@ -18,14 +18,14 @@ _TAKEN, _FREE = 0.95, 1e-3
 _LEAST_P = 1e-12
 
 
-def best_owners(score: FloatArray, seen: BoolArray) -> IntArray:
+def best_owners(score: FloatArray, apart: BoolArray) -> IntArray:
     """(S,) vehicle of each segment, −1 none, by the largest sum of scores.
 
-    An integer programme: each segment has one vehicle at most, and no vehicle has two segments in one frame.
+    An integer programme: each segment has one vehicle at most, and no vehicle has two segments that are apart.
 
     Args:
         score: (S, n) ln odds of each pair.
-        seen: (F, S) frames in which each segment was seen.
+        apart: (S, S) pairs of segments that cannot be one vehicle.
     """
     owner = np.full(len(score), -1)
     segment, vehicle = np.nonzero(score > 0.0)
@@ -34,7 +34,7 @@ def best_owners(score: FloatArray, seen: BoolArray) -> IntArray:
     groups = [np.flatnonzero(segment == s) for s in np.unique(segment)]
     for j in np.unique(vehicle):
         own = np.flatnonzero(vehicle == j)
-        groups += [own[row] for row in np.unique(seen[:, segment[own]], axis=0) if np.count_nonzero(row) > 1]
+        groups += list(own[np.argwhere(np.triu(apart[np.ix_(segment[own], segment[own])]))])
     rows = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
     at_most_one = csr_matrix((np.ones(len(rows)), (rows, np.concatenate(groups))), (len(groups), len(segment)))
     found = milp(
