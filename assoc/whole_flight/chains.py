@@ -12,7 +12,7 @@ that have a box, T the time for which the segment was seen.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,8 @@ _REACH_STDS, _REACH_M = 5.0, 4.0
 """A pair further apart than so many σ_b and metres is out of the question."""
 _MOST_ROWS, _MOST_REST = 40, 30
 """Blocks of a segment that are weighed, and those of the rest of its chain."""
+_OUTLIER_Z2, _BLOCKS_TO_OUTLIER = 9.0, 4
+"""Mean squared deviation per axis, in variances, from which a block is an outlier; blocks to each that may be one."""
 _MOST_LEARNT = 60
 """Blocks of a chain from which the size of the errors is learnt."""
 _COMMON_STD_M, _COMMON_TAU_S, _KNOT_S = 0.5, 30.0, 4.0
@@ -79,6 +81,7 @@ def pair_scores(segments: Segments, residuals: Residuals, pose: Pose, errors: Er
     mean = np.sum(r * has[..., None], axis=0) / np.maximum(np.sum(has, axis=0), 1)[..., None]
     reach_m = _REACH_STDS * errors.bias_std + _REACH_M
     near = has.any(axis=0) & (np.linalg.norm(mean, axis=2) < reach_m)
+    residuals = _without_outliers(residuals, r, errors, near)
     strangers = max(float(np.mean(np.sum(segments.seen[:, owner < 0], axis=1))), _LEAST_STRANGERS)
     usual = np.log(_FOUND / (1.0 - _FOUND)) - np.log(strangers / residuals.area_m2) + _PER_S * segments.seen_s
     score = np.full(near.shape, NEVER)
@@ -88,6 +91,27 @@ def pair_scores(segments: Segments, residuals: Residuals, pose: Pose, errors: Er
         alike = np.logaddexp(np.log(1.0 - _ALIKE), np.log(_ALIKE) + motion)
         score[segment, vehicle] = place + motion - alike + usual[segment]
     return np.maximum(score, NEVER)
+
+
+def _without_outliers(residuals: Residuals, r: FloatArray, errors: Errors, near: BoolArray) -> Residuals:
+    """The residuals with larger noise where a block is far from all others of its pair, as when a track strays.
+
+    z² = (C⁻¹r)²/diag C⁻¹ is what the others do not explain; the worst block is weighed down, and again.
+    """
+    var = residuals.var.copy()
+    for segment, vehicle in np.argwhere(near).tolist():
+        rows = residuals.rows(segment, vehicle, _MOST_ROWS)
+        y = _stacked(r[rows, segment, vehicle])
+        level = np.kron(np.eye(2), np.ones((len(rows), 1)))
+        cov = residuals.covariance(vehicle, rows, rows, errors) + _ANYWHERE_M**2 * level @ level.T
+        for _ in range(len(rows) // _BLOCKS_TO_OUTLIER):
+            inverse = np.linalg.inv(cov + np.diag(np.tile(var[rows, segment, vehicle], 2)))
+            z2 = ((inverse @ y) ** 2 / np.diag(inverse)).reshape(2, -1).mean(axis=0)
+            worst = int(np.argmax(z2))
+            if z2[worst] < _OUTLIER_Z2:
+                break
+            var[rows[worst], segment, vehicle] *= z2[worst]
+    return replace(residuals, var=var)
 
 
 def _compared(

@@ -21,7 +21,7 @@ BoolArray = NDArray[np.bool_]
 
 _MARGIN_S = 10.0
 """Time by which buffers are longer than what they hold, seconds."""
-_TOGETHER_FRAMES, _TOGETHER_SHARE = 2.0, 0.1
+_TOGETHER_FRAMES, _TOGETHER_SHARE = 2.0, 0.2
 """Segments are two objects that are seen together in more frames than this, and that share of the shorter one's: where
 one track takes over from another, both have the vehicle for a moment.
 """
