@@ -30,8 +30,10 @@ _MOVED = np.array([0.01, np.inf, 0.01, 0.01, np.inf, np.inf, 1.0, 0.05, 0.1])
 """Residuals are linearised again when θ moved further than this (as θ)."""
 _MOST_PAIRS = 6000
 """Pairs of segment and vehicle beyond which a stretch is not looked at as a whole: it would take minutes."""
-_MISSED_PER_S = 0.5
-"""What a second without a box costs, nats: vehicles are missed for some seconds, not for many."""
+_MISSED_PER_S, _PIECE = 0.5, 2.0
+"""What a second without a box costs, and what each segment does, nats: a vehicle is missed for some seconds, not for
+many, and is not one object after another.
+"""
 _DOUBLE_NATS, _DOUBLE_LEAST = 8.0, 2.0
 """A vehicle without a segment of its own fits another's segment if its score there is this close, and this much."""
 _DOUBLE_COVER = 0.3
@@ -93,8 +95,9 @@ def _named(segments: Segments, q: IdentifierParams, owner: IntArray, theta: Floa
 
 
 def _against_others(score: FloatArray, segments: Segments) -> FloatArray:
-    """(S, n) scores for the comparison with segments that cannot be the same vehicle: who has no box misses more."""
-    return np.asarray(np.where(score > 0.0, score + _MISSED_PER_S * segments.seen_s[:, None], score))
+    """(S, n) scores for the comparison with segments that cannot be the same vehicle: one that lasts beats many."""
+    lasts = _MISSED_PER_S * segments.seen_s[:, None] - _PIECE
+    return np.asarray(np.where(score > 0.0, score + lasts, score))
 
 
 def _posed(

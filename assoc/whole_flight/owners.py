@@ -15,7 +15,6 @@ _SWEEPS, _DAMPING = 60, 0.3
 """Sweeps of belief propagation, and the share of a new message that is taken over in each."""
 _TAKEN, _FREE = 0.95, 1e-3
 """Probabilities that belief propagation starts from: of the best naming, and of any other."""
-_LEAST_P = 1e-12
 
 
 def best_owners(score: FloatArray, apart: BoolArray) -> IntArray:
@@ -68,9 +67,19 @@ def owner_probabilities(score: FloatArray, apart: BoolArray, owner: IntArray) ->
     for _ in range(_SWEEPS):
         heard = np.sum(told, axis=0)
         without = (score + heard)[:, None, :] - told.transpose(1, 0, 2)
-        p = _with_none(without)[..., :-1]
-        told += _DAMPING * (np.where(apart[:, :, None], np.log(np.maximum(1.0 - p, _LEAST_P)), 0.0) - told)
+        told += _DAMPING * (np.where(apart[:, :, None], _log_not(without), 0.0) - told)
     return _with_none(score + np.sum(told, axis=0))
+
+
+def _log_not(log_odds: FloatArray) -> FloatArray:
+    """ln (1 − p) of each vehicle, by ln odds (…, n) against "none of ours", also where p is 1 but for a hair."""
+    every = np.concatenate([log_odds, np.zeros((*log_odds.shape[:-1], 1))], axis=-1)
+    first = np.argmax(every, axis=-1)[..., None]
+    total = np.logaddexp.reduce(every, axis=-1, keepdims=True)
+    not_p = np.log1p(-np.minimum(np.exp(every - total), 0.5))
+    np.put_along_axis(every, first, -np.inf, axis=-1)
+    np.put_along_axis(not_p, first, np.logaddexp.reduce(every, axis=-1, keepdims=True) - total, axis=-1)
+    return np.asarray(not_p[..., :-1])
 
 
 def _with_none(log_odds: FloatArray) -> FloatArray:

@@ -1,7 +1,7 @@
 """Names by the whole of a recording, stretch by stretch: what each box is by all frames and reports about it.
 
 ``assoc.whole_flight`` finds the names, the camera's pose and the errors of the vehicles' positions together. What it
-gives counts 0.9, and 0.1 what is known of each track by itself (``gcs.playback.hindsight``): only where both agree a
+gives counts 0.8, and 0.2 what is known of each track by itself (``gcs.playback.hindsight``): only where both agree a
 name is sure. A stretch in which it expects fewer right names than are known already is left as it is: there the errors
 are of another kind than it knows, as where a camera shakes. So is one that film and telemetry do not fit in.
 """
@@ -27,7 +27,7 @@ FITS = 0.5
 """Probability from which on film and telemetry count as belonging together."""
 _STRETCH_S, _MARGIN_S = 60.0, 30.0
 """Boxes of so long are named at once, by what was seen from so long before the first to so long after the last, s."""
-_WHOLE_SHARE = 0.9
+_WHOLE_SHARE = 0.8
 """Weight of the whole flight against what is known of the track by itself."""
 _LEAST_GAIN = 0.97
 """A stretch counts where it gives so many of the names that are known without it, by their probabilities."""
@@ -123,7 +123,7 @@ def _chosen(named: list[Known], segments: Segments, p: FloatArray, threshold: fl
             segment = segments.of.get((known.at_us, track))
             if segment is not None and np.isfinite(p[segment, 0]):
                 pooled[track] = _pooled(p[segment], before)
-                gained += _named_share(p[segment], threshold)
+                gained += _named_share(pooled[track], threshold)
                 had += _named_share(before, threshold)
         whole.append(replace(known, p=pooled))
     return whole if gained > _LEAST_GAIN * had else named
@@ -136,7 +136,7 @@ def _named_share(p: FloatArray, threshold: float) -> float:
 
 
 def _pooled(whole: FloatArray, before: FloatArray) -> FloatArray:
-    """(n + 1,) 0.9 of what the whole flight says and 0.1 of what is known of the track by itself."""
+    """(n + 1,) 0.8 of what the whole flight says and 0.2 of what is known of the track by itself."""
     p = _WHOLE_SHARE * whole + (1.0 - _WHOLE_SHARE) * before
     over = p[-1] - max(_SURE - 0.01, before[-1])
     vehicles = before[:-1] + 1e-6
