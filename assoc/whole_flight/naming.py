@@ -18,7 +18,7 @@ from assoc.hypotheses.priors import prior_of
 from assoc.params import IdentifierParams
 from assoc.whole_flight.chains import NEVER, Pose, fit_pose, learn_errors, pair_scores
 from assoc.whole_flight.evidence import Segments
-from assoc.whole_flight.owners import best_owners, owner_probabilities
+from assoc.whole_flight.owners import Namings
 from assoc.whole_flight.residuals import Errors, Residuals, residuals_at
 
 FloatArray = NDArray[np.float64]
@@ -65,7 +65,7 @@ def segment_probabilities(segments: Segments, q: IdentifierParams, owner: IntArr
     starts = (np.zeros(THETA), segments.theta)
     best = max((_named(segments, q, owner, theta) for theta in starts), key=lambda named: named.worth)
     rival = _against_others(best.score, segments)
-    p = owner_probabilities(rival, segments.apart, best.owner)
+    p = Namings(rival, segments.apart).probabilities()
     # beside "none of ours" only what the score itself says counts
     p[:, :-1] *= expit(best.score) / expit(rival)
     p[:, -1] = 1.0 - np.sum(p[:, :-1], axis=1)
@@ -85,7 +85,7 @@ def _named(segments: Segments, q: IdentifierParams, owner: IntArray, theta: Floa
         if k:
             errors = learn_errors(residuals, pose, owner)
         score = pair_scores(segments, residuals, pose, errors, owner)
-        owner = best_owners(_against_others(score, segments), segments.apart)
+        owner = Namings(_against_others(score, segments), segments.apart).best()
         # it may go round among a few namings, too
         if owner.tobytes() in tried:
             break

@@ -11,79 +11,73 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-_SWEEPS, _DAMPING = 60, 0.3
-"""Sweeps of belief propagation, and the share of a new message that is taken over in each."""
-_TAKEN, _FREE = 0.95, 1e-3
-"""Probabilities that belief propagation starts from: of the best naming, and of any other."""
+_NEGLIGIBLE = -8.0
+"""Pairs with less ln odds than this are in no naming that counts."""
 
 
-def best_owners(score: FloatArray, apart: BoolArray) -> IntArray:
-    """(S,) vehicle of each segment, −1 none, by the largest sum of scores.
+class Namings:
+    """All namings in which each segment has one vehicle at most, and no vehicle two segments that are apart.
 
-    An integer programme: each segment has one vehicle at most, and no vehicle has two segments that are apart.
+    A naming is worth the sum of the scores of its pairs; the best is found by an integer programme.
 
     Args:
-        score: (S, n) ln odds of each pair.
+        score: (S, n) ln odds of each pair against "none of ours".
         apart: (S, S) pairs of segments that cannot be one vehicle.
     """
-    owner = np.full(len(score), -1)
-    segment, vehicle = np.nonzero(score > 0.0)
-    if not len(segment):
+
+    def __init__(self, score: FloatArray, apart: BoolArray) -> None:
+        self._score = score
+        self._segment, self._vehicle = np.nonzero(score > _NEGLIGIBLE)
+        groups = [np.flatnonzero(self._segment == s) for s in np.unique(self._segment)]
+        for j in np.unique(self._vehicle):
+            own = np.flatnonzero(self._vehicle == j)
+            rivals = np.triu(apart[np.ix_(self._segment[own], self._segment[own])])
+            groups += list(own[np.argwhere(rivals)])
+        rows = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
+        columns = np.concatenate(groups) if groups else np.zeros(0, np.int64)
+        shape = len(groups), len(self._segment)
+        self._at_most_one = LinearConstraint(csr_matrix((np.ones(len(rows)), (rows, columns)), shape), -np.inf, 1.0)
+
+    def best(self) -> IntArray:
+        """(S,) vehicle of each segment in the best naming, −1 none."""
+        owner = np.full(len(self._score), -1)
+        chosen, _ = self._solved(np.zeros(len(self._segment)), np.ones(len(self._segment)))
+        owner[self._segment[chosen]] = self._vehicle[chosen]
         return owner
-    groups = [np.flatnonzero(segment == s) for s in np.unique(segment)]
-    for j in np.unique(vehicle):
-        own = np.flatnonzero(vehicle == j)
-        groups += list(own[np.argwhere(np.triu(apart[np.ix_(segment[own], segment[own])]))])
-    rows = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
-    at_most_one = csr_matrix((np.ones(len(rows)), (rows, np.concatenate(groups))), (len(groups), len(segment)))
-    found = milp(
-        -score[segment, vehicle],
-        constraints=LinearConstraint(at_most_one, -np.inf, 1.0),
-        integrality=np.ones(len(segment), np.int64),
-        bounds=Bounds(0.0, 1.0),
-    )
-    if found.x is not None:
-        chosen = found.x > 0.5
-        owner[segment[chosen]] = vehicle[chosen]
-    return owner
 
+    def probabilities(self) -> FloatArray:
+        """(S, n + 1) probabilities of each segment's vehicles, the last column "none of ours".
 
-def owner_probabilities(score: FloatArray, apart: BoolArray, owner: IntArray) -> FloatArray:
-    """(S, n + 1) probabilities of each segment's vehicles, the last column "none of ours".
+        p ∝ exp V, V the best naming's worth of those in which the segment is that vehicle, or none of ours: right where
+        few namings are nearly as good as the best.
+        """
+        worth = np.full((len(self._score), self._score.shape[1] + 1), -np.inf)
+        least, most = np.zeros(len(self._segment)), np.ones(len(self._segment))
+        chosen, best = self._solved(least, most)
+        worth[:, -1] = best
+        for k, (segment, vehicle) in enumerate(zip(self._segment.tolist(), self._vehicle.tolist(), strict=True)):
+            if chosen[k]:
+                worth[segment, vehicle] = best
+                most[self._segment == segment] = 0.0
+                worth[segment, -1] = self._solved(least, most)[1]
+                most[:] = 1.0
+            else:
+                least[k] = 1.0
+                worth[segment, vehicle] = self._solved(least, most)[1]
+                least[k] = 0.0
+        p = np.exp(worth - np.max(worth, axis=1, keepdims=True))
+        return np.asarray(p / np.sum(p, axis=1, keepdims=True))
 
-    Belief propagation over p ∝ Π exp(score), where two segments that are apart are not one vehicle: what segment g
-    tells f of vehicle j is 1 − p_g(j), p_g without what f told. It begins at the best naming.
-
-    Args:
-        score: (S, n) ln odds of each pair.
-        apart: (S, S) pairs of segments that cannot be one vehicle.
-        owner: (S,) the best naming.
-    """
-    start = np.full(score.shape, _FREE)
-    named = np.flatnonzero(owner >= 0)
-    start[named, owner[named]] = _TAKEN
-    # (g, f, j) ln of what g tells f
-    told = np.where(apart[:, :, None], np.log1p(-start)[:, None, :], 0.0)
-    for _ in range(_SWEEPS):
-        heard = np.sum(told, axis=0)
-        without = (score + heard)[:, None, :] - told.transpose(1, 0, 2)
-        told += _DAMPING * (np.where(apart[:, :, None], _log_not(without), 0.0) - told)
-    return _with_none(score + np.sum(told, axis=0))
-
-
-def _log_not(log_odds: FloatArray) -> FloatArray:
-    """ln (1 − p) of each vehicle, by ln odds (…, n) against "none of ours", also where p is 1 but for a hair."""
-    every = np.concatenate([log_odds, np.zeros((*log_odds.shape[:-1], 1))], axis=-1)
-    first = np.argmax(every, axis=-1)[..., None]
-    total = np.logaddexp.reduce(every, axis=-1, keepdims=True)
-    not_p = np.log1p(-np.minimum(np.exp(every - total), 0.5))
-    np.put_along_axis(every, first, -np.inf, axis=-1)
-    np.put_along_axis(not_p, first, np.logaddexp.reduce(every, axis=-1, keepdims=True) - total, axis=-1)
-    return np.asarray(not_p[..., :-1])
-
-
-def _with_none(log_odds: FloatArray) -> FloatArray:
-    """Probabilities (…, n + 1) of ln odds (…, n) against "none of ours"."""
-    every = np.concatenate([log_odds, np.zeros((*log_odds.shape[:-1], 1))], axis=-1)
-    weight = np.exp(every - np.max(every, axis=-1, keepdims=True))
-    return np.asarray(weight / np.sum(weight, axis=-1, keepdims=True))
+    def _solved(self, least: FloatArray, most: FloatArray) -> tuple[BoolArray, float]:
+        """Pairs of the best naming of those that have all with ``least`` 1 and none with ``most`` 0, and its worth."""
+        if not len(least):
+            return np.zeros(0, np.bool_), 0.0
+        gain = self._score[self._segment, self._vehicle]
+        found = milp(
+            -gain,
+            constraints=self._at_most_one,
+            integrality=np.ones(len(gain), np.int64),
+            bounds=Bounds(least, most),
+        )
+        chosen = np.zeros(len(gain), np.bool_) if found.x is None else found.x > 0.5
+        return chosen, float(np.sum(gain[chosen])) if found.x is not None else -np.inf

@@ -1,0 +1,178 @@
+"""Names by the whole of a flight: broken tracks, look-alikes, errors that all share, and what cannot be told."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from assoc.params import IdentifierParams
+from assoc.whole_flight.evidence import FlightEvidence
+from assoc.whole_flight.linking import linked
+from assoc.whole_flight.naming import segment_probabilities
+from tests.support.assoc_scene import T0_US, Fleet, camera
+
+ZERO = np.zeros(9)
+SECONDS = 20.0
+
+
+def flown(
+    fleet, *, ours=None, ids=lambda t, m: np.arange(1, m + 1), seen=lambda t, k: True, told=None, seconds=SECONDS
+):
+    """Evidence of a flight in which the first ``ours`` vehicles report.
+
+    Args:
+        fleet: The world.
+        ours: How many report; None: all.
+        ids: Track ids at a time.
+        seen: Whether an object has a box at a time.
+        told: Camera as telemetry has it.
+        seconds: How long.
+    """
+    rng, ours = np.random.default_rng(5), fleet.n if ours is None else ours
+    evidence = FlightEvidence(IdentifierParams())
+    evidence.begin_anew(range(11, 11 + ours))
+    m, heard = fleet.n + len(fleet.strangers), -1.0
+    for k in range(int(seconds * 10)):
+        t = k / 10
+        every = fleet.reports(heard, t, rng)
+        own = every.vehicle < ours
+        evidence.add_reports(replace(every, **{name: getattr(every, name)[own] for name in every.__slots__}))
+        heard = t
+        view = fleet.observation(t, camera(), ids(t, m), rng)
+        shown = np.array([seen(t, k) for k in range(m)])
+        view = replace(
+            view,
+            **{name: getattr(view, name)[shown] for name in ("track_id", "ray_cam", "front_cam", "gap_s", "score")},
+        )
+        evidence.add_frame(T0_US + round(t * 1e6), view, told or camera(), ZERO)
+    return evidence
+
+
+def probabilities(evidence, name=lambda at_us, track: None, owner=None):
+    """Segments and their probabilities; ``owner`` as a function of the segments."""
+    segments = evidence.segments(T0_US, T0_US + round(1e6 * SECONDS), name)
+    start = np.full(segments.seen.shape[1], -1) if owner is None else owner(segments)
+    return segments, segment_probabilities(segments, evidence.params, start)
+
+
+def named(segments, p, t, track):
+    """Vehicle of a box if its probability is 0.9, −1 none of ours, None unknown."""
+    row = p[segments.of[T0_US + round(t * 1e6), track]]
+    best = int(np.argmax(row))
+    return None if row[best] < 0.9 else best if best < len(row) - 1 else -1
+
+
+def test_all_are_named_from_their_first_box_on_though_nobody_was_known():
+    segments, p = probabilities(flown(Fleet(4, seed=1)))
+    assert [named(segments, p, 0.0, track) for track in (1, 2, 3, 4)] == [0, 1, 2, 3]
+
+
+def test_a_stranger_that_drives_on_its_own_is_none_of_ours():
+    segments, p = probabilities(flown(Fleet(5, seed=2), ours=4))
+    assert [named(segments, p, 5.0, track) for track in range(1, 6)] == [0, 1, 2, 3, -1]
+
+
+def test_pieces_of_broken_tracks_have_the_name_of_the_whole():
+    """Each track ends every four seconds, and all are out of sight for 0.9 s."""
+
+    def ids(t, m):
+        return np.arange(1, m + 1) + 100 * int(t // 4.0)
+
+    evidence = flown(Fleet(4, seed=3, bias_m=1.0), ids=ids, seen=lambda t, k: t % 4.0 < 3.1)
+    segments, p = probabilities(evidence)
+    for piece in range(5):
+        names = [named(segments, p, 4.0 * piece + 1.0, track + 100 * piece) for track in (1, 2, 3, 4)]
+        assert names == [0, 1, 2, 3]
+
+
+def test_a_wrong_heading_and_place_of_the_camera_are_found():
+    told = camera(p=(1.5, -1.0, 41.0), yaw=np.deg2rad(6.0))
+    segments, p = probabilities(flown(Fleet(5, seed=4, bias_m=0.8), told=told))
+    assert [named(segments, p, 10.0, track) for track in range(1, 6)] == [0, 1, 2, 3, 4]
+
+
+def test_a_wrong_start_is_overcome():
+    evidence = flown(Fleet(4, seed=1))
+    segments, p = probabilities(evidence, owner=lambda found: np.array([1, 0, 2, 3])[: found.seen.shape[1]])
+    assert [named(segments, p, 5.0, track) for track in (1, 2, 3, 4)] == [0, 1, 2, 3]
+
+
+def test_a_track_that_strays_for_a_second_keeps_its_name():
+    fleet = Fleet(4, seed=6)
+
+    def ids(t, m):
+        # the first two change places for a second
+        tracks = np.arange(1, m + 1)
+        return tracks[[1, 0, *range(2, m)]] if 9.0 <= t < 10.0 else tracks
+
+    segments, p = probabilities(flown(fleet, ids=ids))
+    assert [named(segments, p, 5.0, track) for track in (1, 2)] == [0, 1]
+
+
+def test_of_two_that_report_one_place_neither_is_sure():
+    fleet = Fleet(4, seed=7)
+    evidence = FlightEvidence(IdentifierParams())
+    evidence.begin_anew((11, 12, 13, 14, 15))
+    rng, heard = np.random.default_rng(1), -1.0
+    for k in range(150):
+        t = k / 10
+        reports = fleet.reports(heard, t, rng)
+        first = reports.vehicle == 0
+        copied = replace(reports, **{name: getattr(reports, name)[first] for name in reports.__slots__})
+        evidence.add_reports(reports)
+        evidence.add_reports(replace(copied, vehicle=np.full(len(copied.vehicle), 4)))
+        heard = t
+        view = fleet.observation(t, camera(), [1, 2, 3, 4], rng)
+        evidence.add_frame(T0_US + round(t * 1e6), view, camera(), ZERO)
+    segments, p = probabilities(evidence)
+    assert [named(segments, p, 5.0, track) for track in (2, 3, 4)] == [1, 2, 3]
+    assert np.max(p[segments.of[T0_US + 5_000_000, 1], :-1]) < 0.7
+
+
+def test_a_track_is_cut_where_its_name_changes():
+    evidence = flown(Fleet(2, seed=8))
+    known = evidence.segments(T0_US, T0_US + 20_000_000, lambda at_us, track: int(at_us > T0_US + 9_000_000))
+    assert known.of[T0_US, 1] != known.of[T0_US + 10_000_000, 1]
+    whole = evidence.segments(T0_US, T0_US + 20_000_000, lambda at_us, track: None)
+    assert whole.of[T0_US, 1] == whole.of[T0_US + 10_000_000, 1]
+
+
+def test_pieces_are_joined_where_only_one_can_go_on():
+    def ids(t, m):
+        return np.arange(1, m + 1) + 100 * int(t >= 5.0)
+
+    evidence = flown(Fleet(3, seed=9), ids=ids, seen=lambda t, k: not 5.0 <= t < 6.0, seconds=10.0)
+    segments = evidence.segments(T0_US, T0_US + 10_000_000, lambda at_us, track: None)
+    for track in (1, 2, 3):
+        assert segments.of[T0_US, track] == segments.of[T0_US + 8_000_000, track + 100]
+
+
+def test_pieces_that_two_could_go_on_in_are_not_joined():
+    def ids(t, m):
+        return np.arange(1, m + 1) + 100 * int(t >= 5.0)
+
+    close = Fleet(2, seed=9, spacing_m=0.8)
+    close.phase[:], close.size[:], close.start[:, 1] = 0.0, 3.0, 0.0
+    evidence = flown(close, ids=ids, seen=lambda t, k: not 5.0 <= t < 6.0, seconds=10.0)
+    segments = evidence.segments(T0_US, T0_US + 10_000_000, lambda at_us, track: None)
+    assert len({segments.of[T0_US, 1], segments.of[T0_US + 8_000_000, 101], segments.of[T0_US + 8_000_000, 102]}) == 3
+    assert linked(segments.history, ZERO).tolist() == list(range(segments.seen.shape[1]))
+
+
+@pytest.mark.parametrize("change", [{"attitude_known": False}, {"ground_z": np.nan}])
+def test_frames_without_a_pose_tell_nothing(change):
+    evidence, rng = FlightEvidence(IdentifierParams()), np.random.default_rng(0)
+    evidence.begin_anew((11, 12))
+    for k in range(20):
+        view = Fleet(2).observation(k / 10, camera(), [1, 2], rng)
+        evidence.add_frame(T0_US + k * 100_000, view, replace(camera(), **change), ZERO)
+    assert evidence.segments(T0_US, T0_US + 2_000_000, lambda at_us, track: None) is None
+
+
+def test_what_is_forgotten_is_gone_and_the_rest_stays():
+    evidence = flown(Fleet(2, seed=8))
+    evidence.forget(T0_US + 10_000_000)
+    segments = evidence.segments(T0_US, T0_US + 20_000_000, lambda at_us, track: None)
+    assert min(at_us for at_us, _ in segments.of) == T0_US + 10_000_000
+    evidence.begin_anew((11, 12))
+    assert evidence.segments(T0_US, T0_US + 20_000_000, lambda at_us, track: None) is None
