@@ -44,6 +44,8 @@ class Segments:
     log: ReportLog
     camera: CameraState
     """Of the last frame."""
+    origin_us: int
+    """Time of the first frame on the video's clock, Unix µs."""
     of: dict[tuple[int, int], int]
     """Segment of a box, by the frame's time, Unix µs, and track id."""
     seen: BoolArray
@@ -133,7 +135,8 @@ class FlightEvidence:
         for each in self._reports:
             log.add(np.asarray((each.t_us - origin_us) / 1e6), each)
         theta = np.median([frame.theta for frame in frames[len(frames) // 2 :]], axis=0)
-        column = _join(history, linked(history, theta))
+        cut = [(history.column_of(a), history.column_of(b)) for a, b in cuts.pairs]
+        column = _join(history, linked(history, theta, cut))
         of = {box: int(column[piece]) for box, piece in of.items()}
         seen_in = np.isfinite(history.ray[: history.n, :, 0])
         together = seen_in.astype(np.float64).T @ seen_in.astype(np.float64)
@@ -145,6 +148,7 @@ class FlightEvidence:
             history=history,
             log=log,
             camera=frames[-1].camera,
+            origin_us=frames[0].t_us,
             of=of,
             seen=seen_in,
             apart=apart,
@@ -169,6 +173,8 @@ class _Cuts:
     """Numbers the pieces of tracks: a track goes on as another piece where it gets another name."""
 
     def __init__(self) -> None:
+        self.pairs: list[tuple[int, int]] = []
+        """Pieces of one track that follow one another."""
         self._piece: dict[int, int] = {}
         self._name: dict[int, int] = {}
         self._pieces = 0
@@ -180,5 +186,7 @@ class _Cuts:
             self._name[track] = name
         if changed or track not in self._piece:
             self._pieces += 1
+            if changed:
+                self.pairs.append((self._piece[track], self._pieces))
             self._piece[track] = self._pieces
         return self._piece[track]

@@ -6,6 +6,8 @@ begins within 2.5 s where the first would be by then, both drive alike, and neit
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,14 +31,15 @@ _UNLIKE_MPS = 2.0
 """Pieces of one object differ by no more than this in velocity, m/s."""
 
 
-def linked(history: TrackHistory, theta: FloatArray) -> IntArray:
-    """(S,) first piece of the object that each column of a history is.
+def linked(history: TrackHistory, theta: FloatArray, cut: Sequence[tuple[int, int]] = ()) -> IntArray:
+    """(S,) first piece of the object that each of the S columns in use of a history is.
 
     Args:
         history: Rays of the pieces.
         theta: (9,) a pose correction: it need not be good, as places are compared within seconds.
+        cut: Pairs of columns that are not to be joined.
     """
-    n = history.ray.shape[1]
+    n = int(np.count_nonzero(history.track_id))
     tracks = ground_tracks(history, 0, theta, np.arange(n))
     ends, begins = (_ends(tracks.t, tracks.p, last=last) for last in (True, False))
     gap_s = begins[None, :, 0] - ends[:, None, 0]
@@ -51,6 +54,8 @@ def linked(history: TrackHistory, theta: FloatArray) -> IntArray:
     good = timely & (away < reach_m) & (unlike < _UNLIKE_MPS)
     rival = timely & (away < _AMBIGUOUS * reach_m)
     good &= (np.sum(rival, axis=0, keepdims=True) == 1) & (np.sum(rival, axis=1, keepdims=True) == 1)
+    for piece, following in cut:
+        good[piece, following] = False
     group = np.arange(n)
     # in the order of time, so that the earlier piece is in its group already
     for piece, following in sorted(np.argwhere(good).tolist(), key=lambda pair: float(ends[pair[0], 0])):

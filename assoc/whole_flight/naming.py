@@ -16,13 +16,14 @@ from scipy.special import expit
 from assoc.geometry.ground import THETA
 from assoc.hypotheses.priors import prior_of
 from assoc.params import IdentifierParams
-from assoc.whole_flight.chains import NEVER, Pose, fit_pose, learn_errors, pair_scores
+from assoc.whole_flight.chains import Pose, fit_pose, learn_errors, pair_scores
 from assoc.whole_flight.evidence import Segments
 from assoc.whole_flight.owners import Namings
 from assoc.whole_flight.residuals import Errors, Residuals, residuals_at
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 _ROUNDS = 8
 """Most rounds of pose, errors and naming: three or four usually suffice."""
@@ -34,6 +35,8 @@ _MISSED_PER_S, _PIECE = 0.5, 2.0
 """What a second without a box costs, and what each segment does, nats: a vehicle is missed for some seconds, not for
 many, and is not one object after another.
 """
+_ALONE_S = 3.0
+"""A name holds for so long before and after its vehicle's reports were compared with the segment, seconds."""
 _DOUBLE_NATS, _DOUBLE_LEAST = 8.0, 2.0
 """A vehicle without a segment of its own fits another's segment if its score there is this close, and this much."""
 _DOUBLE_COVER = 0.3
@@ -43,14 +46,38 @@ _DOUBLE_P = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SegmentNames:
+    """Who segments are."""
+
+    p: FloatArray
+    """(S, n + 1) probabilities of each vehicle, the last column "none of ours"; NaN where nothing was compared."""
+    since_s: FloatArray
+    until_s: FloatArray
+    """(S,) from when to when reports of the likeliest vehicle were compared with each, seconds from the first frame."""
+
+    def at(self, segment: int, t: float) -> FloatArray | None:
+        """(n + 1,) probabilities at a time, seconds from the first frame; None where they are not known.
+
+        A track that nothing was compared with for long may have gone on with another vehicle.
+        """
+        p = self.p[segment]
+        known = np.isfinite(p[0]) and self.since_s[segment] - _ALONE_S < t < self.until_s[segment] + _ALONE_S
+        return p if known else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Named:
     owner: IntArray
     score: FloatArray
+    compared: BoolArray
+    """(B, S, n) blocks in which each pair was compared."""
+    first_s: float
+    """When the first block begins, seconds from the first frame."""
     worth: float
 
 
-def segment_probabilities(segments: Segments, q: IdentifierParams, owner: IntArray) -> FloatArray | None:
-    """(S, n + 1) probabilities of each segment's vehicles, the last column "none of ours"; NaN: nothing was compared.
+def segment_names(segments: Segments, q: IdentifierParams, owner: IntArray) -> SegmentNames | None:
+    """Find who each segment is.
 
     Args:
         segments: The pieces of tracks.
@@ -70,8 +97,16 @@ def segment_probabilities(segments: Segments, q: IdentifierParams, owner: IntArr
     p[:, :-1] *= expit(best.score) / expit(rival)
     p[:, -1] = 1.0 - np.sum(p[:, :-1], axis=1)
     p = _without_doubles(p, best, segments)
-    p[np.all(best.score <= NEVER, axis=1)] = np.nan
-    return p
+    p[~np.any(best.compared, axis=(0, 2))] = np.nan
+    # for none of ours any report counts
+    likeliest = np.argmax(p, axis=1)
+    every = np.concatenate([best.compared, np.any(best.compared, axis=2, keepdims=True)], axis=2)
+    compared = every[:, np.arange(len(p)), likeliest]
+    return SegmentNames(
+        p=p,
+        since_s=best.first_s + q.block_s * np.argmax(compared, axis=0),
+        until_s=best.first_s + q.block_s * (len(compared) - np.argmax(compared[::-1], axis=0)),
+    )
 
 
 def _named(segments: Segments, q: IdentifierParams, owner: IntArray, theta: FloatArray) -> _Named:
@@ -91,7 +126,13 @@ def _named(segments: Segments, q: IdentifierParams, owner: IntArray, theta: Floa
             break
         tried.add(owner.tobytes())
     rows = np.flatnonzero(owner >= 0)
-    return _Named(owner=owner, score=score, worth=float(np.sum(score[rows, owner[rows]])) - pose.cost)
+    return _Named(
+        owner=owner,
+        score=score,
+        compared=residuals.blocks.count > 0,
+        first_s=residuals.blocks.first * q.block_s,
+        worth=float(np.sum(score[rows, owner[rows]])) - pose.cost,
+    )
 
 
 def _against_others(score: FloatArray, segments: Segments) -> FloatArray:

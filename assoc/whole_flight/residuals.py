@@ -143,7 +143,7 @@ def residuals_at(segments: Segments, q: IdentifierParams, theta: FloatArray, err
     return Residuals(
         blocks=blocks,
         var=var,
-        motion=np.where(compared, constant - share * blocks.log_null, 0.0),
+        motion=np.where(compared, np.maximum(constant - share * blocks.log_null, -q.increment_max), 0.0),
         speed=_speeds(samples, log.n_vehicles, np.asarray((first + 0.5 + np.arange(last - first + 1)) * q.block_s)),
         jumped=np.cumsum(np.log1p(blocks.jump_var / errors.bias_std**2), axis=0),
         area_m2=min(_area_m2(tracks.p), 0.5 * float(np.exp(noise.log_area_at(theta)))),

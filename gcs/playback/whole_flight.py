@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.whole_flight.evidence import FlightEvidence, Segments
-from assoc.whole_flight.naming import segment_probabilities
+from assoc.whole_flight.naming import SegmentNames, segment_names
 from gcs.mission.mission import Mission
 from gcs.snapshot import Snapshot
 
@@ -97,8 +97,8 @@ def _stretch(
     segments = evidence.segments(every[0].at_us, every[-1].at_us, lambda at_us, track: names.get((at_us, track)))
     if segments is None:
         return named
-    p = segment_probabilities(segments, evidence.params, _owners(segments, names, every))
-    return named if p is None else _chosen(named, segments, p, mission.identity.threshold)
+    found = segment_names(segments, evidence.params, _owners(segments, names, every))
+    return named if found is None else _chosen(named, segments, found, mission.identity.threshold)
 
 
 def _owners(segments: Segments, names: dict[tuple[int, int], int], every: list[Known]) -> IntArray:
@@ -114,15 +114,16 @@ def _owners(segments: Segments, names: dict[tuple[int, int], int], every: list[K
     return np.where((first < n) & (np.max(votes, axis=1) > 0.0), first, -1)
 
 
-def _chosen(named: list[Known], segments: Segments, p: FloatArray, threshold: float) -> list[Known]:
+def _chosen(named: list[Known], segments: Segments, found: SegmentNames, threshold: float) -> list[Known]:
     """The snapshots by the whole flight, or as they are where they expect more right names."""
     whole, gained, had = list[Known](), 0.0, 0.0
     for known in named:
-        pooled = dict(known.p)
+        pooled, t = dict(known.p), 1e-6 * (known.at_us - segments.origin_us)
         for track, before in known.p.items():
             segment = segments.of.get((known.at_us, track))
-            if segment is not None and np.isfinite(p[segment, 0]):
-                pooled[track] = _pooled(p[segment], before)
+            p = None if segment is None else found.at(segment, t)
+            if p is not None:
+                pooled[track] = _pooled(p, before)
                 gained += _named_share(pooled[track], threshold)
                 had += _named_share(before, threshold)
         whole.append(replace(known, p=pooled))

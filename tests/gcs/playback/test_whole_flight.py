@@ -1,0 +1,137 @@
+"""Names by the whole of a recording, from the front door: a fold, its evidence, and what comes of both."""
+
+from copy import deepcopy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gcs.playback.analysis import Analysis
+from gcs.playback.hindsight import by_hindsight
+from gcs.report.score import match, score
+from gcs.session.frame_tables import read_truth
+from gcs.session.identity_log import IdentityLog, read_identity
+from gcs.session.session import open_session
+from gcs.snapshot import Health
+from sim.session import write_session
+from sim.world.scenario import (
+    Gnss,
+    Scenario,
+    ScenarioAttitude,
+    ScenarioDetector,
+    ScenarioGround,
+    ScenarioTiming,
+    Targets,
+)
+from tests.support.bundled import CURVED_ROAD, shortened
+
+MESSY = Scenario(
+    seed=7,
+    duration_s=30.0,
+    fps=5.0,
+    ground=ScenarioGround(kind="straight", vehicles=6),
+    gnss=Gnss(white_m=0.4, bias_m=2.0),
+    attitude=ScenarioAttitude(compass_bias_deg=8.0),
+    timing=ScenarioTiming(rate_min_hz=1.0, rate_max_hz=2.0),
+    detector=ScenarioDetector(miss=0.2, miss_run_s=1.5),
+    targets=Targets(lookalikes=3),
+)
+
+
+def folded(folder):
+    """A session's snapshots and its evidence."""
+    analysis = Analysis(open_session(folder))
+    evidence = analysis.keep_evidence()
+    try:
+        return list(analysis.snapshots(images=False)), analysis.mission, evidence
+    finally:
+        analysis.close()
+
+
+def scored(snapshots, folder, out):
+    out.mkdir()
+    with IdentityLog(out) as log:
+        for snapshot in snapshots:
+            log.write(snapshot)
+    return score(match(read_truth(folder / "truth.csv"), read_identity(out / "identity.csv")))
+
+
+@pytest.mark.slow
+def test_ordinary_errors_together_are_named_better_by_the_whole(tmp_path):
+    folder = tmp_path / "messy"
+    write_session(MESSY, folder)
+    snapshots, mission, evidence = folded(folder)
+    alone = scored(by_hindsight(snapshots, mission), folder, tmp_path / "alone")
+    whole = scored(by_hindsight(snapshots, mission, evidence), folder, tmp_path / "whole")
+    assert whole.precision > 0.99
+    assert whole.right > max(0.95, alone.right)
+    assert whole.wrong_sure_s == 0.0
+    assert whole.ece_all < alone.ece_all
+
+
+@pytest.fixture(scope="module")
+def fold(tmp_path_factory):
+    return folded(shortened(CURVED_ROAD, tmp_path_factory.mktemp("recorded") / "flown", 60))
+
+
+@pytest.fixture
+def flown(fold):
+    snapshots, mission, evidence = fold
+    return snapshots, mission, deepcopy(evidence)
+
+
+def test_every_frame_comes_once_and_in_order(flown):
+    snapshots, mission, evidence = flown
+    given = list(by_hindsight(snapshots, mission, evidence))
+    assert [s.t_us for s in given] == [s.t_us for s in snapshots]
+    assert [len(s.boxes) for s in given] == [len(s.boxes) for s in snapshots]
+
+
+def test_stretches_join_without_a_seam(flown, monkeypatch):
+    """Named in stretches of 3 s, each by what was seen 3 s about it."""
+    snapshots, mission, evidence = flown
+    whole = [[box.system_id for box in s.boxes] for s in by_hindsight(snapshots, mission, evidence)]
+    monkeypatch.setattr("gcs.playback.whole_flight._STRETCH_S", 3.0)
+    monkeypatch.setattr("gcs.playback.whole_flight._MARGIN_S", 3.0)
+    pieces = [[box.system_id for box in s.boxes] for s in by_hindsight(snapshots, mission, evidence)]
+    assert len(pieces) == len(whole)
+    assert np.mean([a == b for a, b in zip(whole, pieces, strict=True)]) > 0.95
+
+
+def test_a_clock_that_is_set_back_loses_no_frame(flown):
+    snapshots, mission, evidence = flown
+    hour_us = 3_600_000_000
+    back = [replace(s, t_us=s.t_us - hour_us, seen_us=s.seen_us and s.seen_us - hour_us) for s in snapshots]
+    given = list(by_hindsight([*snapshots, *back], mission, evidence))
+    assert [s.t_us for s in given] == [s.t_us for s in [*snapshots, *back]]
+
+
+@pytest.mark.parametrize("fit", [0.2, float("nan")])
+def test_what_film_and_telemetry_do_not_fit_in_is_left_as_it_is(flown, fit):
+    snapshots, mission, evidence = flown
+    other = [replace(s, health=replace(s.health or Health(), fit=fit)) for s in snapshots]
+    alone, whole = by_hindsight(other, mission), by_hindsight(other, mission, evidence)
+    assert [s.boxes for s in alone] == [s.boxes for s in whole]
+
+
+def test_evidence_of_another_fleet_is_not_used(flown):
+    snapshots, mission, evidence = flown
+    evidence.begin_anew((1, 2))
+    alone, whole = by_hindsight(snapshots, mission), by_hindsight(snapshots, mission, evidence)
+    assert [s.boxes for s in alone] == [s.boxes for s in whole]
+
+
+def test_what_the_operator_stated_stays(flown):
+    snapshots, mission, evidence = flown
+    track = next(box.track_id for box in snapshots[-1].boxes if box.system_id)
+    other = next(i for i in mission.ugv_ids if i != snapshots[-1].boxes[0].system_id)
+
+    def stated(snapshot):
+        boxes = (
+            replace(box, system_id=other, stated=True, confidence=0.95) if box.track_id == track else box
+            for box in snapshot.boxes
+        )
+        return replace(snapshot, boxes=tuple(boxes))
+
+    for snapshot in by_hindsight(map(stated, snapshots), mission, evidence):
+        assert all(box.system_id == other for box in snapshot.boxes if box.track_id == track)
