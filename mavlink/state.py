@@ -44,11 +44,13 @@ class CameraReport:
     """Rad across the image, NaN unknown."""
     vfov: float
     source: str
-    """Name of the message with the field of view."""
+    """Name of the message with the field of view, or of the known camera and where its own is from."""
     rotation_deg: int = 0
     """Rotation of the image, clockwise: 0, 90, 180 or 270."""
     zoom_percent: float = math.nan
     """Percent of the camera's whole range of zoom, NaN unknown."""
+    zoom_max: float = 1.0
+    """Magnification of the field of view at 100 % of it; 1: unknown, or the field of view is that of now."""
     model: str = ""
     uri: str = ""
     """Address of its video stream, empty unknown."""

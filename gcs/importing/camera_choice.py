@@ -10,10 +10,10 @@ from typing import Literal
 import numpy as np
 
 from gcs.errors import ImportFileError
-from gcs.importing.cameras import CAMERAS, camera_model
 from gcs.importing.film import ImportedFilm
 from gcs.importing.vehicle_log import AngleTrack, VehicleLog
 from gcs.mission.mission import Camera
+from mavlink.estimation.camera_models import CAMERAS, camera_model
 from vision.camera.intrinsics import Intrinsics, from_field_of_view, resized
 from vision.camera.lens_file import read_lens
 
@@ -128,7 +128,7 @@ def _intrinsics(film: ImportedFilm, uav: VehicleLog | None, options: CameraOptio
         hfov = float(uav.view.hfov[0])
         return _of_width(size, hfov), f"{math.degrees(hfov):.1f}° by the {uav.view.source}"
     known = camera_model(film.model) if film.model else None
-    if known is None:
+    if known is None or not known.shows_all(*size):
         there = [f"its container says {film.model}"] if film.model else []
         there += [uav.view.source] if uav is not None and uav.view.source else []
         said = f" ({'; '.join(there)})" if there else ""

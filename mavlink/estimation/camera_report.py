@@ -5,6 +5,7 @@ The field of view, by order of preference:
     CAMERA_FOV_STATUS          the field of view now
     VIDEO_STREAM_INFORMATION   that of the stream, in whole degrees
     CAMERA_INFORMATION         2 atan(sensor size / 2 focal length)
+    its vendor and model       that of a known camera, at the widest
 
 The size of the image is the stream's, else the camera's; that of a decoded frame goes before both. Numbers that no
 camera has are rejected, with the reason reported once.
@@ -16,6 +17,7 @@ import math
 from dataclasses import dataclass, field
 
 from infra.reporting import ReportOnce
+from mavlink.estimation.camera_models import camera_model
 from mavlink.protocol.messages import CameraFov, CameraInformation, CameraSettings, VideoStreamInformation
 from mavlink.state import CameraReport
 
@@ -139,16 +141,23 @@ class _ReportedCamera:
             rejected.append(f"a zoom of {percent:g} % of the range")
 
     def _combined(self) -> CameraReport | None:
-        source = next((name for name in _NAMES.values() if name in self.angles), "")
-        if not source:
-            return None
         width, height = next((self.size[name] for name in _NAMES.values() if name in self.size), (0, 0))
+        source = next((name for name in _NAMES.values() if name in self.angles), "")
+        angles, zoom_max = self.angles.get(source), 1.0
+        if angles is None and self.information is not None:
+            known = camera_model(self.information.vendor, self.information.model)
+            if known is not None and known.shows_all(width, height):
+                source, angles = f"{known.name} by {known.source}", (math.radians(known.hfov_deg), math.nan)
+                zoom_max = known.zoom_max
+        if angles is None:
+            return None
         return CameraReport(
             width=width,
             height=height,
-            hfov=self.angles[source][0],
-            vfov=self.angles[source][1],
+            hfov=angles[0],
+            vfov=angles[1],
             source=source,
+            zoom_max=zoom_max,
             rotation_deg=self.rotation_deg,
             zoom_percent=self.zoom_percent,
             model=self.information.model if self.information else "",

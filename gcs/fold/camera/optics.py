@@ -1,11 +1,11 @@
 """The image's intrinsics at present: the mission's or those the UAV reports, for this size of image, zoomed.
 
-By order of preference: the mission's numbers or lens file; else CAMERA_FOV_STATUS, VIDEO_STREAM_INFORMATION or
-CAMERA_INFORMATION, as ``mavlink.estimation.camera_report`` ranks them. Zoom:
+By order of preference: the mission's numbers or lens file; else CAMERA_FOV_STATUS, VIDEO_STREAM_INFORMATION,
+CAMERA_INFORMATION or the known camera that this names, as ``mavlink.estimation.camera_report`` ranks them. Zoom:
 
 - ``zoom`` of the mission magnifies always.
 - With ``zoom_max`` of the mission CAMERA_SETTINGS magnifies further: 1 + (zoom_max − 1) · percent / 100, as ArduPilot
-  reports it; fields of view that are reported are then those without zoom.
+  reports it; fields of view that are reported are then those without zoom. Known cameras have a ``zoom_max`` of theirs.
 - Without ``zoom_max`` a CAMERA_FOV_STATUS is the field of view now. Where the mission has the numbers they hold for the
   first one received, and later ones magnify by the change: tan(first / 2) / tan(now / 2).
 """
@@ -123,9 +123,12 @@ class Optics:
         """Magnification of the image against the camera as described."""
         if report is None:
             return self._camera.zoom
-        if self._camera.zoom_max > 1.0:
+        zoom_max = self._camera.zoom_max
+        if self._base is None and zoom_max == 1.0:
+            zoom_max = report.zoom_max
+        if zoom_max > 1.0:
             share = 0.0 if math.isnan(report.zoom_percent) else report.zoom_percent / 100.0
-            return self._camera.zoom * (1.0 + (self._camera.zoom_max - 1.0) * share)
+            return self._camera.zoom * (1.0 + (zoom_max - 1.0) * share)
         if self._base is None or report.source != "CAMERA_FOV_STATUS" or math.isnan(report.hfov):
             return self._camera.zoom
         if math.isnan(self._first_fov):

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
-from gcs.importing.cameras import from_focal_length
 from gcs.importing.checks.row_times import numbered, row_times
 from gcs.importing.checks.two_clocks import DATE_IN_UTC, film_date
 from gcs.importing.formats.dji_cue import DjiCue, read_cue
 from gcs.importing.formats.subtitles import SubtitleCue
 from gcs.importing.smoothing import smoothed_places
 from gcs.importing.vehicle_log import AngleTrack, ImportNotes, PlaceTrack, VehicleLog, ViewTrack, whole_places
+from mavlink.estimation.camera_models import from_focal_length
 
 Floats = NDArray[np.float64]
 

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega
 
+from mavlink.estimation.camera_models import CAMERAS, camera_model
 from mavlink.estimation.camera_report import NARROWEST, WIDEST
 from mavlink.protocol.decode import decode
 from mavlink.protocol.messages import CameraSettings
@@ -38,6 +39,15 @@ def stream(hfov_deg, size=(1280, 720), rotation=0, component=1, stream_id=1):
 
 def information(focal_mm=8.0, sensor_mm=(6.4, 4.8), size=(1920, 1080), component=1):
     return MessageEncoder(1, component).camera_information(1, "Nadir", focal_mm, sensor_mm, size)
+
+
+def named(vendor, model, size=(0, 0)):
+    """As ArduPilot has it of a SIYI camera: who made it, and a focal length without a sensor."""
+    names = [list(name.encode().ljust(32, b"\0")) for name in (vendor, model)]
+    message = ardupilotmega.MAVLink_camera_information_message(
+        1, *names, 0, 21.0, math.nan, math.nan, *size, 0, 0, 0, b"", 1
+    )
+    return MessageEncoder(1).pack(message)
 
 
 def settings_of(zoom):
@@ -168,3 +178,39 @@ def test_zoom_keeps_its_last_known_value(world):
     assert report(world).zoom_percent == 50.0
     sample = decode(Packet(T0, settings_of(50.0)))
     assert sample == CameraSettings(T0, 1, 1, 50.0, 0)
+
+
+@pytest.mark.parametrize(
+    ("vendor", "model", "size", "name"),
+    [
+        ("Siyi", "A8", (0, 0), "siyi-a8-mini"),
+        ("SIYI", "SIYI A8 mini", (1920, 1080), "siyi-a8-mini"),
+        ("Siyi", "ZR10", (0, 0), "siyi-zr10"),
+        ("DJI", "Mini3Pro", (0, 0), "dji-mini-3-pro"),
+        ("Raspberry Pi", "Camera Module v2", (1640, 1232), "raspberry-pi-camera-module-2"),
+        ("Raspberry Pi", "Camera Module 3 Wide", (1920, 1080), "raspberry-pi-camera-module-3-wide"),
+        # one whose picture may be of the sensor's middle; a radio link; a bare sensor; no name at all
+        ("Raspberry Pi", "Camera Module v2", (1920, 1080), ""),
+        ("Raspberry Pi", "Camera Module v2", (0, 0), ""),
+        ("Herelink", "Air Unit", (1920, 1080), ""),
+        ("", "imx219", (1640, 1232), ""),
+        ("", "A8", (0, 0), ""),
+        ("", "", (0, 0), ""),
+    ],
+)
+def test_a_camera_that_tells_its_name_alone_is_looked_up(world, vendor, model, size, name):
+    world.feed(named(vendor, model, size), T0)
+    if not name:
+        assert report(world) is None
+        return
+    known = CAMERAS[name]
+    assert math.degrees(report(world).hfov) == pytest.approx(known.hfov_deg)
+    assert (report(world).source, report(world).zoom_max) == (f"{name} by {known.source}", known.zoom_max)
+    world.feed(fov(50.0), T0)
+    assert (report(world).source, report(world).zoom_max) == ("CAMERA_FOV_STATUS", 1.0), "what is measured counts more"
+
+
+def test_every_known_camera_has_a_source_and_is_found_by_each_of_its_names():
+    for name, known in CAMERAS.items():
+        assert known.source and 10.0 < known.hfov_deg < 110.0
+        assert all(camera_model(each) is known for each in (name, name.upper().replace("-", " "), *known.also))

@@ -215,3 +215,14 @@ def test_fold_names_nothing_in_an_image_of_another_aspect():
     snapshot = pipeline.add_frame(0, t_us, image=np.zeros((480, 640, 3), np.uint8))
     assert snapshot.pose == "unknown" and snapshot.footprint_enu is None
     assert any(e.level == "alarm" and "nothing can be named" in e.text for e in snapshot.events)
+
+
+def test_a_known_camera_is_zoomed_as_it_reports():
+    optics = Optics(None)
+    known = {"hfov_deg": 81.0, "source": "siyi-a8-mini by its maker's data sheet", "zoom_max": 6.0, "model": "A8"}
+    wide = optics.intrinsics(0, report(**known), (1280, 720))
+    assert math.degrees(wide.hfov) == pytest.approx(81.0)
+    assert texts(optics) == ["camera as siyi-a8-mini by its maker's data sheet (A8) has it: 81.0° across 1280 px"]
+    assert optics.intrinsics(1, report(**known, zoom_percent=20.0), None).fx == pytest.approx(2.0 * wide.fx)
+    described = Optics(Camera(**NUMBERS)).intrinsics(0, report(**known, zoom_percent=20.0), (1920, 1080))
+    assert described.fx == 1300.0, "a mission that has the numbers says itself whether reports of zoom are followed"
