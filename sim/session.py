@@ -133,7 +133,7 @@ def frame_times(scenario: Scenario) -> tuple[FloatArray, NDArray[np.int64]]:
     return t, stamps
 
 
-def session_toml(scenario: Scenario, views: Sequence[World] = ()) -> dict[str, Any]:
+def session_toml(scenario: Scenario, views: Sequence[World]) -> dict[str, Any]:
     """The flight's ``session.toml``.
 
     Args:

@@ -252,8 +252,11 @@ def import_flight(out: Path, options: ImportOptions) -> ImportReport:
     unread = "; ".join(text for each in filmed for text in each.unread)
     unused = (("not read", unread), ("not in the mission", _not_in_mission(fleet, [each.uav_id for each in filmed])))
     report = replace(report, found=(*report.found, *((subject, text) for subject, text in unused if text)))
-    known = all(each.mission.map.takeoff_known for each in filmed)
-    mission = replace(mission, view=tuple(each.view for each in others), map=replace(mission.map, takeoff_known=known))
+    ground = replace(mission.map, takeoff_known=all(each.mission.map.takeoff_known for each in filmed))
+    try:
+        mission = replace(mission, view=tuple(each.view for each in others), map=ground)
+    except ValueError as error:
+        raise ImportFileError(str(error)) from None
     streams = [*fleet.streams(), *(each.records for each in filmed)]
     write_imported(out, [(each.film, each.film_us) for each in filmed], streams, mission, report.table())
     return report

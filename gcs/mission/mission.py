@@ -250,6 +250,9 @@ class Mission:
         strangers = sorted({i for fence in self.fence for i in fence.vehicles} - set(ids))
         if strangers:
             raise ValueError(f"a fence is for system id {strangers[0]}, which is no vehicle of this mission")
+        called = Counter(self.name_of(each.system_id) for each in (self.uav, *self.view))
+        if alike := sorted(name for name, count in called.items() if count > 1):
+            raise ValueError(f"two cameras are called {alike[0]}; give each aircraft and mast a name of its own")
 
     @property
     def ugv_ids(self) -> tuple[int, ...]:

@@ -14,6 +14,8 @@ from infra.files.segment import segments
 def session_warnings(opened: OpenedSession) -> Iterator[str]:
     """One line each; a replay may give other names than the flight where something lacks."""
     yield from opened.log.warnings
+    if left := opened.session.unnamed_views:
+        yield f"{', '.join(left)}: left aside, since the mission has no [[view]] for what is recorded there"
     for name, skipped in (opened.looks.skipped if opened.looks else {}).items():
         if skipped:
             yield f"{name}: {skipped} rows could not be read and were skipped"

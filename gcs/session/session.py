@@ -97,6 +97,15 @@ class Session:
         return tuple(folder for folder in folders if folder.is_dir() and folder.resolve() != own)
 
     @property
+    def unnamed_views(self) -> tuple[str, ...]:
+        """Folders of further cameras that the mission has not, so that they are left aside; of the first camera."""
+        if self.path.is_file() or not self.is_first_view:
+            return ()
+        known = len(self.mission.view) + 1 if self.mission else 1
+        names = (each.name for each in self.path.iterdir() if each.is_dir())
+        return tuple(sorted(name for name in names if (found := VIEW.fullmatch(name)) and int(found[1]) > known))
+
+    @property
     def is_first_view(self) -> bool:
         """True of what a flight's only or first camera recorded."""
         return self.path.is_file() or self.tlog.parent == self.path

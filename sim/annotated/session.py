@@ -41,7 +41,7 @@ def write_film_session(
     scenario = film.world.scenario
     with new_session(folder) as made:
         save_scenario(scenario, made / "scenario.toml")
-        (made / METADATA).write_bytes(tomli_w.dumps(session_toml(scenario)).encode())
+        (made / METADATA).write_bytes(tomli_w.dumps(session_toml(scenario, ())).encode())
         stamps_us = scenario.start_us + np.rint((t + scenario.timing.video_offset_s) * 1e6).astype(np.int64)
         write_frames(made / FRAMES.name, stamps_us)
         write_tlog(made / LOG, film.world)

@@ -237,6 +237,14 @@ def test_masts_that_cannot_be(old, new, message):
     assert message in str(refused.value)
 
 
+@pytest.mark.parametrize("further", ['system_id = 2\nname = "North"', "system_id = 3\n[[view]]\nsystem_id = 2"])
+def test_two_cameras_of_one_name_are_refused(further):
+    text = f"[uav]\nsystem_id = 1\nname = '{'North' if 'North' in further else 'UAV-2'}'\n[[ugv]]\nsystem_id = 11\n"
+    with pytest.raises(ConfigError, match=r"two cameras are called (North|UAV-2); give each"):
+        parse_mission(tomllib.loads(f"{text}[[view]]\n{further}"), "m.toml")
+    assert parse_mission(tomllib.loads(f"{text}[[view]]\nsystem_id = 9"), "m.toml").views[1].uav.name == "UAV-9"
+
+
 @pytest.mark.parametrize(
     ("video", "further", "command", "message"),
     [

@@ -45,7 +45,12 @@ FENCE = Fence(polygon=((48.1, 11.6), (48.2, 11.6), (48.2, 11.7)), keep="out", na
             map=MapChoice(tiles="/m.mbtiles"),
         ),
         replace(HEARD, view=(View(system_id=2), View(system_id=3, name="Mast", camera=LENS, video="udp://:5601"))),
-        Mission(mast=MAST, camera=LOW, ugv=HEARD.ugv, view=(View(mast=MAST, camera=LOW), View(system_id=2))),
+        Mission(
+            mast=MAST,
+            camera=LOW,
+            ugv=HEARD.ugv,
+            view=(View(mast=replace(MAST, name="West"), camera=LOW), View(system_id=2)),
+        ),
         replace(HEARD, signing=SigningChoice(keys="none")),
         replace(HEARD, signing=SigningChoice(keys="/keys", unsigned=(), keyless="open")),
     ],

@@ -60,6 +60,18 @@ def test_both_views_are_named(flight, named):
         identify_session(open_session(flight), out)
 
 
+def test_a_mission_of_one_camera_says_which_recordings_it_leaves_aside(flight, tmp_path):
+    text = (flight / "session.toml").read_text()
+    (alone := tmp_path / "alone.toml").write_text(text[: text.index("[[view]]")])
+    session = open_session(flight, mission=alone)
+    assert (session.unnamed_views, session.other_views) == (("view-2",), ())
+    assert open_session(flight).unnamed_views == open_session(flight / "view-2").unnamed_views == ()
+    analysis = Analysis(session)
+    analysis.close()
+    told = [line for line in analysis.warnings if "left aside" in line]
+    assert told == ["view-2: left aside, since the mission has no [[view]] for what is recorded there"]
+
+
 def test_each_view_hears_what_the_others_took_before(flight, monkeypatch):
     heard, told = [], Meeting.told
 
