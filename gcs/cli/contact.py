@@ -14,7 +14,8 @@ from gcs.cli.attach.client import naming_own_flight
 from gcs.cli.output.console import CONSOLE, print_note, redirect_stderr
 from gcs.cli.screen_options import ThemeName
 from gcs.errors import GcsError
-from gcs.flight.listening import HEARD_VIDEO, USUAL_LINKS, Listening, serial_hint, usual_links
+from gcs.flight.devices import cameras, serial_links
+from gcs.flight.listening import HEARD_VIDEO, USUAL_LINKS, Listening, usual_links
 from gcs.flight.video import AUTO, IF_OFFERED
 from gcs.mission.mission import Links, Mission, SigningChoice, keys_folder, load_mission
 from gcs.mission.roster import Found, HeardVehicle, Role, mission_of, proposed_roles
@@ -22,6 +23,7 @@ from gcs.mission.terrain_file import TerrainFile
 from gcs.mission.tile_file import TileFile
 from gcs.mission.written import MISSION_FILE
 from infra.files.safe_open import is_shared
+from infra.plain_text import plain
 from infra.processes.end_signals import AskedBySignals
 from infra.secrets import concealed
 from mavlink.errors import LinkError
@@ -251,7 +253,7 @@ def _find_fleet(listening: Listening, wanted: Wanted, asked: AskedBySignals) -> 
     if not vehicles and not (wanted.uav and wanted.ugv):
         raise LinkError(
             f"nothing is heard on {listening.where} in {wanted.listen_s:g} s: have the vehicles send there, or name "
-            f"another link{serial_hint()}"
+            f"another link: gcs fly -l {next(iter(serial_links()), '/dev/ttyUSB0,57600')}"
         )
     mission_of(roles)
     silent = [str(i) for i, role in roles.items() if role != "out" and i not in _reporting(listening)]
@@ -309,9 +311,14 @@ def _video(listening: Listening, found: Found) -> tuple[str, str]:
         return HEARD_VIDEO, "as it was heard"
     print_note(
         "no video is offered or heard: if the UAV offers one later it is shown; else end this flight and give its "
-        "address with --video, such as rtsp://192.168.1.10:8554/main or /dev/video0"
+        f"address with --video, such as rtsp://192.168.1.10:8554/main or {_plugged_in()}"
     )
     return IF_OFFERED, "when the UAV offers one"
+
+
+def _plugged_in() -> str:
+    """A camera of this computer, with its name, or how one is written."""
+    return next((f"{device} ({plain(name)})" for device, name in cameras().items()), "/dev/video0")
 
 
 def _origins(mission: Mission, found: Found, listening: Listening) -> dict[str, str]:

@@ -8,6 +8,7 @@ import shutil
 import socket
 from collections import deque
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from gcs.mission.mission import SigningChoice
@@ -19,7 +20,7 @@ from mavlink.errors import LinkError
 from mavlink.forwarding.outputs import parse_output
 from mavlink.ingest.ingest import Ingest
 from mavlink.ingest.plan import Outputs, Signing
-from mavlink.links.kinds import kind_of, parse_url
+from mavlink.links.kinds import kind_of, open_link, parse_url
 from mavlink.protocol.packet import Packet
 from mavlink.transmit.transmitter import SYSTEM_ID
 from vision.errors import VideoError
@@ -60,17 +61,11 @@ def usual_links() -> tuple[tuple[str, ...], tuple[str, ...]]:
     return tuple(links), tuple(taken)
 
 
-def serial_hint() -> str:
-    """Words that name a plugged-in radio, one of this computer where there is one: no device is opened unasked."""
-    devices = sorted(str(path) for kind in ("ttyUSB*", "ttyACM*") for path in Path("/dev").glob(kind))
-    return f": gcs fly -l {devices[0] if devices else '/dev/ttyUSB0'},57600"
-
-
 def open_ingest(
     links: Sequence[str],
     log: Path,
-    signing: SigningChoice,
     *,
+    signing: SigningChoice,
     forward: Sequence[str] = (),
     command: bool = False,
     accept_late: tuple[int, ...] = (),
@@ -103,7 +98,7 @@ class Listening:
     """Links in, a session folder that begins with them, and who is heard. One thread polls.
 
     Args:
-        links: what to listen to.
+        links: to listen to.
         sessions: where the folder is made.
         signing: whose packets count.
         forward: where packets go on to.
@@ -134,29 +129,50 @@ class Listening:
         for_video: bool = True,
         troubles: Sequence[str] = (),
     ) -> None:
-        self.links = tuple(links)
-        self.began_us = now_us()
-        self.roster = Roster()
         self.troubles = tuple(troubles)
-        self._kept: deque[Packet] = deque(maxlen=MOST_KEPT)
+        self._open = partial(open_ingest, signing=signing, forward=forward, command=command, accept_late=accept_late)
+        self._sessions = sessions
         self._handed_over = False
         self._video: socket.socket | None = None
         self._datagrams = 0
         self._video_us = 0
-        self.folder = create_folder(sessions)
-        try:
-            self.ingest = open_ingest(
-                links, self.folder / LOG, signing, forward=forward, command=command, accept_late=accept_late
-            )
-        except BaseException:
-            shutil.rmtree(self.folder, ignore_errors=True)
-            raise
+        self._begin(links)
         if for_video:
             try:
                 self._video = bind("", PORT)
                 self._video.setblocking(False)
             except VideoError as error:
                 self.troubles += (str(error),)
+
+    def _begin(self, links: Sequence[str]) -> None:
+        """Open these links, and record them into a folder of their own."""
+        folder, began_us = create_folder(self._sessions), now_us()
+        try:
+            self.ingest = self._open(links, folder / LOG)
+        except BaseException:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
+        self.folder, self.links, self.began_us = folder, tuple(links), began_us
+        self.roster = Roster()
+        self._kept: deque[Packet] = deque(maxlen=MOST_KEPT)
+
+    def add_link(self, url: str) -> None:
+        """Listen to one more link from now on; the recording and who is heard begin anew.
+
+        Raises:
+            LinkError: it cannot be opened; the others are listened to as before.
+            SessionError: no other folder can be made.
+        """
+        if parse_url(url).name in self.ingest.names:
+            raise LinkError(f"{url} is listened to already")
+        open_link(url).close()  # whoever mistypes a device loses nothing
+        self.ingest.stop()
+        shutil.rmtree(self.folder, ignore_errors=True)
+        try:
+            self._begin((*self.links, url))
+        except LinkError:
+            self._begin(self.links)
+            raise
 
     @property
     def where(self) -> str:

@@ -85,7 +85,7 @@ def open_links(plan: FlightPlan, log: Path) -> Ingest:
     return open_ingest(
         plan.links,
         log,
-        mission.signing,
+        signing=mission.signing,
         forward=plan.forward,
         command=plan.command,
         accept_late=plan.accept_late,

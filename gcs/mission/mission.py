@@ -250,7 +250,7 @@ class Mission:
         strangers = sorted({i for fence in self.fence for i in fence.vehicles} - set(ids))
         if strangers:
             raise ValueError(f"a fence is for system id {strangers[0]}, which is no vehicle of this mission")
-        called = Counter(self.name_of(each.system_id) for each in (self.uav, *self.view))
+        called = Counter(map(self.name_of, self._cameras))
         if alike := sorted(name for name, count in called.items() if count > 1):
             raise ValueError(f"two cameras are called {alike[0]}; give each aircraft and mast a name of its own")
 
@@ -262,8 +262,12 @@ class Mission:
     @property
     def system_ids(self) -> tuple[int, ...]:
         """System ids of all who fly and drive: the aircraft with cameras first."""
-        films = (self.uav.system_id, *(view.system_id for view in self.view))
-        return (*(each for each in films if each < MAST_ID), *self.ugv_ids)
+        return (*(each for each in self._cameras if each < MAST_ID), *self.ugv_ids)
+
+    @property
+    def _cameras(self) -> tuple[int, ...]:
+        """System ids of what carries a camera, masts too, in the order of the file."""
+        return (self.uav.system_id, *(view.system_id for view in self.view))
 
     @property
     def views(self) -> tuple[Mission, ...]:

@@ -12,7 +12,9 @@ from textual.binding import Binding, BindingType
 from textual.strip import Strip
 from textual.widget import Widget
 
-from gcs.flight.listening import HEARD_VIDEO, Listening, serial_hint
+from gcs.errors import SessionError
+from gcs.flight.devices import cameras, serial_links
+from gcs.flight.listening import HEARD_VIDEO, Listening
 from gcs.flight.video import check_source
 from gcs.mission.mission import usual_name
 from gcs.mission.roster import Found, HeardVehicle, Role, proposed_roles
@@ -28,6 +30,7 @@ from gcs.tui.themes import Colour, ThemeName
 from infra.plain_text import plain
 from infra.secrets import concealed
 from infra.wall_clock import now_us
+from mavlink.errors import LinkError
 from mavlink.protocol.packet import Auth
 from mavlink.state import SILENT_S
 from vision.errors import VideoError
@@ -54,6 +57,7 @@ HINTS: Final = (
     ("f", "films"),
     ("r", "rename"),
     ("v", "video"),
+    ("s", "serial port"),
     ("t", "theme"),
 )
 
@@ -84,6 +88,7 @@ class StartApp(TerminalApp):
         Binding("f", "film", "Films", id="start.film", tooltip="It carries the camera, and no other one"),
         Binding("r", "rename", "Rename", id="start.rename", tooltip="Call it otherwise"),
         Binding("v", "video", "Video", id="start.video", tooltip="Type the address of the video"),
+        Binding("s", "serial", "Serial port", id="start.serial", tooltip="Listen to a radio at a serial port, too"),
         THEME,
         Binding("q,ctrl+q,escape", "leave", "Quit", id="start.quit", tooltip="Quit; nothing has flown"),
     ]
@@ -197,8 +202,31 @@ class StartApp(TerminalApp):
                 self._video = text or None
             self._show_all()
 
-        hint = "rtsp://192.168.1.10:8554/main, udp://:5600, /dev/video0; nothing: as offered or heard"
-        self.push_screen(Prompt("Address of the video", hint, check, value=self._video or ""), take)
+        there = cameras()
+        plugged_in = [f"{device} ({plain(name)})" for device, name in there.items()]
+        hint = f"rtsp://192.168.1.10:8554/main, {', '.join(plugged_in) or '/dev/video0'}; nothing: as offered or heard"
+        comes = self._listening.offer or self._listening.hears_video
+        value = self._video or ("" if comes else next(iter(there), ""))
+        self.push_screen(Prompt("Address of the video", hint, check, value=value), take)
+
+    def action_serial(self) -> None:
+        """Prompt for a serial port: none is opened unasked, since anything may hang on it."""
+
+        def open_port(text: str) -> str:
+            try:
+                self._listening.add_link(text.strip())
+            except (LinkError, SessionError) as error:
+                raise ValueError(str(error)) from error
+            return text
+
+        there = self._serial_links()
+        hint = f"here: {', '.join(there) or 'none'}; enter opens it, with its rate: 57600, 115200 or 921600"
+        value = next(iter(there), "/dev/ttyUSB0,57600")
+        self.push_screen(Prompt("Serial port to listen to", hint, open_port, value=value))
+
+    def _serial_links(self) -> list[str]:
+        """Serial ports that are there and not listened to."""
+        return [link for link in serial_links() if link not in self._listening.links]
 
     def _choose(self, system_id: int, role: Role) -> None:
         if role == "films":  # one films: who did before is as it would be without a choice
@@ -235,8 +263,11 @@ class StartApp(TerminalApp):
         """Lines to be known under the table, the standing last."""
         standing, good = _standing(roles)
         lines = [[(" video  ", ink(FAINT)), self._video_part()]]
-        if not roles and (now_us() - self._listening.began_us) * 1e-6 > LONG_S:
-            lines.append([(f" A radio on a serial port{serial_hint()}", ink(INK))])
+        ports = self._serial_links()
+        if ports or (not roles and (now_us() - self._listening.began_us) * 1e-6 > LONG_S):
+            lines.append(
+                [(f" A radio on a serial port: s listens to it (here: {', '.join(ports) or 'none'})", ink(INK))]
+            )
         for trouble in self._listening.troubles:
             lines += [[(f" {part}", ink(WARN))] for part in folded(plain(trouble), max(self.size.width - 2, 20))]
         if Path(MISSION_FILE).is_file():

@@ -1,10 +1,12 @@
 """A flight without a mission file: who is heard flies, from the first packet on, and can be flown again."""
 
 import json
+import os
 import socket
 import threading
 import tomllib
-from contextlib import ExitStack
+import tty
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from datetime import datetime
 
@@ -15,10 +17,12 @@ from gcs.cli import contact
 from gcs.cli.contact import parse_ids
 from gcs.errors import GcsError
 from gcs.flight import listening
-from gcs.mission.mission import load_mission
+from gcs.flight.listening import Listening
+from gcs.mission.mission import SigningChoice, load_mission
 from gcs.mission.roster import Roster, mission_of, proposed_roles
 from gcs.mission.written import save_mission
 from gcs.session.session import open_session
+from mavlink.errors import LinkError
 from mavlink.protocol.encoder import COPTER, ROVER
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.tlog.log import Tlog
@@ -121,6 +125,31 @@ def air(tmp_path, monkeypatch):
             return run_gcs("fly", "-l", f"udpin:127.0.0.1:{port}", "-v", "", "--headless", "--duration", 0.4, *words)
 
         yield fly
+
+
+def test_a_serial_port_is_listened_to_beside_the_other_links(tmp_path):
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    port, device = free_port(), f"{os.ttyname(theirs)},57600"
+    with closing(Listening([f"udpin:127.0.0.1:{port}"], tmp_path, SigningChoice(), for_video=False)) as heard:
+        with pytest.raises(LinkError, match="is it plugged in"):
+            heard.add_link("/dev/ttyNone7,57600")
+        assert len(heard.links) == 1 and len(list(tmp_path.iterdir())) == 1
+        heard.add_link(device)
+        with pytest.raises(LinkError, match="listened to already"):
+            heard.add_link(device)
+        beat = dialect.MAVLink_heartbeat_message(ROVER, 3, 0, 0, 4, 3)
+        with closing(FakeVehicle(("127.0.0.1", port), 1, kind=COPTER)):
+            encoder = MessageEncoder(11)
+            for _ in range(100):
+                os.write(ours, encoder.pack(beat))
+                heard.poll(0.1)
+                if len(heard.roster.vehicles) == 2:
+                    break
+        assert [(each.system_id, each.link) for each in heard.roster.vehicles] == [(1, 0), (11, 1)]
+        assert [each for each in tmp_path.iterdir()] == [heard.folder]
+    os.close(ours)
+    os.close(theirs)
 
 
 def test_who_is_heard_flies_and_the_saved_mission_is_the_same(air, tmp_path):

@@ -4,9 +4,11 @@ from types import SimpleNamespace
 
 import pytest
 
+from gcs.flight import devices
 from gcs.mission.roster import HeardVehicle, mission_of
 from gcs.tui.start_app import StartApp
 from infra.wall_clock import now_us
+from mavlink.errors import LinkError
 from mavlink.protocol.encoder import COPTER, ROVER
 from mavlink.protocol.packet import Auth
 from tests.support.fake_station import HOSTILE
@@ -27,6 +29,7 @@ def air(*vehicles, offer="", hears_video=False, troubles=()):
         offer=offer,
         hears_video=hears_video,
         troubles=troubles,
+        links=("udpin:0.0.0.0:14550",),
         where="UDP 14550, 14540, 14551",
         began_us=now_us() - 8_000_000,
         poll=lambda timeout_s: None,
@@ -130,3 +133,49 @@ async def test_more_vehicles_than_rows_follow_the_picked_one():
     many = (COPTER_1, *(vehicle(i, ROVER) for i in range(11, 51)))
     _, text = await press(air(*many), *["down"] * 40)
     assert "UGV-50" in text and "UGV-11" not in text and "40 are named" in text
+
+
+@pytest.fixture
+def plugged_in(tmp_path, monkeypatch):
+    """A computer with two serial ports, and a camera that has two devices."""
+    monkeypatch.setattr(devices, "DEV", tmp_path / "dev")
+    monkeypatch.setattr(devices, "CLASSES", tmp_path / "classes")
+    (tmp_path / "dev").mkdir()
+    for name in ("ttyUSB0", "ttyACM0", "ttyS0", "video0", "video1"):
+        (tmp_path / "dev" / name).touch()
+    for index, name in enumerate(("video0", "video1")):
+        (tmp_path / "classes" / name).mkdir(parents=True)
+        (tmp_path / "classes" / name / "index").write_text(f"{index}\n")
+        (tmp_path / "classes" / name / "name").write_text("[b]Cam[/b]\n")
+    return tmp_path / "dev"
+
+
+async def test_a_serial_port_is_offered_and_opened_only_after_a_question(plugged_in):
+    asked, listening = [], air()
+
+    def add_link(url):
+        asked.append(url)
+        if "ACM" in url:
+            raise LinkError("it is not free")
+        listening.links = (*listening.links, url)
+
+    listening.add_link = add_link
+    _, text = await press(listening)
+    radio, autopilot = f"{plugged_in}/ttyUSB0,57600", f"{plugged_in}/ttyACM0,115200"
+    assert devices.serial_links() == (autopilot, radio) and "s listens to it" in text and not asked
+    await press(listening, "s")
+    await press(listening, "s", "escape")
+    assert not asked
+    _, text = await press(listening, "s", "enter")
+    assert asked == [autopilot] and not text, "the question stays where a port cannot be opened"
+    (plugged_in / "ttyACM0").unlink()
+    _, text = await press(listening, "s", "enter")
+    assert asked[1:] == [radio] and "(here: none)" in text
+
+
+async def test_a_camera_that_is_plugged_in_is_offered_where_no_video_comes(plugged_in):
+    assert devices.cameras() == {f"{plugged_in}/video0": "[b]Cam[/b]"}
+    app, _ = await press(air(COPTER_1, *ROVERS), "v", "enter", "enter")
+    assert app.found.video == f"{plugged_in}/video0"
+    app, _ = await press(air(COPTER_1, *ROVERS, hears_video=True), "v", "enter", "enter")
+    assert app.found.video is None
