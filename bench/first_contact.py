@@ -151,7 +151,7 @@ def _send_log(session: Path, start_us: int, done: threading.Event) -> None:
     encoder = dialect.MAVLink(None)
     with contextlib.ExitStack() as stack:
         outlets: dict[int, socket.socket] = {}
-        for number in range(len(log.index.times_us)):
+        for number in range(len(log.index.t_us)):
             packet = log.packet(number)
             if packet.system_id in STATIONS:
                 continue
@@ -211,6 +211,7 @@ def flown(folder: Path, command: Sequence[str], words: Sequence[str], *, screen:
     """Fly from an empty folder; when the command was given, Unix seconds, and the keys that were pressed."""
     home = {name: str(folder / "home") for name in ("HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME")}
     env = os.environ | home | {"TERM": "xterm-256color", "COLUMNS": "120", "LINES": "40"}
+    env["PYTHONPATH"] = str(Path(__file__).parents[1])  # for the flight that is given recorded boxes
     began_s, keys = time.time(), ""
     ours, theirs = pty.openpty() if screen else (-1, subprocess.DEVNULL)
     with (folder / "output.txt").open("wb") as output:
@@ -259,6 +260,9 @@ def contact(fleet: str, way: str, folder: Path, live: Path, began_s: float, keys
     first_s = float(matched.time_us[right].min()) * 1e-6 - began_s if right.any() else np.nan
     pairs = {(int(t), int(n)) for t, n in zip(matched.truth[wrong], matched.named[wrong], strict=True)}
     words = ", ".join(f"{t} called {n}" for t, n in sorted(pairs)[:4])
+    for row in np.flatnonzero(wrong).tolist():
+        at_s, sure = matched.time_us[row] * 1e-6 - began_s, matched.confidence[row]
+        print(f"  {at_s:.1f} s: {matched.truth[row]} called {matched.named[row]} at {sure:.2f}", file=sys.stderr)
     print(f"{fleet} {way}: stamps {delay_us * 1e-6:.2f} s after the truth, {len(frames_us)} frames", file=sys.stderr)
     return replace(
         none, first_s=first_s, named=int(named.sum()), wrong=int(wrong.sum()), wrong_words=words if wrong.any() else ""

@@ -17,7 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from infra.wall_clock import now_us
 from sim.errors import PlayError
-from sim.practice import Troubles
+from sim.practice import MIRROR, VIDEO, Troubles
 from sim.render.broadcast import VideoSender
 from sim.telemetry.messages import camera
 from sim.telemetry.vehicle_telemetry import TELEMETRY_FROM_S, TelemetryPacket, fleet_telemetry
@@ -117,7 +117,7 @@ def play(
         for packet in _on_time(fleet_telemetry(world, start_us, views), start_us, stop, on_tick):
             troubles.listen()
             for system_id, sender in senders.items():
-                sender.lost = troubles.video_is_lost(system_id)
+                sender.lost, sender.mirrored = (troubles.has(name, system_id) for name in (VIDEO, MIRROR))
             for forged, raw in troubles.frames(packet.raw):
                 (impostor if forged else sockets[packet.system_id]).sendto(raw, target)
                 packets[packet.system_id] += not forged

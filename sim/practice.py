@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import socket
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
@@ -14,12 +15,17 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from sim.errors import PlayError
 from sim.world.scenario import UAV_ID
 
-VIDEO = "video"
+VIDEO, MIRROR, ELSEWHERE = "video", "mirror", "elsewhere"
+OF_CAMERAS, OF_THE_FLEET = (VIDEO, MIRROR), (ELSEWHERE,)
+"""Troubles of an aircraft's camera, of the first one's without an id, and those of no vehicle alone."""
 TROUBLES: Mapping[str, str] = MappingProxyType(
     {
         "battery": "its battery is nearly empty",
+        "charge": "its battery is low",
         "link": "its link is lost",
         "loss": "its link loses packets",
+        "far": "its link loses most packets",
+        "garbled": "what it sends is no MAVLink",
         "impostor": "another sender uses its system id, 80 m away",
         "lie": "it reports to be 30 m from where it is",
         "frozen": "its position stands still",
@@ -32,18 +38,24 @@ TROUBLES: Mapping[str, str] = MappingProxyType(
         "clock": "its date is a minute off",
         "reboot": "it boots again",
         "sensor": "a sensor of it fails",
+        "arming": "it cannot be armed",
         "text": "it says that something is wrong",
         VIDEO: "the video stops",
+        MIRROR: "the picture is mirrored",
+        ELSEWHERE: "no vehicle is where the film shows one",
     }
 )
-"""Troubles that there are, by name; the last is of no ground vehicle, and without an id of the first aircraft."""
-LOST_SHARE = 0.4
-LIE_M, IMPOSTOR_M = 30.0, 80.0
+"""Troubles that there are, by name."""
+LOST_SHARES = {"loss": 0.4, "far": 0.75}
+LIE_M, IMPOSTOR_M, ELSEWHERE_M = 30.0, 80.0, 40.0
+_TURN = 2.4
+"""From the direction in which a vehicle is elsewhere to that of the next one, rad: no two are alike."""
 _DEGREES7_PER_M = 1e7 / 111_195.0
 _SAYS_EVERY = 10
 """Heartbeats."""
 _MOST_BYTES = 64
-_SENSORS = dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO | dialect.MAV_SYS_STATUS_SENSOR_GPS
+_GYRO, _ARMING = dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO, dialect.MAV_SYS_STATUS_PREARM_CHECK
+_SENSORS = _GYRO | dialect.MAV_SYS_STATUS_SENSOR_GPS | _ARMING
 _FILTER_WELL = (
     dialect.EKF_ATTITUDE
     | dialect.EKF_VELOCITY_HORIZ
@@ -59,7 +71,7 @@ Message = Any
 
 
 def parse_trouble(text: str, ids: Sequence[int]) -> tuple[str, int]:
-    """A trouble and whose it is: ``battery 12``, ``video``, ``video 2``.
+    """A trouble and whose it is, 0 nobody's alone: ``battery 12``, ``video``, ``video 2``, ``elsewhere``.
 
     Raises:
         ValueError: no such trouble, or no such vehicle.
@@ -67,7 +79,9 @@ def parse_trouble(text: str, ids: Sequence[int]) -> tuple[str, int]:
     name, _, number = text.strip().partition(" ")
     if name not in TROUBLES:
         raise ValueError(f"{name}: is no trouble; there are {', '.join(TROUBLES)}")
-    if name == VIDEO and not number:
+    if name in OF_THE_FLEET and not number:
+        return name, 0
+    if name in OF_CAMERAS and not number:
         return name, UAV_ID
     if not (number.isascii() and number.isdecimal() and int(number) in ids):
         raise ValueError(f"{text}: name one of the vehicles {', '.join(map(str, ids))} behind it")
@@ -96,6 +110,8 @@ class Troubles:
         self._boot_ms: dict[int, int] = {}
         """Time that is taken from the boot times of vehicles that booted again."""
         self._beats = dict.fromkeys(self._ids, 0)
+        self._driving: set[int] = set()
+        """Those that beat as ground vehicles."""
         self._rng = np.random.default_rng(1)
         self._socket: socket.socket | None = None
         if port:
@@ -107,9 +123,9 @@ class Troubles:
                 self._socket.close()
                 raise PlayError(f"UDP port {port} cannot be had: {error.strerror}") from error
 
-    def video_is_lost(self, uav_id: int = UAV_ID) -> bool:
-        """Tell whether no frame of this aircraft's is to be sent."""
-        return (VIDEO, uav_id) in self._on
+    def has(self, name: str, system_id: int) -> bool:
+        """Tell whether a trouble is on."""
+        return (name, system_id) in self._on
 
     def toggle(self, text: str) -> None:
         """Begin or end a trouble.
@@ -141,7 +157,7 @@ class Troubles:
         """Frames that are sent in place of a frame: whether by the impostor, and the frame."""
         message = self._parser.decode(bytearray(raw))
         system_id, kind = message.get_srcSystem(), message.get_type()
-        on = {name for name, whose in self._on if whose == system_id}
+        on = {name for name, whose in self._on if whose in (0, system_id)}
         if "impostor" in on and kind in ("HEARTBEAT", "GLOBAL_POSITION_INT"):
             forged = self._parser.decode(bytearray(raw))
             if kind == "GLOBAL_POSITION_INT":
@@ -149,12 +165,13 @@ class Troubles:
             yield True, self._packed(forged, system_id, message.get_srcComponent(), "impostor")
         messages = [] if on & _SILENCED.get(kind, frozenset()) else [self._changed(message, system_id, on)]
         if kind == "HEARTBEAT":
+            self._driving |= {system_id} if message.type == dialect.MAV_TYPE_GROUND_ROVER else set()
             messages += self._beside(system_id, on)
         for each in messages:
             frame = self._packed(each, system_id, message.get_srcComponent(), "")
-            lost = "link" in on or ("loss" in on and self._rng.random() < LOST_SHARE)
-            if not lost:
-                yield False, frame
+            share = max((LOST_SHARES[name] for name in on & LOST_SHARES.keys()), default=0.0)
+            if "link" not in on and self._rng.random() >= share:
+                yield False, frame[::-1] if "garbled" in on else frame
 
     def _changed(self, message: Message, system_id: int, on: set[str]) -> Message:
         """A message as it is with the troubles of its vehicle."""
@@ -163,6 +180,9 @@ class Troubles:
             place = self._frozen.setdefault(system_id, (message.lat, message.lon)) if "frozen" in on else None
             message.lat, message.lon = place or (message.lat, message.lon)
             message.lat += round(LIE_M * _DEGREES7_PER_M) if "lie" in on else 0
+            if ELSEWHERE in on and system_id in self._driving:
+                message.lat += round(ELSEWHERE_M * math.cos(_TURN * system_id) * _DEGREES7_PER_M)
+                message.lon += round(ELSEWHERE_M * math.sin(_TURN * system_id) * _DEGREES7_PER_M)
         if kind == "GPS_RAW_INT" and on & {"fix", "satellites"}:
             message.fix_type = dialect.GPS_FIX_TYPE_NO_FIX if "fix" in on else message.fix_type
             message.satellites_visible = 4
@@ -180,8 +200,8 @@ class Troubles:
     def _beside(self, system_id: int, on: set[str]) -> Iterator[Message]:
         """Messages that go with a heartbeat."""
         self._beats[system_id] = self._beats.get(system_id, 0) + 1
-        health = _SENSORS & ~dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO if "sensor" in on else _SENSORS
-        millivolts, percent = (10_100, 7) if "battery" in on else (12_400, 81)
+        health = _SENSORS & ~(_GYRO * ("sensor" in on)) & ~(_ARMING * ("arming" in on))
+        millivolts, percent = (10_100, 7) if "battery" in on else (11_100, 20) if "charge" in on else (12_400, 81)
         yield dialect.MAVLink_sys_status_message(
             *(_SENSORS, _SENSORS, health, 200, millivolts, 500, percent), *([0] * 6)
         )

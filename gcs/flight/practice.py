@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 from collections.abc import Callable, Collection, Sequence
 
-from sim.practice import TROUBLES, VIDEO
+from sim.practice import OF_CAMERAS, OF_THE_FLEET, TROUBLES
 
 
 class PractisedFleet:
@@ -40,4 +40,5 @@ class PractisedFleet:
         self._on_event(trouble[1], f"practised: {TROUBLES[key]}{'; it ends' if ends else ''}")
 
     def _of(self, key: str, system_id: int) -> tuple[str, int]:
-        return key, 0 if key == VIDEO and system_id not in self._films else system_id
+        concerns_none = key in OF_THE_FLEET or (key in OF_CAMERAS and system_id not in self._films)
+        return key, 0 if concerns_none else system_id

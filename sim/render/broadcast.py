@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import IO, Any
 
 import av
+import numpy as np
 
 from sim.errors import PlayError
 from sim.render.film import Film
@@ -41,6 +42,8 @@ class VideoSender:
         self.sent, self.skipped = 0, 0
         self.lost = False
         """True if frames are drawn and not sent, as by a link that is lost; set by another thread."""
+        self.mirrored = False
+        """True if left and right are exchanged in what is sent; set by another thread."""
 
     def start(self, start_us: int) -> None:
         """Begin; the first frame is exposed at that Unix time.
@@ -89,7 +92,7 @@ class VideoSender:
                 return
             image = self._film.image(t, index)
             if not self.lost:
-                send(image, round(t / TIME_BASE))
+                send(np.ascontiguousarray(image[:, ::-1]) if self.mirrored else image, round(t / TIME_BASE))
                 self.sent += 1
                 self._write_truth(t)
             # the next frame is the first whose exposure is still to come, or has just been

@@ -1,12 +1,13 @@
 """Each trouble that an operator practises with does to the frames what it says, and ends again."""
 
+import math
 import socket
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from sim.errors import PlayError
-from sim.practice import TROUBLES, Troubles, parse_trouble
+from sim.practice import OF_CAMERAS, TROUBLES, Troubles, parse_trouble
 from tests.support.ports import free_port
 
 IDS = (1, 11, 12)
@@ -27,7 +28,8 @@ def sent(troubles, seconds=20, system_id=11):
             raw = bytes(message.pack(source))
             source.seq = (source.seq + 1) % 256
             for by_impostor, frame in troubles.frames(raw):
-                (forged if by_impostor else own).append(parser.decode(bytearray(frame)))
+                if frame[0] in (0xFD, 0xFE):
+                    (forged if by_impostor else own).append(parser.decode(bytearray(frame)))
     return own, forged
 
 
@@ -38,7 +40,23 @@ def of(kind, messages):
 POSITION, STATUS, GPS, FILTER = "GLOBAL_POSITION_INT", "SYS_STATUS", "GPS_RAW_INT", "EKF_STATUS_REPORT"
 ALL = 140
 """Messages of twenty seconds."""
+
+
+def health(status):
+    """What is wrong of the sensors that a vehicle uses."""
+    return status.onboard_control_sensors_enabled & ~status.onboard_control_sensors_health
+
+
+def hypot(place):
+    """From the place that is sent without a trouble, 1e-7 degrees."""
+    return math.hypot(place.lat - 10**8, place.lon)
+
+
 SHOWS = {
+    "charge": lambda own, forged: {m.battery_remaining for m in of(STATUS, own)} == {20},
+    "far": lambda own, forged: 15 < len(own) < 60,
+    "garbled": lambda own, forged: own == [],
+    "arming": lambda own, forged: {health(m) for m in of(STATUS, own)} == {dialect.MAV_SYS_STATUS_PREARM_CHECK},
     "battery": lambda own, forged: {m.battery_remaining for m in of(STATUS, own)} == {7},
     "link": lambda own, forged: own == [],
     "loss": lambda own, forged: 50 < len(own) < 110 and len({m.get_seq() for m in own}) == len(own),
@@ -53,31 +71,40 @@ SHOWS = {
     "attitude": lambda own, forged: not of("ATTITUDE", own) and len(own) == ALL - 20,
     "clock": lambda own, forged: {m.time_unix_usec for m in of("SYSTEM_TIME", own)} == {10**15 + 60_000_000},
     "reboot": lambda own, forged: of(POSITION, own)[0].time_boot_ms == 0 < of(POSITION, own)[1].time_boot_ms < 2000,
-    "sensor": lambda own, forged: all(
-        m.onboard_control_sensors_health < m.onboard_control_sensors_enabled for m in of(STATUS, own)
-    ),
+    "sensor": lambda own, forged: {health(m) for m in of(STATUS, own)} == {dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO},
     "text": lambda own, forged: len(of("STATUSTEXT", own)) == 2,
     "video": lambda own, forged: len(own) == ALL,
+    "mirror": lambda own, forged: len(own) == ALL,
+    "elsewhere": lambda own, forged: 39.0 < 0.0111195 * hypot(of(POSITION, own)[0]) < 41.0,
 }
 
 
 @pytest.mark.parametrize("name", TROUBLES)
 def test_a_trouble_shows_in_the_frames_of_its_vehicle_alone_and_ends(name):
     troubles = Troubles(IDS)
-    troubles.toggle(name if name == "video" else f"{name} 11")
-    assert troubles.video_is_lost() == (name == "video")
+    said = f"{name} 11" if name not in OF_CAMERAS else name
+    troubles.toggle(said)
+    assert [troubles.has(each, 1) for each in OF_CAMERAS] == [each == name for each in OF_CAMERAS]
     assert SHOWS[name](*sent(troubles))
     own, forged = sent(troubles, system_id=12)
     assert len(own) == ALL and not forged and of(POSITION, own)[0].lat == 10**8
     if name != "reboot":
-        troubles.toggle(name if name == "video" else f"{name} 11")
-    assert not troubles.video_is_lost() and len(sent(troubles)[0]) == ALL
+        troubles.toggle(said)
+    assert not any(troubles.has(each, 1) for each in OF_CAMERAS) and len(sent(troubles)[0]) == ALL
 
 
 @pytest.mark.parametrize("text", ["", "fire 11", "battery", "battery 99", "battery ²", "lie 11 12"])
 def test_no_trouble_is_taken_for_another(text):
     with pytest.raises(ValueError, match=r"there are battery|name one of"):
         parse_trouble(text, IDS)
+
+
+def test_a_trouble_of_nobody_alone_is_the_whole_fleets():
+    assert parse_trouble("elsewhere", IDS) == ("elsewhere", 0) and parse_trouble("mirror", IDS) == ("mirror", 1)
+    troubles = Troubles(IDS)
+    troubles.toggle("elsewhere")
+    own = {system_id: of(POSITION, sent(troubles, system_id=system_id)[0])[0] for system_id in (11, 12)}
+    assert own[11].lat != own[12].lat and all(0.0111195 * hypot(place) > 39.0 for place in own.values())
 
 
 def test_troubles_come_by_a_port_of_this_computer_and_noise_there_is_passed_over():
@@ -88,7 +115,7 @@ def test_troubles_come_by_a_port_of_this_computer_and_noise_there_is_passed_over
             outlet.sendto(data, ("127.0.0.1", port))
     for _ in range(100):
         troubles.listen()
-    assert troubles.video_is_lost()
+    assert troubles.has("video", 1)
     with pytest.raises(PlayError, match="cannot be had"):
         Troubles(IDS, port)
     troubles.close()

@@ -22,7 +22,14 @@ ALARMS = {
     "sensor": "part 16",
     "text": "text 17",
 }
-MORE = {"satellites": ("reception", 11), "filter": ("doubted", 13), "compass": ("compass", 16), "clock": ("clock", 17)}
+MORE = {
+    "arming": ("arming", 12),
+    "charge": ("battery", 14),
+    "satellites": ("reception", 11),
+    "filter": ("doubted", 13),
+    "compass": ("compass", 16),
+    "clock": ("clock", 17),
+}
 
 
 def is_placed(row):
