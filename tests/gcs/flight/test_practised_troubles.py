@@ -23,8 +23,8 @@ ALARMS = {
     "text": "text 17",
 }
 MORE = {
-    "arming": ("arming", 12),
-    "charge": ("battery", 14),
+    "arming": ("arming", 17),
+    "charge": ("battery", 15),
     "satellites": ("reception", 11),
     "filter": ("doubted", 13),
     "compass": ("compass", 16),

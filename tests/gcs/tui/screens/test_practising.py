@@ -15,7 +15,11 @@ async def test_a_trouble_begins_and_ends_with_two_keys_each():
         assert "nearly empty – is on, ends it" in screen_text(app)
         await pilot.press("enter", "X", "end", "enter")
     battery = "practised: its battery is nearly empty"
-    assert told == [(11, battery), (11, f"{battery}; it ends"), (0, "practised: the video stops")]
+    assert told == [
+        (11, battery),
+        (11, f"{battery}; it ends"),
+        (0, "practised: no vehicle is where the film shows one"),
+    ]
 
 
 async def test_a_real_fleet_has_no_troubles_to_practise_with():
