@@ -162,6 +162,7 @@ def prepare(
         links=links,
         video=loaded.links.video if wanted.video is None else wanted.video,
         forward=wanted.forward or _checked_outputs(mission, loaded.links.forward, command=command),
+        origins={"": f"As {mission.name} has it, and what changed in flight; docs/mission.md has every key."},
     )
 
 
@@ -313,7 +314,7 @@ def _video(listening: Listening, found: Found) -> tuple[str, str]:
         "no video is offered or heard: if the UAV offers one later it is shown; else end this flight and give its "
         f"address with --video, such as rtsp://192.168.1.10:8554/main or {_plugged_in()}"
     )
-    return IF_OFFERED, "when the UAV offers one"
+    return IF_OFFERED, 'was neither offered nor heard: "auto" takes what the UAV offers, else write its address here'
 
 
 def _plugged_in() -> str:

@@ -272,13 +272,15 @@ class Flight:
 
         A camera that the film showed is in it.
         """
-        mission, origins = self._first.pipeline.mission, self._plan.origins
+        mission = self._first.pipeline.mission
+        taken_in = set(mission.ugv_ids) - set(self._plan.mission.ugv_ids)
+        origins = {**dict.fromkeys(map(str, taken_in), "taken in during the flight"), **self._plan.origins}
         cameras = {view.uav_id: found for view in self._views.all.values() if (found := view.pipeline.found_camera)}
         views = (replace(view, camera=cameras.get(view.system_id, view.camera)) for view in mission.view)
         mission = replace(mission, view=tuple(views))
         if found := cameras.get(self._first.uav_id):
             mission = replace(mission, camera=found)
-            origins = {**origins, "camera": f"Found from the film of {self.title}: gcs calibrate measures it better."}
+            origins |= {"camera": f"Found from the film of {self.title}: gcs calibrate measures it better."}
         path, new = save_mission(mission, origins, Path.cwd())
         return f"the mission is {'saved' if new else 'already'} in {path.name}: gcs fly {path.name} flies it again"
 

@@ -9,6 +9,7 @@ import tty
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from datetime import datetime
+from itertools import pairwise
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -159,7 +160,10 @@ def test_who_is_heard_flies_and_the_saved_mission_is_the_same(air, tmp_path):
     saved, flown = load_mission(tmp_path / "mission.toml"), open_session(folder).mission
     assert (saved.uav, saved.ugv, saved.camera) == (flown.uav, flown.ugv, flown.camera)
     assert [v.name for v in (saved.uav, *saved.ugv)] == ["UAV", "UGV-11", "UGV-12"]
-    comments = [line for line in (tmp_path / "mission.toml").read_text().splitlines() if line.startswith("# ")]
+    lines = (tmp_path / "mission.toml").read_text().splitlines()
+    comments = [line for line in lines if line.startswith("# ")]
+    told_of = [line for above, line in pairwise(lines) if line.startswith("[") and above.startswith("# ")]
+    assert told_of == [line for line in lines if line.startswith("[")] == ["[uav]", "[[ugv]]", "[[ugv]]", "[links]"]
     assert len(comments) == 6 and "ArduPilot rover, by its heartbeats; heard on udpin:127.0.0.1:" in comments[2]
     # the packets that were listened to are the beginning of the recording
     began_us = tomllib.loads((folder / "session.toml").read_text())["session"]["started"].timestamp() * 1e6

@@ -99,6 +99,7 @@ def test_a_vehicle_that_comes_in_flight_is_taken_in_and_is_in_the_saved_mission(
         for each in vehicles:
             each.close()
     saved = load_mission(tmp_path / "mission.toml")
+    assert "# taken in during the flight\n[[ugv]]\nsystem_id = 18" in (tmp_path / "mission.toml").read_text()
     assert [(each.system_id, each.name) for each in saved.ugv] == [(11, "UGV-11"), (18, "Eve")]
     session = open_session(flight.folder)
     assert (session.began.ugv_ids, session.mission.ugv_ids) == ((11,), (11, 18))

@@ -6,6 +6,8 @@ from dataclasses import replace
 import pytest
 
 from gcs.errors import SessionError
+from gcs.mission.mission import load_mission
+from gcs.mission.written import save_mission
 from gcs.playback.identification import identify_session
 from gcs.report.score import score_files
 from gcs.session.event_log import VIDEO_AWAITED, append_event
@@ -13,7 +15,8 @@ from gcs.session.session import open_session
 from gcs.snapshot import Event
 from infra.session_format import EVENTS
 from sim.session import write_session
-from sim.world.scenario import Scenario
+from sim.world.presets import nominal
+from sim.world.scenario import Scenario, ScenarioDeclared
 from tests.support.bundled import CURVED_ROAD, shortened, swarm_session
 
 
@@ -158,3 +161,17 @@ def test_a_direction_that_is_written_as_nan_is_unknown(tmp_path):
     path.write_text("\n".join([head, *(row.rpartition(",")[0] + ",nan" for row in rows)]))
     calls = identify_session(open_session(flown), tmp_path / "out")
     assert calls.frames == 20 and calls.boxes > 50
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("camera", "seconds"), [(True, 8.0), (False, 25.0)], ids=["described", "unknown"])
+def test_a_saved_mission_gives_the_same_names_byte_for_byte(camera, seconds, tmp_path):
+    scenario = replace(nominal(), duration_s=seconds, fps=5.0, declared=ScenarioDeclared(camera=camera))
+    write_session(scenario, flight := tmp_path / "flight")
+    saved, _ = save_mission(load_mission(flight / "session.toml"), {"1": "by its heartbeats"}, tmp_path)
+    size = scenario.camera.width, scenario.camera.height
+    named = identify_session(open_session(flight, frame_size=size), tmp_path / "own", hindsight=False)
+    identify_session(open_session(flight, frame_size=size, mission=saved), tmp_path / "saved", hindsight=False)
+    assert named.named > 3
+    for name in ("identity.csv", "identity.jsonl"):
+        assert (tmp_path / "own" / name).read_bytes() == (tmp_path / "saved" / name).read_bytes()
