@@ -7,9 +7,10 @@ import re
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,7 @@ def play(
     truth_path: Path | None = None,
     tells_camera: bool = False,
     practise_port: int = 0,
+    keys: Mapping[int, bytes] | None = None,
 ) -> PlaybackCounts:
     """Play a scenario until its duration is over or ``stop`` is set.
 
@@ -78,6 +80,7 @@ def play(
         boot_noise: begin with the plain text that autopilots send while they boot.
         tells_camera: the UAV's camera reports its field of view and its video once a second.
         practise_port: of this computer, at which datagrams begin and end troubles (``sim.practice``); 0: none.
+        keys: 32 bytes that each vehicle signs with, by system id.
         truth_path: a new file for ``time_us,cx,cy,w,h,angle,system_id`` of every visible body in every sent frame; what
             a second camera shows goes to ``truth-2.csv`` beside a ``truth.csv``.
 
@@ -101,9 +104,13 @@ def play(
     uavs = range(UAV_ID, UAV_ID + len(views) + 1)
     masts = [uav for uav, view in zip(uavs[1:], scenario.views, strict=True) if view.mast]
     packets = dict.fromkeys((i for i in (*uavs, *scenario.ugv_ids) if i not in masts), 0)
-    cameras = [_camera_frames(each.scenario, url, i) for each, url, i in zip((world, *views), urls, uavs, strict=True)]
+    cameras = {
+        i: _camera_frames(each.scenario, url, i)
+        for each, url, i in zip((world, *views), urls, uavs, strict=True)
+        if i not in masts
+    }
     camera_due_us = 0
-    troubles = Troubles(tuple(packets), practise_port)
+    troubles = Troubles(tuple(packets), practise_port, keys)
     with ExitStack() as stack:
         stack.callback(troubles.close)
         impostor = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
@@ -123,9 +130,9 @@ def play(
                 packets[packet.system_id] += not forged
             if tells_camera and packet.t_us >= camera_due_us:
                 camera_due_us = packet.t_us + CAMERA_US
-                for system_id, told in zip(uavs, cameras, strict=True):
-                    for raw in next(told) if system_id not in masts else ():
-                        sockets[system_id].sendto(raw, target)
+                for system_id, told in cameras.items():
+                    for _, frame in chain.from_iterable(map(troubles.frames, next(told))):
+                        sockets[system_id].sendto(frame, target)
     return PlaybackCounts(
         packets=packets,
         frames=sum(sender.sent for sender in senders.values()),

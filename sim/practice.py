@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from infra.wall_clock import now_us
 from sim.errors import PlayError
 from sim.world.scenario import UAV_ID
 
@@ -40,12 +41,20 @@ TROUBLES: Mapping[str, str] = MappingProxyType(
         "sensor": "a sensor of it fails",
         "arming": "it cannot be armed",
         "text": "it says that something is wrong",
+        "unsigned": "it does not sign",
+        "signature": "it signs with another key",
+        "stale": "its signatures are five minutes old, and it tells no time",
         VIDEO: "the video stops",
         MIRROR: "the picture is mirrored",
         ELSEWHERE: "no vehicle is where the film shows one",
     }
 )
 """Troubles that there are, by name."""
+OF_SIGNING = ("unsigned", "signature", "stale")
+"""Troubles that show only in a fleet that signs."""
+STALE_US = 300_000_000
+_SIGNING_EPOCH_US = 1_420_070_400_000_000
+"""Unix time of 2015-01-01, from which signatures count their time, in 10 µs."""
 LOST_SHARES = {"loss": 0.4, "far": 0.75}
 LIE_M, IMPOSTOR_M, ELSEWHERE_M = 30.0, 80.0, 40.0
 _TURN = 2.4
@@ -64,7 +73,11 @@ _FILTER_WELL = (
     | dialect.EKF_POS_HORIZ_ABS
     | dialect.EKF_POS_VERT_ABS
 )
-_SILENCED = {"GLOBAL_POSITION_INT": frozenset({"position"}), "ATTITUDE": frozenset({"attitude"})}
+_SILENCED = {
+    "GLOBAL_POSITION_INT": frozenset({"position"}),
+    "ATTITUDE": frozenset({"attitude"}),
+    "SYSTEM_TIME": frozenset({"stale"}),
+}
 """Troubles by the messages that do not come with them."""
 Message = Any
 """The dialect's messages carry no types."""
@@ -96,13 +109,14 @@ class Troubles:
     Args:
         ids: system ids of the vehicles.
         port: of this computer alone, at which a datagram with a trouble begins or ends it; 0: none.
+        keys: 32 bytes to sign with, by system id; without one a vehicle does not sign.
 
     Raises:
         PlayError: the port cannot be had.
     """
 
-    def __init__(self, ids: Sequence[int], port: int = 0) -> None:
-        self._ids = tuple(ids)
+    def __init__(self, ids: Sequence[int], port: int = 0, keys: Mapping[int, bytes] | None = None) -> None:
+        self._ids, self._keys = tuple(ids), keys or {}
         self._on: set[tuple[str, int]] = set()
         self._parser = dialect.MAVLink(None)
         self._encoders: dict[tuple[int, int, str], Any] = {}
@@ -168,7 +182,8 @@ class Troubles:
             self._driving |= {system_id} if message.type == dialect.MAV_TYPE_GROUND_ROVER else set()
             messages += self._beside(system_id, on)
         for each in messages:
-            frame = self._packed(each, system_id, message.get_srcComponent(), "")
+            signs = next((name for name in OF_SIGNING if name in on), "")
+            frame = self._packed(each, system_id, message.get_srcComponent(), signs)
             share = max((LOST_SHARES[name] for name in on & LOST_SHARES.keys()), default=0.0)
             if "link" not in on and self._rng.random() >= share:
                 yield False, frame[::-1] if "garbled" in on else frame
@@ -211,10 +226,18 @@ class Troubles:
             yield dialect.MAVLink_statustext_message(dialect.MAV_SEVERITY_ERROR, b"Steering: motor does not turn")
 
     def _packed(self, message: Message, system_id: int, component: int, whose: str) -> bytes:
+        """A frame of the vehicle, of the impostor, or signed with a trouble of signing."""
         key = system_id, component, whose
         if key not in self._encoders:
             self._encoders[key] = dialect.MAVLink(None, srcSystem=system_id, srcComponent=component)
+            secret = self._keys.get(system_id)
+            if secret and whose not in ("impostor", "unsigned"):
+                signing = self._encoders[key].signing
+                signing.secret_key = secret if whose != "signature" else secret[::-1]
+                signing.sign_outgoing = True
         encoder = self._encoders[key]
+        ticks = (now_us() - _SIGNING_EPOCH_US - STALE_US * (whose == "stale")) // 10
+        encoder.signing.timestamp = max(encoder.signing.timestamp, ticks)
         frame = bytes(message.pack(encoder))
         encoder.seq = (encoder.seq + 1) % 256
         return frame

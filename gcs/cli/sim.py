@@ -13,11 +13,12 @@ from gcs.cli.output.progress import progress
 from gcs.cli.output.tables import print_table
 from gcs.errors import GcsError
 from infra.secrets import concealed
+from sim.fleet_process import read_keys
 from sim.live import play
 from sim.practice import TROUBLES
 from sim.session import write_session
 from sim.world.presets import PRESETS, preset
-from sim.world.scenario import MOST_VIEWS, Scenario
+from sim.world.scenario import MOST_VIEWS, UAV_ID, Scenario
 from sim.world.scenario_file import load_scenario
 
 
@@ -45,6 +46,10 @@ def sim(
             f"{', '.join(TROUBLES)}. gcs fly --practise PORT has them by a key.",
         ),
     ] = 0,
+    sign: Annotated[
+        Path | None,
+        typer.Option(metavar="KEYS", help="With --live: key file for all vehicles, or a folder as gcs keys makes it."),
+    ] = None,
     duration: Annotated[float | None, typer.Option(help="Length of the flight, instead of the scenario's.")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of all random numbers, instead of the scenario's.")] = None,
     views: Annotated[
@@ -80,6 +85,8 @@ def sim(
     if out is not None:
         raise GcsError("--live writes no folder; leave --out away, and record with gcs fly")
     video_to = f", video to {concealed(stream)}" if stream else ""
+    aircraft = [UAV_ID + k for k in range(len(world.views) + 1)]
+    keys = read_keys(sign, (*aircraft, *world.ugv_ids)) if sign else None
     print_note(f"preparing {world.name} for {world.duration_s:g} s: MAVLink to {concealed(telemetry)}{video_to}")
     with progress("sim") as report:
         sent = play(
@@ -90,6 +97,7 @@ def sim(
             on_tick=lambda s: report(int(s), int(world.duration_s)),
             tells_camera=tells_camera,
             practise_port=practise,
+            keys=keys,
         )
     if as_json:
         print_json(asdict(sent))

@@ -119,7 +119,10 @@ class Flight:
         for system_id in plan.accept_late:
             self._add_operator_event(system_id, "signed packets are accepted without a proof in this flight")
         films = [view.uav_id for view in self._views.all.values()]
-        self._practice = PractisedFleet(plan.practise_port, self._add_practised, films) if plan.practise_port else None
+        signs = plan.mission.signing.folder is not None
+        self._practice = (
+            PractisedFleet(plan.practise_port, self._add_practised, films, signs=signs) if plan.practise_port else None
+        )
         self._stop = threading.Event()
         self._stopped = threading.Lock()
         self._closed = False

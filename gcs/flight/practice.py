@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 from collections.abc import Callable, Collection, Sequence
 
-from sim.practice import OF_CAMERAS, OF_THE_FLEET, TROUBLES
+from sim.practice import OF_CAMERAS, OF_SIGNING, OF_THE_FLEET, TROUBLES
 
 
 class PractisedFleet:
@@ -15,17 +15,21 @@ class PractisedFleet:
         port: of the simulator.
         on_event: called with a system id, 0 for none, and words when a trouble begins or ends.
         films: system ids of aircraft with a camera.
+        signs: whether signatures count in the flight.
     """
 
-    def __init__(self, port: int, on_event: Callable[[int, str], None], films: Collection[int] = ()) -> None:
+    def __init__(
+        self, port: int, on_event: Callable[[int, str], None], films: Collection[int] = (), *, signs: bool = True
+    ) -> None:
         self._port, self._on_event, self._films = port, on_event, films
+        self._keys = [key for key in TROUBLES if signs or key not in OF_SIGNING]
         self._on: set[tuple[str, int]] = set()
 
     def troubles(self, system_id: int) -> Sequence[tuple[str, str]]:
         """A key and words for each that a vehicle may have, with whether it has it."""
         return [
-            (key, f"{words}{' – is on, ends it' if self._of(key, system_id) in self._on else ''}")
-            for key, words in TROUBLES.items()
+            (key, f"{TROUBLES[key]}{' – is on, ends it' if self._of(key, system_id) in self._on else ''}")
+            for key in self._keys
         ]
 
     def toggle(self, key: str, system_id: int) -> None:

@@ -1,7 +1,9 @@
 """Each trouble that an operator practises with does to the frames what it says, and ends again."""
 
+import hashlib
 import math
 import socket
+import time
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -55,6 +57,8 @@ def hypot(place):
 SHOWS = {
     "charge": lambda own, forged: {m.battery_remaining for m in of(STATUS, own)} == {20},
     "far": lambda own, forged: 15 < len(own) < 60,
+    **dict.fromkeys(("unsigned", "signature"), lambda own, forged: len(own) == ALL),
+    "stale": lambda own, forged: not of("SYSTEM_TIME", own) and len(own) == ALL - 20,
     "garbled": lambda own, forged: own == [],
     "arming": lambda own, forged: {health(m) for m in of(STATUS, own)} == {dialect.MAV_SYS_STATUS_PREARM_CHECK},
     "battery": lambda own, forged: {m.battery_remaining for m in of(STATUS, own)} == {7},
@@ -97,6 +101,33 @@ def test_a_trouble_shows_in_the_frames_of_its_vehicle_alone_and_ends(name):
 def test_no_trouble_is_taken_for_another(text):
     with pytest.raises(ValueError, match=r"there are battery|name one of"):
         parse_trouble(text, IDS)
+
+
+@pytest.mark.parametrize(
+    ("trouble", "signed", "good", "age_s"),
+    [
+        ("", True, True, 0.0),
+        ("unsigned", False, False, 0.0),
+        ("signature", True, False, 0.0),
+        ("stale", True, True, 300.0),
+    ],
+)
+def test_a_fleet_that_signs_does_so_wrongly_on_request(trouble, signed, good, age_s):
+    secret = bytes(range(32))
+    troubles = Troubles(IDS, keys={11: secret})
+    if trouble:
+        troubles.toggle(f"{trouble} 11")
+    beat = dialect.MAVLink_heartbeat_message(10, 3, 128, 10, 4, 3)
+    frame = next(
+        raw for _, raw in troubles.frames(bytes(beat.pack(dialect.MAVLink(None, srcSystem=11, srcComponent=1))))
+    )
+    assert (len(frame) == 12 + frame[1] + 13) == signed == bool(frame[2] & 1)
+    if signed:
+        assert (hashlib.sha256(secret + frame[:-6]).digest()[:6] == frame[-6:]) == good
+        made_s = 1_420_070_400 + int.from_bytes(frame[-12:-6], "little") * 1e-5
+        assert time.time() - made_s == pytest.approx(age_s, abs=5.0)
+    other = dialect.MAVLink(None, srcSystem=12, srcComponent=1)
+    assert not next(raw for _, raw in troubles.frames(bytes(beat.pack(other))))[2] & 1, "a vehicle without a key"
 
 
 def test_a_trouble_of_nobody_alone_is_the_whole_fleets():

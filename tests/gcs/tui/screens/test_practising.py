@@ -26,3 +26,8 @@ async def test_a_real_fleet_has_no_troubles_to_practise_with():
     async with running(FakeStation(live=True)) as (app, pilot, _):
         await pilot.press("X")
         assert any("gcs demo --live" in str(each.message) for each in app._notifications)
+
+
+def test_troubles_of_signing_are_offered_where_signatures_count():
+    offered = [[key for key, _ in PractisedFleet(9, print, signs=signs).troubles(11)] for signs in (True, False)]
+    assert set(offered[0]) - set(offered[1]) == {"unsigned", "signature", "stale"} and len(offered[1]) > 20
