@@ -100,4 +100,6 @@ def _interrupted(
     step_m = np.hypot(*np.diff(places, axis=0).T) if len(places) > 1 else np.zeros(0)
     cut = (dt_us > longest_us) | (step_m > SLACK_M + FASTEST_MPS * dt_us * 1e-6)
     at = np.flatnonzero(cut) + 1
+    if not len(at):
+        return Trail(system_id=system_id, p_enu=places, age=age)
     return Trail(system_id=system_id, p_enu=np.insert(places, at, np.nan, axis=0), age=np.insert(age, at, age[at]))

@@ -26,6 +26,7 @@ from bench.screens.screen import Screen, TerminalScreen, read_screen
 from gcs.snapshot import Alarm, Event, FleetChange, Snapshot
 from gcs.station import CameraPicture, Newcomer, Station
 from gcs.tui import RollcallApp
+from gcs.tui.terminal.pacing import QUESTION
 from mavlink.transmit.message_rates import Rate
 
 VIEWS: tuple[tuple[str, ...], ...] = (("1",), ("2",), ("3",), ("1", "down", "down"), ("a",), ("1", "f", "z"))
@@ -135,6 +136,7 @@ def _parts(moments: Sequence[Moment], count: int) -> Iterable[Sequence[Moment]]:
 LONGEST_S = 60.0
 """Nothing that is waited for takes longer."""
 READ_BYTES = 1 << 16
+REPLY = b"\x1b[0n"
 
 
 class TerminalSession:
@@ -216,6 +218,8 @@ class TerminalSession:
         return main.user_time + main.system_time, times.user + times.system
 
     def _read(self) -> None:
+        """Until the program ends; what asks whether its output is shown is answered, as terminals do."""
+        rest = b""
         while self.process.poll() is None or select.select([self._main], [], [], 0)[0]:
             if not select.select([self._main], [], [], 0.2)[0]:
                 continue
@@ -224,3 +228,6 @@ class TerminalSession:
             except OSError:  # the other end is closed
                 return
             self.written.append((time.monotonic(), data))
+            *questions, rest = (rest + data).split(QUESTION)
+            os.write(self._main, REPLY * len(questions))
+            rest = rest[1 - len(QUESTION) :]

@@ -44,15 +44,21 @@ def front_mark(box: Box, reach: float = 0.45) -> NDArray[np.float64]:
     if not math.isfinite(box.heading):
         return np.full((2, 2), math.nan)
     # d = (sin heading, −cos heading): clockwise from image up, y down
-    direction = np.array([math.sin(box.heading), -math.cos(box.heading)])
-    along = abs(math.cos(box.angle) * direction[0] + math.sin(box.angle) * direction[1])
+    right, down = math.sin(box.heading), -math.cos(box.heading)
+    along = abs(math.cos(box.angle) * right + math.sin(box.angle) * down)
     length = box.w * along + box.h * (1.0 - along)
-    edge = np.array([box.cx, box.cy]) + direction * length / 2
-    return np.stack([edge, edge + direction * length * reach])
+    ends = (length / 2, length / 2 + length * reach)
+    return np.array([(box.cx + right * far, box.cy + down * far) for far in ends])
 
 
 def box_bounds(box: Box, scale: float = 1.0, margin: float = 0.0) -> Rect:
     """Upright rectangle round a scaled box and its front tick."""
-    points = np.vstack([box_corners(box), front_mark(box)]) * scale
-    (left, top), (right, bottom) = np.nanmin(points, axis=0) - margin, np.nanmax(points, axis=0) + margin
-    return float(left), float(top), float(right - left), float(bottom - top)
+    c, s = abs(math.cos(box.angle)), abs(math.sin(box.angle))
+    across, down = (box.w * c + box.h * s) / 2, (box.w * s + box.h * c) / 2
+    x, y = [box.cx - across, box.cx + across], [box.cy - down, box.cy + down]
+    if math.isfinite(box.heading):
+        for tick_x, tick_y in front_mark(box).tolist():
+            x.append(tick_x)
+            y.append(tick_y)
+    left, top = scale * min(x) - margin, scale * min(y) - margin
+    return left, top, scale * max(x) + margin - left, scale * max(y) + margin - top

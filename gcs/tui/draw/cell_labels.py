@@ -24,11 +24,11 @@ def shows_in_cells(text: str) -> bool:
 
 def draw_leaders(dots: BrailleCanvas, labelling: Labelling, ink_of: Callable[[Place], int]) -> None:
     """A line from each label that is away from its mark."""
-    for place in (*labelling.places, *labelling.counts):
-        if place.leader:
-            x, y, end_x, end_y = leader_of(place)
-            # 2 × 4 dots a cell
-            dots.line(np.array([2 * x, 4 * y]), np.array([2 * end_x, 4 * end_y]), ink_of(place))
+    away = [place for place in (*labelling.places, *labelling.counts) if place.leader]
+    if away:
+        # 2 × 4 dots a cell
+        ends = np.array([leader_of(place) for place in away]) * (2, 4, 2, 4)
+        dots.lines(ends[:, :2], ends[:, 2:], np.array([ink_of(place) for place in away]))
 
 
 def write_labels(cells: CellGrid, labelling: Labelling, look_of: Callable[[Place], tuple[int, int | None]]) -> None:

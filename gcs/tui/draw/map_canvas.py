@@ -111,14 +111,11 @@ def chart_cells(
         dots.polygon(view.dots(snapshot.footprint_enu), pack(LINE), every=2.0)
     for footprint in snapshot.footprints_elsewhere:
         dots.polygon(view.dots(footprint), pack(LINE), every=4.0)
-    for row in rows:
-        if not _is_old(row) and row.std_m <= USABLE_M:
-            dots.circle(_dot(view, row.p_enu), row.std_m / view.metres_per_dot, pack(LINE))
+    around = [row for row in rows if not _is_old(row) and row.std_m <= USABLE_M]
+    spread = np.array([row.std_m for row in around]) / view.metres_per_dot
+    dots.circles(view.dots(_places([row.p_enu for row in around])), spread, pack(LINE))
     _residuals(dots, snapshot, rows, view)
-    for row in rows:
-        if not _is_old(row):
-            _nose(dots, _dot(view, row.p_enu), row.heading, NOSE_DOTS, standing_colour(row.standing))
-    _nose(dots, _dot(view, snapshot.uav_enu), snapshot.uav_heading, UAV_NOSE_DOTS, ACCENT)
+    _noses(dots, snapshot, rows, view)
     draw_ruler(dots, extras.ruler, view)
     draw_leaders(dots, labelling, lambda place: pack(colours.get(place.key, INK)))
     dots.bits[view.rows :] = 0
@@ -270,22 +267,27 @@ def _is_old(row: VehicleRow) -> bool:
     return row.position_state in ("stale", "lost") and freshness(row.position_age_s) != "fresh"
 
 
-def _dot(view: MapView, p_enu: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(view.dots(p_enu[None])[0], dtype=np.float64)
+def _places(p_enu: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """(k, 2) east and north."""
+    return np.array([place[:2] for place in p_enu], dtype=np.float64).reshape(-1, 2)
 
 
 def _residuals(dots: BrailleCanvas, snapshot: Snapshot, rows: Sequence[VehicleRow], view: MapView) -> None:
     """A line from where a vehicle reports to be to where its box is."""
     box_enu = {box.system_id: box.p_enu for box in snapshot.boxes if box.system_id}
-    for row in rows:
-        if row.system_id in box_enu:
-            start, end = _dot(view, row.p_enu), _dot(view, box_enu[row.system_id])
-            dots.line(start, end, pack(standing_colour(row.standing)))
+    seen = [row for row in rows if row.system_id in box_enu]
+    start, end = _places([row.p_enu for row in seen]), _places([box_enu[row.system_id] for row in seen])
+    inks = np.array([pack(standing_colour(row.standing)) for row in seen], dtype=np.int64)
+    dots.lines(view.dots(start), view.dots(end), inks)
 
 
-def _nose(dots: BrailleCanvas, start: NDArray[np.float64], heading: float, length: float, colour: Colour) -> None:
-    """A line ahead; nothing where place or heading is unknown."""
-    if math.isfinite(heading):
-        # clockwise from north, y down
-        ahead = np.array([math.sin(heading), -math.cos(heading)])
-        dots.line(start, start + length * ahead, pack(colour))
+def _noses(dots: BrailleCanvas, snapshot: Snapshot, rows: Sequence[VehicleRow], view: MapView) -> None:
+    """A line ahead of each vehicle, the UAV's on top; none where place or heading is unknown."""
+    noses = [(row.p_enu, row.heading, NOSE_DOTS, standing_colour(row.standing)) for row in rows if not _is_old(row)]
+    places, headings, lengths, colours = zip(
+        *noses, (snapshot.uav_enu, snapshot.uav_heading, UAV_NOSE_DOTS, ACCENT), strict=True
+    )
+    # clockwise from north, y down
+    ahead = np.array([np.sin(headings), -np.cos(headings)]) * lengths
+    start = view.dots(_places(places))
+    dots.lines(start, start + ahead.T, np.array([pack(colour) for colour in colours]))

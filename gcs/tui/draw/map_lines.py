@@ -88,11 +88,16 @@ def draw_fences(dots: BrailleCanvas, snapshot: Snapshot, view: MapView) -> None:
 
 def draw_trails(dots: BrailleCanvas, trails: Sequence[Trail], view: MapView, inks: Mapping[int, int]) -> None:
     """The oldest first, fading into the background."""
+    starts, ends, faded = [], [], []
     for trail in trails:
         if trail.system_id in inks and len(trail.age) > 1:
             fades = np.array([_mixed(inks[trail.system_id], pack(PANEL), share) for share in FADES], dtype=np.int64)
-            band = np.clip((trail.age * len(FADES)).astype(np.int64), 0, len(FADES) - 1)
-            dots.path(view.dots(trail.p_enu), fades[band])
+            band = np.clip((trail.age[:-1] * len(FADES)).astype(np.int64), 0, len(FADES) - 1)
+            starts.append(trail.p_enu[:-1])
+            ends.append(trail.p_enu[1:])
+            faded.append(fades[band])
+    if starts:
+        dots.lines(view.dots(np.concatenate(starts)), view.dots(np.concatenate(ends)), np.concatenate(faded))
 
 
 def _mixed(ink: int, paper: int, share: float) -> int:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.report.box_shapes import box_bounds, box_corners, drawable, front_mark
+from gcs.report.box_shapes import box_bounds, drawable, front_mark
 from gcs.report.inset import Inset, crop, inset_for, moved_boxes, title_of
 from gcs.report.label_grid import Cells, Grid
 from gcs.report.labels import Labelling, Place, place_labels
@@ -42,8 +41,8 @@ FRONT_DOTS = 3.5
 """Length of the line ahead of its front."""
 BRACKET = 0.34
 """Share of each side that a frame's corners take."""
-MOST_DOTS = 400
-"""Longest line: longer ones are beyond the field."""
+CORNERS = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
+"""Of a box, in its own sides, clockwise from its top left."""
 DOTS = np.array([2, 4])
 """Across and down a cell."""
 
@@ -168,25 +167,24 @@ def _outlines(
     labelling: Labelling,
 ) -> None:
     dots = BrailleCanvas(cells.columns, cells.rows)
-    origin = np.array([2.0 * corner[0], 4.0 * corner[1]])
-    scale = 2 * columns_per_px
     colours = [_packed(colour_of(snapshot, box)) for box in boxes]
-    for box, ink in zip(reversed(boxes), reversed(colours), strict=True):
-        corners = _widened(box, scale) * scale + origin
-        if box.coasting or snapshot.held_s:
-            dots.polygon(corners, ink, 2.0)
-        else:
-            _brackets(dots, corners, ink)
-    for box in boxes:  # what a box marks is not hidden by it
-        dots.bits[_inner_cells(box, scale, origin, dots.bits.shape)] = 0
-    for box, ink in zip(reversed(boxes), reversed(colours), strict=True):
-        tick = front_mark(box, reach=1.0)
-        if np.isfinite(tick).all():
-            ahead = (tick[1] - tick[0]) / max(float(np.hypot(*(tick[1] - tick[0]))), 1e-6)
-            start = tick[0] * scale + origin + CLEAR_DOTS * ahead
-            dots.line(start, start + FRONT_DOTS * ahead, ink)
-    inks = dict(zip(box_keys(boxes), colours, strict=True))
-    draw_leaders(dots, labelling, lambda place: inks.get(place.key, _packed(INK)))
+    if boxes:  # the most wanted on top
+        origin = np.array([2.0 * corner[0], 4.0 * corner[1]])
+        placed, inks = boxes[::-1], np.array(colours[::-1])
+        middle, size, turn = _in_dots(placed, 2 * columns_per_px, origin)
+        _frames(
+            dots,
+            middle,
+            np.maximum(size, SMALLEST_DOTS) + 2 * CLEAR_DOTS,
+            turn,
+            inks,
+            [box.coasting or snapshot.held_s > 0 for box in placed],
+        )
+        # what a box marks is not hidden by it
+        dots.bits[_inner_cells(middle, size, turn, dots.bits.shape)] = 0
+        _fronts(dots, placed, 2 * columns_per_px, origin, inks)
+    owners = dict(zip(box_keys(boxes), colours, strict=True))
+    draw_leaders(dots, labelling, lambda place: owners.get(place.key, _packed(INK)))
     cells.dots(dots)
 
 
@@ -220,37 +218,62 @@ def colour_of(snapshot: Snapshot, box: Box) -> Colour:
     return standing_colour(standing_of(snapshot, box))
 
 
-def _widened(box: Box, scale: float) -> NDArray[np.float64]:
-    """(4, 2) corners, px, of a frame that leaves a box free, and is no speck on a small screen."""
-    least = SMALLEST_DOTS / max(scale, 1e-6)
-    clear = 2 * CLEAR_DOTS / max(scale, 1e-6)
-    return box_corners(replace(box, w=max(box.w, least) + clear, h=max(box.h, least) + clear))
+def _in_dots(
+    boxes: Sequence[Box], scale: float, origin: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """(k, 2) middles and (k, 2) sizes of boxes, and (k, 2, 2) what turns a place in a box into one on the field."""
+    of_image = np.array([(box.cx, box.cy, box.w, box.h) for box in boxes]) * scale
+    angle = np.array([box.angle for box in boxes])
+    c, s = np.cos(angle), np.sin(angle)
+    # R(angle), transposed: for rows from the left
+    turn = np.stack([np.stack([c, s], axis=1), np.stack([-s, c], axis=1)], axis=1)
+    return of_image[:, :2] + origin, of_image[:, 2:], turn
 
 
-def _brackets(dots: BrailleCanvas, corners: NDArray[np.float64], ink: int) -> None:
-    """The corners of a frame alone."""
-    # (2, 4, 2): from each corner towards the one before and the one after
-    way = BRACKET * (np.stack([np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)]) - corners)
-    count = min(MOST_DOTS, math.ceil(np.abs(way).max(initial=0.0))) + 1
-    along = np.linspace(0.0, 1.0, count)[:, None, None, None]
-    dots.points((corners + way * along).reshape(-1, 2), ink)
+def _frames(
+    dots: BrailleCanvas,
+    middle: NDArray[np.float64],
+    size: NDArray[np.float64],
+    turn: NDArray[np.float64],
+    inks: NDArray[np.int64],
+    dotted: Sequence[bool],
+) -> None:
+    """The corners of frames alone; all of the sides, in dots, of those of which nothing new is known."""
+    corners = middle[:, None] + (CORNERS * size[:, None]) @ turn
+    reach, every = np.where(dotted, 0.5, BRACKET)[:, None, None], np.where(dotted, 2.0, 1.0)
+    # from each corner towards the one before and the one after
+    ends = [corners + reach * (np.roll(corners, step, axis=1) - corners) for step in (1, -1)]
+    start, end = np.concatenate([corners, corners], axis=1), np.concatenate(ends, axis=1)
+    sides = start.shape[1]
+    dots.lines(start.reshape(-1, 2), end.reshape(-1, 2), np.repeat(inks, sides), np.repeat(every, sides))
+
+
+def _fronts(
+    dots: BrailleCanvas, boxes: Sequence[Box], scale: float, origin: NDArray[np.float64], inks: NDArray[np.int64]
+) -> None:
+    """A line ahead of each front that is known."""
+    ticks = np.array([front_mark(box, reach=1.0) for box in boxes])
+    way = ticks[:, 1] - ticks[:, 0]
+    ahead = way / np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-6)[:, None]
+    start = ticks[:, 0] * scale + origin + CLEAR_DOTS * ahead
+    dots.lines(start, start + FRONT_DOTS * ahead, inks)
 
 
 def _inner_cells(
-    box: Box, scale: float, origin: NDArray[np.float64], shape: tuple[int, ...]
+    middle: NDArray[np.float64], size: NDArray[np.float64], turn: NDArray[np.float64], shape: tuple[int, ...]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows and columns of the cells whose middle is on a box, and of the one that its own middle is in."""
-    middle = np.array([box.cx, box.cy]) * scale + origin
-    reach = scale * math.hypot(box.w, box.h) / 2
-    first = np.maximum(np.floor((middle - reach) / DOTS), 0).astype(int)
-    last = np.minimum(np.ceil((middle + reach) / DOTS), shape[::-1]).astype(int)
-    column, row = np.meshgrid(np.arange(first[0], max(first[0], last[0])), np.arange(first[1], max(first[1], last[1])))
-    away = np.stack([column, row], axis=-1) * DOTS + DOTS / 2 - middle
-    c, s = math.cos(box.angle), math.sin(box.angle)
-    along, across = np.abs(away @ (c, s)), np.abs(away @ (-s, c))
-    on = (along <= scale * box.w / 2) & (across <= scale * box.h / 2)
-    on |= (column == middle[0] // DOTS[0]) & (row == middle[1] // DOTS[1])
-    return row[on], column[on]
+    """Rows and columns of the cells whose middle is on a box, and of those that boxes' own middles are in."""
+    field = np.array(shape[::-1])
+    reach = np.hypot(size[:, 0], size[:, 1])[:, None] / 2
+    first = np.clip(np.floor((middle - reach) / DOTS), 0, field).astype(np.int64)
+    most = np.minimum(np.ceil(2 * reach.max() / DOTS) + 1, field).astype(np.int64)
+    window = np.stack(np.meshgrid(*map(np.arange, most), indexing="ij"), axis=-1).reshape(1, -1, 2)
+    cells = first[:, None] + window
+    # back into the box: the inverse of a turn is its transpose
+    away = np.abs((cells * DOTS + DOTS / 2 - middle[:, None]) @ turn.transpose(0, 2, 1))
+    on = (away <= size[:, None] / 2).all(axis=2) | (cells == middle[:, None] // DOTS).all(axis=2)
+    column, row = cells[on & (cells < field).all(axis=2)].T
+    return row, column
 
 
 def _write(

@@ -91,6 +91,13 @@ class Pane(Widget, can_focus=True):
         """One row as it was last built."""
         return self._rows[y] if y < len(self._rows) else blank(self.size.width)
 
+    def render_lines(self, crop: Region) -> list[Strip]:
+        """Rows as they are; Textual would look for a border, padding and tints, which no pane has, in each of them."""
+        if self.get_line_filters():
+            return super().render_lines(crop)
+        left, right = crop.column_span
+        return [self.render_line(y).crop(left, right) for y in crop.line_range]
+
     def watch_snapshot(self) -> None:
         """Something new to show."""
         self.redraw()

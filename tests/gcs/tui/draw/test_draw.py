@@ -152,7 +152,7 @@ def test_a_line_of_dots_is_a_braille_line():
 def test_lines_from_anywhere_stay_in_the_grid(ends):
     dots = BrailleCanvas(10, 5)
     dots.line(np.array(ends[:2]), np.array(ends[2:]), INK)
-    dots.circle(np.array(ends[:2]), abs(ends[2]), INK)
+    dots.circles(np.array([ends[:2]]), np.abs(ends[2:3]), INK)
     assert dots.bits.shape == (5, 10) and dots.bits.max() < 256
 
 
