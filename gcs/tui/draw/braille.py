@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.int64)
 LONGEST = 4096
+FARTHEST = 1e12
 LEAST_STEP = 1e-9
 """Shorter than this along an axis, in dots, a line is parallel to the edge."""
 
@@ -50,15 +51,18 @@ class BrailleCanvas:
         """Straight lines, as far as they are inside the grid; later ones over earlier ones.
 
         Args:
-            start: (k, 2) dots; a line with an unknown end is left out.
+            start: (k, 2) dots; a line with an end that is unknown, or beyond all sense, is left out.
             end: (k, 2) dots.
             inks: of all, or (k,).
             every: steps between dots, of all or (k,): above 1 there are gaps.
         """
-        step = end - start
-        enter, leave = self._inside(start, step)
-        keep = (enter <= leave) & np.isfinite(step).all(axis=1)
-        start, step = start[keep] + enter[keep, None] * step[keep], (leave - enter)[keep, None] * step[keep]
+        keep = (np.abs(start) < FARTHEST).all(axis=1) & (np.abs(end) < FARTHEST).all(axis=1)
+        step = end[keep] - start[keep]
+        enter, leave = self._inside(start[keep], step)
+        inside = enter <= leave
+        keep[keep] = inside
+        enter, leave, step = enter[inside, None], leave[inside, None], step[inside]
+        start, step = start[keep] + enter * step, (leave - enter) * step
         every = every if isinstance(every, float) else every[keep]
         counts = np.clip(np.ceil(np.abs(step).max(axis=1, initial=0.0) / every), 1, LONGEST).astype(np.int64)
         which, at = _spread(counts + 1)
@@ -89,6 +93,6 @@ class BrailleCanvas:
 
 
 def _spread(counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Of each of so many dots of each line its line, and how many of that come before it."""
+    """The line of each dot, where each line has so many, and how many of its dots come before."""
     which = np.repeat(np.arange(len(counts)), counts)
     return which, np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)

@@ -284,9 +284,11 @@ def _residuals(dots: BrailleCanvas, snapshot: Snapshot, rows: Sequence[VehicleRo
 def _noses(dots: BrailleCanvas, snapshot: Snapshot, rows: Sequence[VehicleRow], view: MapView) -> None:
     """A line ahead of each vehicle, the UAV's on top; none where place or heading is unknown."""
     noses = [(row.p_enu, row.heading, NOSE_DOTS, standing_colour(row.standing)) for row in rows if not _is_old(row)]
-    places, headings, lengths, colours = zip(
-        *noses, (snapshot.uav_enu, snapshot.uav_heading, UAV_NOSE_DOTS, ACCENT), strict=True
-    )
+    noses.append((snapshot.uav_enu, snapshot.uav_heading, UAV_NOSE_DOTS, ACCENT))
+    noses = [nose for nose in noses if math.isfinite(nose[1])]
+    if not noses:
+        return
+    places, headings, lengths, colours = zip(*noses, strict=True)
     # clockwise from north, y down
     ahead = np.array([np.sin(headings), -np.cos(headings)]) * lengths
     start = view.dots(_places(places))

@@ -42,7 +42,7 @@ FRONT_DOTS = 3.5
 BRACKET = 0.34
 """Share of each side that a frame's corners take."""
 CORNERS = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
-"""Of a box, in its own sides, clockwise from its top left."""
+"""Corners of a box in its own sides, clockwise from its top left."""
 DOTS = np.array([2, 4])
 """Across and down a cell."""
 

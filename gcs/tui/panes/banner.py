@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+from rich.cells import cell_len
 from textual.reactive import reactive
 from textual.strip import Strip
 from textual.widget import Widget
@@ -22,8 +23,7 @@ from infra.plain_text import plain
 EVENT_SHOWN_US = 8_000_000
 """For how long an alarm of the event log that is in no list of alarms is shown: time to read two lines."""
 HINT = " a: what to do, A: seen "
-HINTED_FROM = 60
-"""Narrower rows have the words alone."""
+"""Left out where it would cut the words; the footer has the key, too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,9 +106,10 @@ class Banner(Widget):
             return line([(fitted(f" {plain(self.alert.text)}", width), ink(FAINT, HEAD))], width, HEAD)
         loud = self.alert.level == "alarm"
         style, paper = (ink(PANEL, ALARM, bold=True), ALARM) if loud else (ink(WARN, HEAD), HEAD)
-        hint = [(HINT, style)] if self.alert.hinted and width >= HINTED_FROM else []
+        text = f" {'!!' if loud else '! '} {plain(self.alert.text)}"
+        hint = [(HINT, style)] if self.alert.hinted and cell_len(text) + len(HINT) <= width else []
         room = width - width_of(hint)
-        text = fitted(cut_between_words(f" {'!!' if loud else '! '} {plain(self.alert.text)}", room), room)
+        text = fitted(cut_between_words(text, room), room)
         return line([(text, style), *hint], width, paper)
 
     async def on_click(self) -> None:

@@ -127,9 +127,12 @@ def _link(row: VehicleRow) -> Cell:
 
 
 def _link_and_position(row: VehicleRow) -> Cell:
-    """The same, and what is wrong with its position, where that has no column."""
-    amiss = row.heartbeat_age_s <= SILENT_S and row.position_state not in ("ok", "never")
-    return _position(row) if amiss else _link(row)
+    """The same, and what is wrong with its position, where that has no column: ``pos 46s`` old."""
+    if row.heartbeat_age_s > SILENT_S or row.position_state in ("ok", "never"):
+        return _link(row)
+    text, colour = _position(row)
+    old = row.position_state in ("stale", "lost") and math.isfinite(row.position_age_s)
+    return f"pos {age(row.position_age_s)}" if old else text, colour
 
 
 def _auth(row: VehicleRow) -> Cell:

@@ -10,9 +10,9 @@ from gcs.fold.candidates import _of_its_rivals
 from gcs.health.alarms import urgency
 from gcs.snapshot import Alarm
 from gcs.tui.palette import ALARM, GOOD, WARN, ink
-from gcs.tui.panes.banner import alert_of
+from gcs.tui.panes.banner import Banner, alert_of
 from gcs.tui.panes.fleet import FleetPane
-from tests.support.fake_station import SMALL, START_US, WIDE, FakeStation, make_snapshot, polled, running
+from tests.support.fake_station import SMALL, START_US, WIDE, FakeStation, make_snapshot, polled, running, text_of
 
 
 def alarm(key, system_id=0, level="alarm", after_s=1, **more):
@@ -61,6 +61,27 @@ def test_the_banner_shows_the_worst_and_not_the_newest():
     for alarms in ((CONFLICT, SILENT), (SILENT, CONFLICT)):
         snapshot = replace(make_snapshot(live=True), alarms=tuple(sorted(alarms, key=urgency)))
         assert "conflict 11" in alert_of(snapshot, (), frozenset()).text
+
+
+@pytest.mark.parametrize(("text", "hinted"), [("UGV-12: silent", True), (f"UGV-12: {'its receiver ' * 4}fails", False)])
+async def test_the_banner_rather_shows_its_words_than_its_keys(text, hinted):
+    snapshot = replace(make_snapshot(live=True), alarms=(replace(SILENT, text=text),))
+    async with running(FakeStation(live=True, snapshot=snapshot), size=SMALL) as (app, pilot, _):
+        await polled(app, pilot)
+        shown = app.query_one(Banner).render_line(0).text
+        assert text in shown and ("a: what to do" in shown) == hinted
+
+
+async def test_the_link_is_not_called_lost_where_only_the_position_is_old():
+    snapshot = make_snapshot(live=True)
+    first, old, *rest = snapshot.vehicles
+    old = replace(old, position_state="lost", position_age_s=46.0, heartbeat_age_s=0.2)
+    silent = replace(rest[0], position_state="lost", position_age_s=46.0, heartbeat_age_s=46.0)
+    snapshot = replace(snapshot, vehicles=(first, old, silent, *rest[1:]))
+    async with running(FakeStation(live=True, snapshot=snapshot), size=SMALL) as (app, pilot, _):
+        await polled(app, pilot)
+        rows = text_of(app.query_one(FleetPane)).split("\n")
+        assert [("pos 46s" in row, "lost 46s" in row) for row in rows[2:4]] == [(True, False), (False, True)]
 
 
 async def test_a_key_sorts_by_trouble_and_the_keys_that_pick_follow():
