@@ -56,7 +56,7 @@ class BrailleCanvas:
             inks: of all, or (k,).
             every: steps between dots, of all or (k,): above 1 there are gaps.
         """
-        keep = (np.abs(start) < FARTHEST).all(axis=1) & (np.abs(end) < FARTHEST).all(axis=1)
+        keep: NDArray[np.bool_] = (np.abs(start) < FARTHEST).all(axis=1) & (np.abs(end) < FARTHEST).all(axis=1)
         step = end[keep] - start[keep]
         enter, leave = self._inside(start[keep], step)
         inside = enter <= leave
