@@ -42,6 +42,8 @@ GLYPHS: Final[Mapping[str, str]] = MappingProxyType(
 """One for each kind of event, before its word where there is room for that."""
 KIND_FROM, HOUR_FROM = 76, 50
 """Narrower logs have no word for the kind, and minutes and seconds alone."""
+LONGEST_ROWS: Final = 2
+"""Rows that an event takes at most without the focus."""
 UNTIL_HERE: Final = " ┄ not analysed from here: what follows is what the flight reported"
 
 
@@ -165,7 +167,7 @@ class EventPane(Pane):
         return [*search, (f"{back}{LEVEL_LABELS[self.least]} ", ink(FAINT, HEAD)), *(loud if alarms else [])]
 
     def body(self, width: int, height: int) -> list[Strip]:
-        """The newest events that fit, oldest first."""
+        """The newest events that fit, oldest first; on top the newest alarm: what failed last scrolls away last."""
         shown = self.shown()
         if self._is_unknown_now() and height > 1:
             rest = self._events_in(shown, width, height - 1)
@@ -178,10 +180,15 @@ class EventPane(Pane):
             return [line([(fitted(none, width), ink(FAINT))], width)]
         stop = len(shown) - min(self._back, self._room(shown, width, height))
         rows: list[Strip] = []
+        alarm = next((row for row in reversed(shown) if row.event.level == "alarm"), None)
+        calm = not self._back and not self.has_focus
+        above = self._rows_of(alarm, width) if alarm is not None and calm else []
+        above = above if len(above) + LONGEST_ROWS <= height else []
         for row in reversed(shown[:stop]):
             whole = self._rows_of(row, width)
-            if rows and len(rows) + len(whole) > height:  # a part of a text is none
-                return rows[-height:]
+            above = [] if row is alarm else above
+            if rows and len(above) + len(rows) + len(whole) > height:  # a part of a text is none
+                return [*above, *rows][-height:]
             rows = [*whole, *rows]
         for row in shown[stop : stop + height - len(rows)]:
             rows += self._rows_of(row, width)

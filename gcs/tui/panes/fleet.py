@@ -332,8 +332,10 @@ class FleetPane(Pane):
         titles = [fitted(column.title, column.width, column.align) for column in self._columns(width)]
         before = "▌" if self.has_focus else " "
         left = [(before.ljust(GUTTER_CELLS), ink(ACCENT, HEAD)), (" ".join(titles).rstrip() + " ", style)]
-        order: list[Part] = [("by trouble ", ink(ACCENT, HEAD))] if self.by_trouble else []
-        return split_line(left, order, width, rule=True)
+        more = len(self.snapshot.vehicles) - (self.size.height - 1) if self.snapshot is not None else 0
+        right: list[Part] = [("by trouble ", ink(ACCENT, HEAD))] if self.by_trouble else []
+        right += [(f"+{more} ", ink(WARN, HEAD))] if more > 0 else []  # as labels are counted that find no room
+        return split_line(left, right, width, rule=True)
 
     def body(self, width: int, height: int) -> list[Strip]:
         """One row per vehicle; scrolled so that the selected one is on screen."""

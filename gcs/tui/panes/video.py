@@ -72,8 +72,8 @@ class VideoPane(Pane):
         health = self.snapshot.health
         colour = {"ok": FAINT, "waiting": FAINT, "ended": INK, "none": FAINT}.get(health.video, ALARM)
         parts: list[Part] = [(f"{plain(health.video)} ", ink(colour, HEAD))]
-        if health.video == "ok" and self.snapshot.frame_age_s > HELD_SHOWN_S:
-            parts = [(f"{age(self.snapshot.frame_age_s)} old ", ink(WARN, HEAD))]
+        if health.video in ("ok", "stalled") and self.snapshot.frame_age_s > HELD_SHOWN_S:
+            parts = [(f"{age(self.snapshot.frame_age_s)} old ", ink(WARN if health.video == "ok" else ALARM, HEAD))]
         elif health.video == "ok":
             late = WARN if health.lag_s > 0.5 else FAINT
             parts += [(f"{health.fps:.0f} fps ", ink(FAINT, HEAD))] if health.fps > 0 else []

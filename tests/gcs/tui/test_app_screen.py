@@ -37,7 +37,7 @@ async def test_small_screen_shows_video_fleet_identity_events_and_every_vehicle(
             "confirmed 97%",
             "tentative 61%",
             "coasting 88%",
-            "stale 1s",
+            "pos 1.4s",
             "lost 12s",
         ):
             assert word in said, word

@@ -268,3 +268,20 @@ async def test_the_video_says_how_much_of_it_is_looked_at(share, said):
     async with running(troubled((), looked_share=share), WIDE) as (app, _, _):
         note = "".join(word for word, _ in app.query_one(VideoPane).note())
         assert (" 4% looked at" in note) == said
+
+
+async def test_the_newest_alarm_stays_in_a_short_log_that_later_events_fill():
+    said = [Event(t_us=START_US, level="alarm", kind="vehicle", text="no heartbeat", system_id=12)]
+    said += [
+        Event(t_us=START_US + n * 1_000_000, level="info", kind="text", text=f"Reached a waypoint, number {n}")
+        for n in range(1, 40)
+    ]
+    station = FakeStation(live=True)
+    station.said = said
+    async with running(station, size=SMALL) as (app, pilot, _):
+        await polled(app, pilot)
+        pane = app.query_one(EventPane)
+        shown = text_of(pane).split("\n")
+        assert "no heartbeat" in shown[1] and "39" in "".join(shown[2:])
+        await pilot.press("e")  # with the focus it is a log in order of time
+        assert "no heartbeat" not in text_of(pane)

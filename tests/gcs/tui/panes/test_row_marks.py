@@ -84,6 +84,19 @@ async def test_the_link_is_not_called_lost_where_only_the_position_is_old():
         assert [("pos 46s" in row, "lost 46s" in row) for row in rows[2:4]] == [(True, False), (False, True)]
 
 
+async def test_vehicles_for_which_there_is_no_row_are_counted():
+    snapshot = make_snapshot(live=True)
+    last = snapshot.vehicles[-1]
+    many = tuple(replace(last, system_id=100 + n, name=f"UGV-{100 + n}") for n in range(40))
+    for vehicles in (snapshot.vehicles, snapshot.vehicles + many):
+        station = FakeStation(live=True, snapshot=replace(snapshot, vehicles=vehicles))
+        async with running(station, size=SMALL) as (app, pilot, _):
+            await polled(app, pilot)
+            heading, *rows = text_of(app.query_one(FleetPane)).split("\n")
+            more = len(vehicles) - len(rows)
+            assert (f"+{more} " in heading) if more > 0 else ("+" not in heading)
+
+
 async def test_a_key_sorts_by_trouble_and_the_keys_that_pick_follow():
     snapshot = replace(make_snapshot(live=True), alarms=(SILENT, LOW))
     async with running(FakeStation(live=True, snapshot=snapshot), size=WIDE) as (app, pilot, _):
