@@ -293,7 +293,12 @@ class RollcallApp(ReplayApp):
             self._station.timeline.seek(t_us)
 
     def _pick(self, system_id: int, track_id: int) -> None:
-        self.selected, self.picked_track = system_id, 0 if system_id else track_id
+        """The table answers a key at once, and pictures, which take longer, right after it."""
+        picked = system_id, 0 if system_id else track_id
+        if picked != (self.selected, self.picked_track):
+            self._panes.hold_pictures(True)
+            self.selected, self.picked_track = picked
+            self.call_after_refresh(self._panes.hold_pictures, False)
 
     def action_release(self) -> None:
         """Leave the maximised pane, else the search, else the selection."""

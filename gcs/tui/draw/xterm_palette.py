@@ -18,7 +18,7 @@ meadow every third point would be red."""
 _BAYER: Final = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
 THRESHOLDS: Final = (_BAYER + 0.5) / 16
 """Thresholds of an ordered dither, 0..1."""
-HUE: Final = 1.6
+HUE: Final = 3.0
 """Weight of a difference of hue beside one of brightness: a meadow is dark or light green, and not red."""
 NOISE: Final = 30.0
 """Change of a colour to brighter and darker, of 255: the cube's steps are 40, but for the darkest; more is noise."""

@@ -44,7 +44,7 @@ KIND_FROM, HOUR_FROM = 76, 50
 """Narrower logs have no word for the kind, and minutes and seconds alone."""
 LONGEST_ROWS: Final = 2
 """Rows that an event takes at most without the focus."""
-UNTIL_HERE: Final = " ┄ not analysed from here: what follows is what the flight reported"
+UNTIL_HERE: Final = " ┄ from here as flown, not analysed"
 
 
 def events_from(events: Sequence[Event], least: Level) -> list[Event]:

