@@ -56,7 +56,8 @@ class BrailleCanvas:
             inks: of all, or (k,).
             every: steps between dots, of all or (k,): above 1 there are gaps.
         """
-        keep: NDArray[np.bool_] = (np.abs(start) < FARTHEST).all(axis=1) & (np.abs(end) < FARTHEST).all(axis=1)
+        known = (np.abs(np.hstack([start, end])) < FARTHEST).all(axis=1)
+        keep = np.asarray(known, dtype=np.bool_)
         step = end[keep] - start[keep]
         enter, leave = self._inside(start[keep], step)
         inside = enter <= leave
