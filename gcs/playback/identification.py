@@ -68,7 +68,7 @@ def identify_session(
         session: as ``gcs.session.session.open_session`` gives it.
         out: folder of the files, which must not be there yet; made where it is missing.
         detect: look at the video even if detections were kept.
-        hindsight: name each box by what is known of its track 15 s later, not as a screen would have shown it. None:
+        hindsight: name each box by the whole recording, not as a screen would have shown it. None:
             unless the recording kept the order in which a flight took it in; then the names are as they were seen.
         further: name what the flight's further cameras saw, too.
         report: called after every frame with the frames that are done, and all there are, of all cameras.
@@ -138,18 +138,19 @@ def _identify_in_step(
     company = InStep() if len(opened) > 1 else None
     with contextlib.ExitStack() as stack:
         views = list[_NamedCamera]()
+
+        def tell() -> None:
+            report(sum(view.done for view in views), sum(len(view.analysis.times_us) for view in views))
+
         for opening, folder in zip(opened, folders, strict=True):
-            view = _NamedCamera(opening(company=company), folder, hindsight)
+            view = _NamedCamera(opening(company=company), folder, hindsight, tell)
             stack.callback(view.analysis.close)
             views.append(view)
         ways = [stack.enter_context(contextlib.closing(view.identify())) for view in views]
         at_us = [next(way) for way in ways]
-        total = sum(len(view.analysis.times_us) for view in views)
         while (earliest := min(at_us)) < _ENDED_US:
             k = at_us.index(earliest)
             at_us[k] = next(ways[k], _ENDED_US)
-            if at_us[k] < _ENDED_US:
-                report(sum(view.done for view in views), total)
     return views
 
 
@@ -183,15 +184,16 @@ class _NamedCamera:
         analysis: folds what it saw.
         folder: of the files.
         hindsight: as of :func:`identify_session`.
+        tell: called after each frame that was folded.
 
     Attributes:
         calls: who was named.
         notes: lines that a user should read.
-        done: how many frames are named.
+        done: how many frames are folded: names by hindsight come a minute and more of the recording later.
     """
 
-    def __init__(self, analysis: Analysis, folder: Path, hindsight: bool | None) -> None:
-        self.analysis, self._folder = analysis, folder
+    def __init__(self, analysis: Analysis, folder: Path, hindsight: bool | None, tell: Callable[[], None]) -> None:
+        self.analysis, self._folder, self._tell = analysis, folder, tell
         self._hindsight = not analysis.as_flown if hindsight is None else hindsight
         self.calls, self.notes, self.done = RollCall(analysis.mission), list(analysis.warnings), 0
         self._last: Snapshot | None = None
@@ -206,14 +208,14 @@ class _NamedCamera:
                 self.notes.append(trouble)
             moments = analysis.moments(reports.flown)
             yield int(analysis.times_us[0]) if len(analysis.times_us) else 0
-            snapshots = _frames(moments, reports, calls, events, self.notes.append)
+            snapshots = self._counted(_frames(moments, reports, calls, events, self.notes.append))
             if evidence is not None:
                 snapshots = by_hindsight(snapshots, analysis.mission, evidence)
             for last in snapshots:
                 log.write(last)
                 calls.look(last)
                 blind |= last.pose == "no attitude"
-                self._last, self.done = last, last.frame + 1
+                self._last = last
                 yield last.t_us
         if self._last is None:
             raise SessionError(f"{analysis.opened.session.path}: not one frame in it")
@@ -223,6 +225,12 @@ class _NamedCamera:
         seen = analysis.opened.video is not None or analysis.opened.looks is not None
         self.notes += _alarms(reports.spans(), int(analysis.times_us[0]))
         self.notes += _doubts(self._last, calls, blind=blind, seen=seen)
+
+    def _counted(self, snapshots: Iterable[Snapshot]) -> Iterator[Snapshot]:
+        for snapshot in snapshots:
+            self.done = snapshot.frame + 1
+            self._tell()
+            yield snapshot
 
     def found(self) -> dict[str, Any]:
         """Findings that names had to wait for, as :class:`Analysis` takes them: the video's offset where it was far
