@@ -16,10 +16,10 @@ from scipy.special import expit
 from assoc.geometry.ground import THETA
 from assoc.hypotheses.priors import prior_of
 from assoc.params import IdentifierParams
-from assoc.whole_flight.chains import Pose, fit_pose, learn_errors, pair_scores
+from assoc.whole_flight.chains import fit_pose, learn_errors, pair_scores
 from assoc.whole_flight.evidence import Segments
 from assoc.whole_flight.owners import Namings
-from assoc.whole_flight.residuals import Errors, Residuals, residuals_at
+from assoc.whole_flight.residuals import Errors, residuals_at
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -116,7 +116,9 @@ def _named(segments: Segments, q: IdentifierParams, owner: IntArray, theta: Floa
     residuals = residuals_at(segments, q, theta, errors)
     tried = {owner.tobytes()}
     for k in range(_ROUNDS):
-        pose, residuals = _posed(segments, q, residuals, fit_pose(residuals, prior, errors, owner), errors)
+        pose = fit_pose(residuals, prior, errors, owner)
+        if np.any(np.abs(pose.theta - residuals.theta) > _MOVED):
+            residuals = residuals_at(segments, q, pose.theta, errors)
         if k:
             errors = learn_errors(residuals, pose, owner)
         score = pair_scores(segments, residuals, pose, errors, owner)
@@ -139,15 +141,6 @@ def _against_others(score: FloatArray, segments: Segments) -> FloatArray:
     """(S, n) scores for the comparison with segments that cannot be the same vehicle: one that lasts beats many."""
     lasts = _MISSED_PER_S * segments.seen_s[:, None] - _PIECE
     return np.asarray(np.where(score > 0.0, score + lasts, score))
-
-
-def _posed(
-    segments: Segments, q: IdentifierParams, residuals: Residuals, pose: Pose, errors: Errors
-) -> tuple[Pose, Residuals]:
-    """The pose with residuals that hold there."""
-    if np.any(np.abs(pose.theta - residuals.theta) > _MOVED):
-        residuals = residuals_at(segments, q, pose.theta, errors)
-    return pose, residuals
 
 
 def _without_doubles(p: FloatArray, best: _Named, segments: Segments) -> FloatArray:
