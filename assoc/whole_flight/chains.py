@@ -43,6 +43,10 @@ _REACH_STDS, _REACH_M = 5.0, 4.0
 """A pair further apart than so many σ_b and metres is out of the question."""
 _MOST_ROWS, _MOST_REST = 40, 30
 """Blocks of a segment that are weighed, and those of the rest of its chain."""
+_ASIDE_STDS, _ASIDE_M, _ASIDE_VAR = 3.0, 0.5, 1e4
+"""A block so many σ_b and metres from the segment's median is aside; variance of one that does not count, m²."""
+_SEGMENT_STD_M = 0.4
+"""1σ per axis of where the boxes of a segment are on the vehicle, against those of its other segments, metres."""
 _OUTLIER_Z2, _BLOCKS_TO_OUTLIER = 9.0, 4
 """Mean squared deviation per axis, in variances, from which a block is an outlier; blocks to each that may be one."""
 _MOST_LEARNT = 60
@@ -67,8 +71,10 @@ class Pose:
     """What both are off by their priors, nats."""
 
 
-def pair_scores(segments: Segments, residuals: Residuals, pose: Pose, errors: Errors, owner: IntArray) -> FloatArray:
-    """(S, n) ln odds that each segment is each vehicle, ``NEVER`` where nothing was compared.
+def pair_scores(
+    segments: Segments, residuals: Residuals, pose: Pose, errors: Errors, owner: IntArray
+) -> tuple[FloatArray, BoolArray]:
+    """(S, n) ln odds that each segment is each vehicle, ``NEVER`` for nothing compared, and (B, S, n) where they were.
 
     Args:
         segments: The pieces of tracks.
@@ -90,16 +96,20 @@ def pair_scores(segments: Segments, residuals: Residuals, pose: Pose, errors: Er
         place, motion = _compared(residuals, r, errors, segment, vehicle, rest[rest != segment])
         alike = np.logaddexp(np.log(1.0 - _ALIKE), np.log(_ALIKE) + motion)
         score[segment, vehicle] = place + motion - alike + usual[segment]
-    return np.maximum(score, NEVER)
+    return np.maximum(score, NEVER), has & (residuals.var < _ASIDE_VAR)
 
 
 def _without_outliers(residuals: Residuals, r: FloatArray, errors: Errors, near: BoolArray) -> Residuals:
     """The residuals with larger noise where a block is far from all others of its pair, as when a track strays.
 
-    z² = (C⁻¹r)²/diag C⁻¹ is what the others do not explain; the worst block is weighed down, and again.
+    z² = (C⁻¹r)²/diag C⁻¹ is what the others do not explain; the worst block is weighed down, and again. A track that
+    comes from another object, or goes on to one, is aside for a while: what is so at its ends does not count.
     """
     var = residuals.var.copy()
     for segment, vehicle in np.argwhere(near).tolist():
+        every = np.flatnonzero(residuals.blocks.count[:, segment, vehicle] > 0)
+        aside = _at_the_ends(r[every, segment, vehicle], _ASIDE_STDS * errors.bias_std + _ASIDE_M)
+        var[every[aside], segment, vehicle] = _ASIDE_VAR
         rows = residuals.rows(segment, vehicle, _MOST_ROWS)
         y = _stacked(r[rows, segment, vehicle])
         level = np.kron(np.eye(2), np.ones((len(rows), 1)))
@@ -112,6 +122,18 @@ def _without_outliers(residuals: Residuals, r: FloatArray, errors: Errors, near:
                 break
             var[rows[worst], segment, vehicle] *= z2[worst]
     return replace(residuals, var=var)
+
+
+def _at_the_ends(r: FloatArray, reach_m: float) -> BoolArray:
+    """(a,) which of a segment's residuals (a, 2) are before the first, or after the last, that is near their median."""
+    away = np.linalg.norm(r - np.median(r, axis=0), axis=1) > reach_m
+    near = np.flatnonzero(~away)
+    aside = np.zeros(len(r), np.bool_)
+    if away.any() and len(near):
+        # the next one is on its way
+        aside[: near[0] + (near[0] > 0)] = True
+        aside[near[-1] + (near[-1] == len(r) - 1) :] = True
+    return aside
 
 
 def _compared(
@@ -142,6 +164,9 @@ def _compared(
         others, of = others[nearest], of[nearest]
         known = residuals.covariance(vehicle, others, others, errors)
         known[np.diag_indices_from(known)] += residuals.noise(of, vehicle, others)
+        # boxes of one segment are round other points than those of another
+        known += _SEGMENT_STD_M**2 * np.kron(np.eye(2), of[:, None] == of)
+        cov = cov + _SEGMENT_STD_M**2 * level @ level.T
         lower = np.linalg.cholesky(known)
         across = residuals.covariance(vehicle, others, rows, errors)
         half = solve_triangular(lower, np.column_stack([_stacked(r[others, of, vehicle]), across]), lower=True)

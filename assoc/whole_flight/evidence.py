@@ -135,8 +135,10 @@ class FlightEvidence:
         for each in self._reports:
             log.add(np.asarray((each.t_us - origin_us) / 1e6), each)
         theta = np.median([frame.theta for frame in frames[len(frames) // 2 :]], axis=0)
-        cut = [(history.column_of(a), history.column_of(b)) for a, b in cuts.pairs]
-        column = _join(history, linked(history, theta, cut))
+        names = np.full(int(np.count_nonzero(history.track_id)), -1)
+        for piece, known in cuts.names.items():
+            names[history.column_of(piece)] = known
+        column = _join(history, linked(history, theta, names))
         of = {box: int(column[piece]) for box, piece in of.items()}
         seen_in = np.isfinite(history.ray[: history.n, :, 0])
         together = seen_in.astype(np.float64).T @ seen_in.astype(np.float64)
@@ -173,8 +175,8 @@ class _Cuts:
     """Numbers the pieces of tracks: a track goes on as another piece where it gets another name."""
 
     def __init__(self) -> None:
-        self.pairs: list[tuple[int, int]] = []
-        """Pieces of one track that follow one another."""
+        self.names: dict[int, int] = {}
+        """Name of each piece that has one."""
         self._piece: dict[int, int] = {}
         self._name: dict[int, int] = {}
         self._pieces = 0
@@ -186,7 +188,7 @@ class _Cuts:
             self._name[track] = name
         if changed or track not in self._piece:
             self._pieces += 1
-            if changed:
-                self.pairs.append((self._piece[track], self._pieces))
             self._piece[track] = self._pieces
+        if name is not None:
+            self.names[self._piece[track]] = name
         return self._piece[track]

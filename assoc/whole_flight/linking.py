@@ -6,8 +6,6 @@ begins within 2.5 s where the first would be by then, both drive alike, and neit
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,17 +25,17 @@ _SPEED_OVER_S = 1.0
 """Time over which a velocity is measured, seconds."""
 _FEWEST = 4
 """Boxes from which it is."""
-_UNLIKE_MPS = 2.0
-"""Pieces of one object differ by no more than this in velocity, m/s."""
+_UNLIKE_MPS, _UNLIKE_MPS2 = 0.6, 0.6
+"""Pieces of one object differ by no more than this in velocity, m/s, and so much more for each second."""
 
 
-def linked(history: TrackHistory, theta: FloatArray, cut: Sequence[tuple[int, int]] = ()) -> IntArray:
+def linked(history: TrackHistory, theta: FloatArray, names: IntArray) -> IntArray:
     """(S,) first piece of the object that each of the S columns in use of a history is.
 
     Args:
         history: Rays of the pieces.
         theta: (9,) a pose correction: it need not be good, as places are compared within seconds.
-        cut: Pairs of columns that are not to be joined.
+        names: (S,) vehicle that each is known to be so far, −1 unknown: two are not joined.
     """
     n = int(np.count_nonzero(history.track_id))
     tracks = ground_tracks(history, 0, theta, np.arange(n))
@@ -51,11 +49,10 @@ def linked(history: TrackHistory, theta: FloatArray, cut: Sequence[tuple[int, in
     unlike = np.linalg.norm(begins[None, :, 3:] - ends[:, None, 3:], axis=2)
     reach_m = _REACH_M + _REACH_MPS * gap_s
     timely = (gap_s > 0.0) & (gap_s <= _GAP_S) & np.isfinite(away)
-    good = timely & (away < reach_m) & (unlike < _UNLIKE_MPS)
+    good = timely & (away < reach_m) & (unlike < _UNLIKE_MPS + _UNLIKE_MPS2 * gap_s)
     rival = timely & (away < _AMBIGUOUS * reach_m)
     good &= (np.sum(rival, axis=0, keepdims=True) == 1) & (np.sum(rival, axis=1, keepdims=True) == 1)
-    for piece, following in cut:
-        good[piece, following] = False
+    good &= (names[:, None] == names) | (names[:, None] < 0) | (names < 0)
     group = np.arange(n)
     # in the order of time, so that the earlier piece is in its group already
     for piece, following in sorted(np.argwhere(good).tolist(), key=lambda pair: float(ends[pair[0], 0])):

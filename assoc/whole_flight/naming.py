@@ -53,24 +53,25 @@ class SegmentNames:
     """(S, n + 1) probabilities of each vehicle, the last column "none of ours"; NaN where nothing was compared."""
     since_s: FloatArray
     until_s: FloatArray
-    """(S,) from when to when reports of the likeliest vehicle were compared with each, seconds from the first frame."""
+    """(S,) from when to when each is the likeliest one, seconds from the first frame."""
 
     def at(self, segment: int, t: float) -> FloatArray | None:
         """(n + 1,) probabilities at a time, seconds from the first frame; None where they are not known.
 
-        A track that nothing was compared with for long may have gone on with another vehicle.
+        A track that nothing was compared with for long may have gone on with another vehicle; one that was aside did.
         """
-        p = self.p[segment]
-        known = np.isfinite(p[0]) and self.since_s[segment] - _ALONE_S < t < self.until_s[segment] + _ALONE_S
-        return p if known else None
+        known = np.isfinite(self.p[segment, 0]) and self.since_s[segment] <= t <= self.until_s[segment]
+        return self.p[segment] if known else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Named:
     owner: IntArray
     score: FloatArray
+    reported: BoolArray
+    """(B, S, n) blocks in which the vehicle reported while the segment was seen."""
     compared: BoolArray
-    """(B, S, n) blocks in which each pair was compared."""
+    """(B, S, n) those of them in which the segment was not aside."""
     first_s: float
     """When the first block begins, seconds from the first frame."""
     worth: float
@@ -97,15 +98,19 @@ def segment_names(segments: Segments, q: IdentifierParams, owner: IntArray) -> S
     p[:, :-1] *= expit(best.score) / expit(rival)
     p[:, -1] = 1.0 - np.sum(p[:, :-1], axis=1)
     p = _without_doubles(p, best, segments)
-    p[~np.any(best.compared, axis=(0, 2))] = np.nan
+    p[~np.any(best.reported, axis=(0, 2))] = np.nan
     # for none of ours any report counts
-    likeliest = np.argmax(p, axis=1)
-    every = np.concatenate([best.compared, np.any(best.compared, axis=2, keepdims=True)], axis=2)
-    compared = every[:, np.arange(len(p)), likeliest]
+    anybody = np.any(best.reported, axis=2, keepdims=True)
+    likeliest = np.arange(len(p)), np.argmax(p, axis=1)
+    compared, reported = (
+        np.concatenate([pairs, anybody], axis=2)[:, *likeliest] for pairs in (best.compared, best.reported)
+    )
+    first, last = (np.argmax(compared, axis=0), len(compared) - np.argmax(compared[::-1], axis=0))
+    alone = [first == np.argmax(reported, axis=0), last == len(reported) - np.argmax(reported[::-1], axis=0)]
     return SegmentNames(
         p=p,
-        since_s=best.first_s + q.block_s * np.argmax(compared, axis=0),
-        until_s=best.first_s + q.block_s * (len(compared) - np.argmax(compared[::-1], axis=0)),
+        since_s=best.first_s + q.block_s * first - np.where(alone[0], _ALONE_S, 0.0),
+        until_s=best.first_s + q.block_s * last + np.where(alone[1], _ALONE_S, 0.0),
     )
 
 
@@ -121,7 +126,7 @@ def _named(segments: Segments, q: IdentifierParams, owner: IntArray, theta: Floa
             residuals = residuals_at(segments, q, pose.theta, errors)
         if k:
             errors = learn_errors(residuals, pose, owner)
-        score = pair_scores(segments, residuals, pose, errors, owner)
+        score, compared = pair_scores(segments, residuals, pose, errors, owner)
         owner = Namings(_against_others(score, segments), segments.apart).best()
         # it may go round among a few namings, too
         if owner.tobytes() in tried:
@@ -131,7 +136,8 @@ def _named(segments: Segments, q: IdentifierParams, owner: IntArray, theta: Floa
     return _Named(
         owner=owner,
         score=score,
-        compared=residuals.blocks.count > 0,
+        reported=residuals.blocks.count > 0,
+        compared=compared,
         first_s=residuals.blocks.first * q.block_s,
         worth=float(np.sum(score[rows, owner[rows]])) - pose.cost,
     )

@@ -165,7 +165,8 @@ def test_pieces_that_two_could_go_on_in_are_not_joined():
     evidence = flown(close, ids=ids, seen=lambda t, k: not 5.0 <= t < 6.0, seconds=10.0)
     segments = evidence.segments(T0_US, T0_US + 10_000_000, lambda at_us, track: None)
     assert len({segments.of[T0_US, 1], segments.of[T0_US + 8_000_000, 101], segments.of[T0_US + 8_000_000, 102]}) == 3
-    assert linked(segments.history, ZERO).tolist() == list(range(segments.seen.shape[1]))
+    n = segments.seen.shape[1]
+    assert linked(segments.history, ZERO, np.full(n, -1)).tolist() == list(range(n))
 
 
 @pytest.mark.parametrize("change", [{"attitude_known": False}, {"ground_z": np.nan}])
