@@ -50,7 +50,7 @@ _FORGOTTEN_NATS_S = 0.1
 """Loss of the odds of the past in a second: biases wander in a minute, reports go wrong for some seconds."""
 
 
-def limit_by_place(p: FloatArray, score: FloatArray, place: FloatArray, bias_std: float) -> FloatArray:
+def limit_by_place(p: FloatArray, score: FloatArray, away: FloatArray, bias_std: float) -> FloatArray:
     """Limit names to how often place tells vehicles apart that drive alike; the rest goes to their neighbours.
 
     The limit of a track is 1 − Σ_k Φ(−D_k/√2 σ_b), 0.88 at least, over the other named tracks. One with which an
@@ -59,7 +59,7 @@ def limit_by_place(p: FloatArray, score: FloatArray, place: FloatArray, bias_std
     Args:
         p: (m, n + 1) marginals, the last column "none of ours".
         score: (m, n) ln ratios of the best hypothesis.
-        place: (m, 2) of the tracks on the ground, metres; NaN unseen.
+        away: (m, m) distance of tracks on the ground, metres; NaN where one was not seen.
         bias_std: σ_b, metres.
     """
     name = np.argmax(p, axis=1)
@@ -70,7 +70,7 @@ def limit_by_place(p: FloatArray, score: FloatArray, place: FloatArray, bias_std
     at = score[np.ix_(rows, vehicle)]
     own = np.diagonal(at)
     loss = own[:, None] + own[None, :] - at - at.T
-    away = np.hypot(*np.moveaxis(place[rows][:, None] - place[rows][None], 2, 0))
+    away = away[np.ix_(rows, rows)]
     away = np.where(np.isfinite(away), away, np.inf)
     np.fill_diagonal(away, np.inf)
     # D/σ_b for each node of σ_b

@@ -271,7 +271,8 @@ class Estimator:
         self._log.rejected_since = review.rejected_since
         self._fold(context, best)
         told = told.after(AnswerDoubt.DOUBLE, review.p)
-        by_place = limit_by_place(review.p, best.score, places, self._bias_std)
+        away = np.linalg.norm(places[:, None] - places, axis=2)
+        by_place = limit_by_place(review.p, best.score, away, self._bias_std)
         bias = best.final.mean[: len(live)]
         odds = log_odds_among_strangers(
             *(by_place, best.score, bias, self._bias_std, context.view, context.noise.log_area_at(best.theta)),

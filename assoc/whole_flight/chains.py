@@ -60,19 +60,19 @@ _USUAL_BIAS_M, _BIAS_SPREAD, _USUAL_TAU_S = 1.5, 0.8, 40.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pose:
-    """What is common to all vehicles."""
+class CommonPose:
+    """Errors that all vehicles have in common."""
 
     theta: FloatArray
     """(9,)."""
     common: FloatArray
     """(B, 2) c, metres."""
     cost: float
-    """What both are off by their priors, nats."""
+    """Cost of both by their priors, nats."""
 
 
 def pair_scores(
-    segments: Segments, residuals: Residuals, pose: Pose, errors: Errors, owner: IntArray
+    segments: Segments, residuals: Residuals, pose: CommonPose, errors: Errors, owner: IntArray
 ) -> tuple[FloatArray, BoolArray]:
     """(S, n) ln odds that each segment is each vehicle, ``NEVER`` for nothing compared, and (B, S, n) where they were.
 
@@ -175,7 +175,7 @@ def _compared(
     return _log_normal(own, cov) - anywhere, motion
 
 
-def fit_pose(residuals: Residuals, prior: PosePrior, errors: Errors, owner: IntArray) -> Pose:
+def fit_pose(residuals: Residuals, prior: PosePrior, errors: Errors, owner: IntArray) -> CommonPose:
     """θ and c of least cost for given owners: generalised least squares, the vehicles' own errors marginalised.
 
     Args:
@@ -207,14 +207,14 @@ def fit_pose(residuals: Residuals, prior: PosePrior, errors: Errors, owner: IntA
         g += weighed.T @ (J[:, :THETA] @ residuals.theta - _stacked(r[rows, of, vehicle]))
     x = np.linalg.solve(H, g)
     east, north = x[THETA : THETA + len(knots)], x[THETA + len(knots) :]
-    return Pose(
+    return CommonPose(
         theta=x[:THETA],
         common=np.stack([hat @ east, hat @ north], axis=1),
         cost=float(0.5 * (x - mean) @ precision @ (x - mean)),
     )
 
 
-def learn_errors(residuals: Residuals, pose: Pose, owner: IntArray) -> Errors:
+def learn_errors(residuals: Residuals, pose: CommonPose, owner: IntArray) -> Errors:
     """The likeliest σ_b and τ of the chains, with their priors."""
     r = residuals.at(pose.theta, pose.common)
     chains = []

@@ -1,4 +1,4 @@
-"""What the identifier took in of a recording, kept for a second look at it as a whole."""
+"""Frames and reports that the identifier took in, kept for a second look at the recording as a whole."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ one track takes over from another, both have the vehicle for a moment.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Frame:
+class _FrameTaken:
     t_us: int
     observation: Observation
     camera: CameraState
@@ -43,7 +43,7 @@ class Segments:
     """Their rays, a column for each segment."""
     log: ReportLog
     camera: CameraState
-    """Of the last frame."""
+    """Camera of the last frame."""
     origin_us: int
     """Time of the first frame on the video's clock, Unix µs."""
     of: dict[tuple[int, int], int]
@@ -73,7 +73,7 @@ class FlightEvidence:
         self.params = params
         self.system_ids: tuple[int, ...] = ()
         """Whom the reports are of."""
-        self._frames: list[_Frame] = []
+        self._frames: list[_FrameTaken] = []
         self._reports: list[VehicleReports] = []
 
     def add_frame(self, t_us: int, observation: Observation, camera: CameraState, theta: FloatArray) -> None:
@@ -89,7 +89,7 @@ class FlightEvidence:
         if self._frames and observation.t_us <= self._frames[-1].observation.t_us:
             self.begin_anew(self.system_ids)
         if known and np.isfinite(camera.ground_z):
-            self._frames.append(_Frame(t_us=t_us, observation=observation, camera=camera, theta=theta))
+            self._frames.append(_FrameTaken(t_us=t_us, observation=observation, camera=camera, theta=theta))
 
     def add_reports(self, reports: VehicleReports) -> None:
         """Take in reports that arrived before the next frame."""

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from assoc.geometry.ground import THETA
+from assoc.geometry.ground import THETA, ground_tracks
+from assoc.hypotheses.place_alone import limit_by_place
 from assoc.hypotheses.priors import prior_of
 from assoc.params import IdentifierParams
 from assoc.whole_flight.chains import fit_pose, learn_errors, pair_scores
@@ -32,7 +33,7 @@ _MOVED = np.array([0.01, np.inf, 0.01, 0.01, np.inf, np.inf, 1.0, 0.05, 0.1])
 _MOST_PAIRS = 6000
 """Pairs of segment and vehicle beyond which a stretch is not looked at as a whole: it would take minutes."""
 _MISSED_PER_S, _PIECE = 0.5, 2.0
-"""What a second without a box costs, and what each segment does, nats: a vehicle is missed for some seconds, not for
+"""Cost of a second without a box, and of each segment, nats: a vehicle is missed for some seconds, not for
 many, and is not one object after another.
 """
 _ALONE_S = 3.0
@@ -72,6 +73,9 @@ class _Named:
     """(B, S, n) blocks in which the vehicle reported while the segment was seen."""
     compared: BoolArray
     """(B, S, n) those of them in which the segment was not aside."""
+    theta: FloatArray
+    """(9,)."""
+    bias_std: float
     first_s: float
     """When the first block begins, seconds from the first frame."""
     worth: float
@@ -98,6 +102,7 @@ def segment_names(segments: Segments, q: IdentifierParams, owner: IntArray) -> S
     p[:, :-1] *= expit(best.score) / expit(rival)
     p[:, -1] = 1.0 - np.sum(p[:, :-1], axis=1)
     p = _without_doubles(p, best, segments)
+    p = limit_by_place(p, best.score, _distances(segments, best.theta), best.bias_std)
     p[~np.any(best.reported, axis=(0, 2))] = np.nan
     # for none of ours any report counts
     anybody = np.any(best.reported, axis=2, keepdims=True)
@@ -138,6 +143,8 @@ def _named(segments: Segments, q: IdentifierParams, owner: IntArray, theta: Floa
         score=score,
         reported=residuals.blocks.count > 0,
         compared=compared,
+        theta=pose.theta,
+        bias_std=errors.bias_std,
         first_s=residuals.blocks.first * q.block_s,
         worth=float(np.sum(score[rows, owner[rows]])) - pose.cost,
     )
@@ -147,6 +154,15 @@ def _against_others(score: FloatArray, segments: Segments) -> FloatArray:
     """(S, n) scores for the comparison with segments that cannot be the same vehicle: one that lasts beats many."""
     lasts = _MISSED_PER_S * segments.seen_s[:, None] - _PIECE
     return np.asarray(np.where(score > 0.0, score + lasts, score))
+
+
+def _distances(segments: Segments, theta: FloatArray) -> FloatArray:
+    """(S, S) mean distance of segments that were seen together, metres, NaN of others."""
+    places = ground_tracks(segments.history, 0, theta, np.arange(segments.seen.shape[1])).p
+    away = np.full(segments.apart.shape, np.nan)
+    for a, b in np.argwhere(segments.apart).tolist():
+        away[a, b] = np.nanmean(np.linalg.norm(places[:, a] - places[:, b], axis=1))
+    return away
 
 
 def _without_doubles(p: FloatArray, best: _Named, segments: Segments) -> FloatArray:

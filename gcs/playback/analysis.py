@@ -244,7 +244,7 @@ class Analysis:
                 yield at_us, snapshot
 
     def keep_evidence(self) -> FlightEvidence:
-        """What names rest on, kept from the next fold on, for a look at the whole flight."""
+        """Keep, from the next fold on, what names rest on: for a look at the whole flight."""
         self._evidence = FlightEvidence(identifier_params(self.mission))
         return self._evidence
 

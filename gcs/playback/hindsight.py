@@ -34,7 +34,7 @@ from assoc.whole_flight.evidence import FlightEvidence
 from gcs.fold.since import Since
 from gcs.fold.snapshot_rows import standing_of
 from gcs.mission.mission import Mission
-from gcs.playback.whole_flight import FITS, Known, by_whole_flight
+from gcs.playback.whole_flight import FITS, KnownFrame, by_whole_flight
 from gcs.snapshot import NAN, Box, Candidate, Snapshot, VehicleRow
 
 FloatArray = NDArray[np.float64]
@@ -190,7 +190,7 @@ def by_hindsight(
         yield _renamed(known, mission, since)
 
 
-def _by_courses(snapshots: Iterable[Snapshot], mission: Mission) -> Iterator[Known]:
+def _by_courses(snapshots: Iterable[Snapshot], mission: Mission) -> Iterator[KnownFrame]:
     """The snapshots with what is known of each track by itself, 15 s later."""
     courses, waiting = _Courses(mission.ugv_ids), deque[tuple[Snapshot, dict[int, _Course]]]()
     for snapshot in snapshots:
@@ -204,13 +204,13 @@ def _by_courses(snapshots: Iterable[Snapshot], mission: Mission) -> Iterator[Kno
         yield _known(passed, taken)
 
 
-def _known(snapshot: Snapshot, courses: Mapping[int, _Course]) -> Known:
+def _known(snapshot: Snapshot, courses: Mapping[int, _Course]) -> KnownFrame:
     at_us = snapshot.seen_us or snapshot.t_us
     found = {track: course.at(at_us) for track, course in courses.items()}
-    return Known(snapshot, {track: p for track, p in found.items() if p is not None})
+    return KnownFrame(snapshot, {track: p for track, p in found.items() if p is not None})
 
 
-def _renamed(known: Known, mission: Mission, since: Since[int, int]) -> Snapshot:
+def _renamed(known: KnownFrame, mission: Mission, since: Since[int, int]) -> Snapshot:
     """The snapshot with the names that its tracks turned out to have."""
     snapshot, t_us = known.snapshot, known.at_us
     if not snapshot.boxes:

@@ -36,7 +36,7 @@ _SURE = 0.9
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class KnownFrame:
     """A snapshot with what is known of its boxes."""
 
     snapshot: Snapshot
@@ -45,11 +45,11 @@ class Known:
 
     @property
     def at_us(self) -> int:
-        """When its boxes were seen, Unix µs."""
+        """Time at which its boxes were seen, Unix µs."""
         return self.snapshot.seen_us or self.snapshot.t_us
 
 
-def by_whole_flight(every: Iterable[Known], mission: Mission, evidence: FlightEvidence) -> Iterator[Known]:
+def by_whole_flight(every: Iterable[KnownFrame], mission: Mission, evidence: FlightEvidence) -> Iterator[KnownFrame]:
     """Name boxes by the whole of a recording.
 
     Args:
@@ -60,7 +60,7 @@ def by_whole_flight(every: Iterable[Known], mission: Mission, evidence: FlightEv
     Yields:
         The same, with what is known then.
     """
-    given, waiting = deque[Known](), deque[Known]()
+    given, waiting = deque[KnownFrame](), deque[KnownFrame]()
     for known in every:
         # a clock that was set back ends a stretch, too
         set_back = bool(waiting) and known.at_us < waiting[-1].at_us
@@ -81,8 +81,12 @@ def by_whole_flight(every: Iterable[Known], mission: Mission, evidence: FlightEv
 
 
 def _stretch(
-    before: Iterable[Known], waiting: Iterable[Known], stop_us: int, mission: Mission, evidence: FlightEvidence
-) -> list[Known]:
+    before: Iterable[KnownFrame],
+    waiting: Iterable[KnownFrame],
+    stop_us: int,
+    mission: Mission,
+    evidence: FlightEvidence,
+) -> list[KnownFrame]:
     """The waiting ones up to a time, Unix µs, by all that is there."""
     every = [*before, *waiting]
     named = [known for known in waiting if known.at_us <= stop_us]
@@ -101,7 +105,7 @@ def _stretch(
     return named if found is None else _chosen(named, segments, found, mission.identity.threshold)
 
 
-def _owners(segments: Segments, names: dict[tuple[int, int], int], every: list[Known]) -> IntArray:
+def _owners(segments: Segments, names: dict[tuple[int, int], int], every: list[KnownFrame]) -> IntArray:
     """(S,) vehicle that most boxes of each segment are known to be, −1 none."""
     n = segments.log.n_vehicles
     votes = np.zeros((segments.seen.shape[1], n + 1))
@@ -114,9 +118,9 @@ def _owners(segments: Segments, names: dict[tuple[int, int], int], every: list[K
     return np.where((first < n) & (np.max(votes, axis=1) > 0.0), first, -1)
 
 
-def _chosen(named: list[Known], segments: Segments, found: SegmentNames, threshold: float) -> list[Known]:
+def _chosen(named: list[KnownFrame], segments: Segments, found: SegmentNames, threshold: float) -> list[KnownFrame]:
     """The snapshots by the whole flight, or as they are where they expect more right names."""
-    whole, gained, had = list[Known](), 0.0, 0.0
+    whole, gained, had = list[KnownFrame](), 0.0, 0.0
     for known in named:
         pooled, t = dict(known.p), 1e-6 * (known.at_us - segments.origin_us)
         for track, before in known.p.items():
@@ -144,4 +148,9 @@ def _pooled(whole: FloatArray, before: FloatArray) -> FloatArray:
     if over > 0.0:
         p[:-1] += over * vehicles / np.sum(vehicles)
         p[-1] -= over
+    # where neighbours are told apart by place alone no name is sure, however sure the track by itself is
+    unsure = whole[:-1] < _SURE
+    less = np.where(unsure, np.maximum(p[:-1] - (_SURE - 0.01), 0.0), 0.0)
+    p[:-1] -= less
+    p[-1] += np.sum(less)
     return np.asarray(p)

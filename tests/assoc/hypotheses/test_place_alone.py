@@ -13,7 +13,8 @@ def named(score, place, sure=0.99, bias_std=BIAS_STD_M):
     n = len(score)
     p = np.full((n, n + 1), (1.0 - sure) / n)
     p[np.arange(n), np.arange(n)] = sure
-    return limit_by_place(p, np.array(score, np.float64), np.array(place, np.float64), bias_std)
+    at = np.array(place, np.float64)
+    return limit_by_place(p, np.array(score, np.float64), np.linalg.norm(at[:, None] - at, axis=2), bias_std)
 
 
 def grid(spacing_m):
