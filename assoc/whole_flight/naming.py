@@ -161,7 +161,8 @@ def _distances(segments: Segments, theta: FloatArray) -> FloatArray:
     places = ground_tracks(segments.history, 0, theta, np.arange(segments.seen.shape[1])).p
     away = np.full(segments.apart.shape, np.nan)
     for a, b in np.argwhere(segments.apart).tolist():
-        away[a, b] = np.nanmean(np.linalg.norm(places[:, a] - places[:, b], axis=1))
+        apart_m = np.linalg.norm(places[:, a] - places[:, b], axis=1)
+        away[a, b] = np.mean(apart_m, where=np.isfinite(apart_m)) if np.isfinite(apart_m).any() else np.nan
     return away
 
 
