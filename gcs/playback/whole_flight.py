@@ -31,8 +31,10 @@ _WHOLE_SHARE = 0.8
 """Weight of the whole flight against what is known of the track by itself."""
 _LEAST_GAIN = 0.97
 """A stretch counts where it gives so many of the names that are known without it, by their probabilities."""
-_SURE = 0.9
-"""A box is surely none of ours only where its track by itself says so, too."""
+_SURE, _NAMED = 0.9, 0.7
+"""A box is surely none of ours only where its track by itself says so, too, and has a sure name only where that is so
+probable by it.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,8 +150,8 @@ def _pooled(whole: FloatArray, before: FloatArray) -> FloatArray:
     if over > 0.0:
         p[:-1] += over * vehicles / np.sum(vehicles)
         p[-1] -= over
-    # where neighbours are told apart by place alone no name is sure, however sure the track by itself is
-    unsure = whole[:-1] < _SURE
+    # where neighbours are told apart by place alone no name is sure, nor where the track by itself would not be named
+    unsure = (whole[:-1] < _SURE) | (before[:-1] < _NAMED)
     less = np.where(unsure, np.maximum(p[:-1] - (_SURE - 0.01), 0.0), 0.0)
     p[:-1] -= less
     p[-1] += np.sum(less)
