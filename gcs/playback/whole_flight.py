@@ -1,9 +1,9 @@
 """Names by the whole of a recording, stretch by stretch: what each box is by all frames and reports about it.
 
 ``assoc.whole_flight`` finds the names, the camera's pose and the errors of the vehicles' positions together. What it
-gives counts 0.8, and 0.2 what is known of each track by itself (``gcs.playback.hindsight``): only where both agree a
-name is sure. A stretch in which it expects fewer right names than are known already is left as it is: there the errors
-are of another kind than it knows, as where a camera shakes. So is one that film and telemetry do not fit in.
+gives counts 0.8, and 0.2 what is known of each track by itself (``gcs.playback.hindsight``): an answer is sure where
+both are. A stretch in which it expects fewer right names than are known already is left as it is: there the errors are
+of another kind than it knows, as where a camera shakes. So is one that film and telemetry do not fit in.
 """
 
 from __future__ import annotations
@@ -31,10 +31,8 @@ _WHOLE_SHARE = 0.8
 """Weight of the whole flight against what is known of the track by itself."""
 _LEAST_GAIN = 0.97
 """A stretch counts where it gives so many of the names that are known without it, by their probabilities."""
-_SURE, _NAMED = 0.9, 0.7
-"""A box is surely none of ours only where its track by itself says so, too, and has a sure name only where that is so
-probable by it.
-"""
+_UNSURE = 0.89
+"""An answer is surer only where both are: the whole flight, and the track by itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,16 +141,9 @@ def _named_share(p: FloatArray, threshold: float) -> float:
 
 
 def _pooled(whole: FloatArray, before: FloatArray) -> FloatArray:
-    """(n + 1,) 0.8 of what the whole flight says and 0.2 of what is known of the track by itself."""
+    """(n + 1,) 0.8 of what the whole flight says and 0.2 of what is known of the track alone; sure where both are."""
     p = _WHOLE_SHARE * whole + (1.0 - _WHOLE_SHARE) * before
-    over = p[-1] - max(_SURE - 0.01, before[-1])
-    vehicles = before[:-1] + 1e-6
-    if over > 0.0:
-        p[:-1] += over * vehicles / np.sum(vehicles)
-        p[-1] -= over
-    # where neighbours are told apart by place alone no name is sure, nor where the track by itself would not be named
-    unsure = (whole[:-1] < _SURE) | (before[:-1] < _NAMED)
-    less = np.where(unsure, np.maximum(p[:-1] - (_SURE - 0.01), 0.0), 0.0)
-    p[:-1] -= less
-    p[-1] += np.sum(less)
-    return np.asarray(p)
+    over = np.where(np.minimum(whole, before) < _UNSURE, np.maximum(p - _UNSURE, 0.0), 0.0)
+    # a name that is less sure may be none of ours, and none of ours one that its track may be
+    other = np.append(np.zeros(len(p) - 1), 1.0) if over[-1] == 0.0 else np.append(before[:-1] + 1e-6, 0.0)
+    return np.asarray(p - over + np.sum(over) * other / np.sum(other))
