@@ -101,7 +101,11 @@ def _stretch(
     segments = evidence.segments(every[0].at_us, every[-1].at_us, lambda at_us, track: names.get((at_us, track)))
     if segments is None:
         return named
-    found = segment_names(segments, evidence.params, _owners(segments, names, every))
+    try:
+        found = segment_names(segments, evidence.params, _owners(segments, names, every))
+    except np.linalg.LinAlgError:
+        # as with places so far apart that no arithmetic holds them: the names of the tracks by themselves stay
+        return named
     return named if found is None else _chosen(named, segments, found, mission.identity.threshold)
 
 

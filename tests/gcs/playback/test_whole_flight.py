@@ -121,6 +121,17 @@ def test_evidence_of_another_fleet_is_not_used(flown):
     assert [s.boxes for s in alone] == [s.boxes for s in whole]
 
 
+def test_names_stay_where_the_arithmetic_fails(flown, monkeypatch):
+    snapshots, mission, evidence = flown
+
+    def fails(*_):
+        raise np.linalg.LinAlgError("singular")
+
+    monkeypatch.setattr("gcs.playback.whole_flight.segment_names", fails)
+    alone, whole = by_hindsight(snapshots, mission), by_hindsight(snapshots, mission, evidence)
+    assert [s.boxes for s in alone] == [s.boxes for s in whole]
+
+
 def test_what_the_operator_stated_stays(flown):
     snapshots, mission, evidence = flown
     track = next(box.track_id for box in snapshots[-1].boxes if box.system_id)
