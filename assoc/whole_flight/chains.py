@@ -1,9 +1,10 @@
-"""How likely each segment is each vehicle, given the other segments of that vehicle, and what is common to all.
+"""Scores of segments as vehicles, given each vehicle's other segments, and the pose and errors that go with them.
 
 A vehicle's segments are one chain: they share the course of its errors (``assoc.whole_flight.residuals``). So a segment
-is weighed by what the rest of the chain, before it and after it, leaves open:
+is weighed by what the rest of the chain, before it and after it, leaves open, N(r | rest), against N₀(r), with which it
+is anywhere:
 
-    S = ln N(r | rest) − ln u − M' − ln λ + ln q/(1 − q) + 0.25 T,   M' = M − ln[(1 − c) + c eᴹ]
+    S = ln N(r | rest)/N₀(r) + M − ln[(1 − c) + c eᴹ] − ln λ + ln q/(1 − q) + 0.25 T
 
 M says how much better the segment drives like the vehicle's reports than their own past foretells them, wherever it is;
 no more of it counts than look-alikes leave, c of all others. λ is the density of strangers, q the share of vehicles
@@ -21,7 +22,7 @@ from scipy.linalg import block_diag, cho_factor, cho_solve, solve_triangular
 from assoc.geometry.ground import THETA
 from assoc.hypotheses.pose import PosePrior
 from assoc.whole_flight.evidence import Segments
-from assoc.whole_flight.residuals import Errors, Residuals
+from assoc.whole_flight.residuals import Errors, Residuals, thinned
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -112,8 +113,7 @@ def _without_outliers(residuals: Residuals, r: FloatArray, errors: Errors, near:
         var[every[aside], segment, vehicle] = _ASIDE_VAR
         rows = residuals.rows(segment, vehicle, _MOST_ROWS)
         y = _stacked(r[rows, segment, vehicle])
-        level = np.kron(np.eye(2), np.ones((len(rows), 1)))
-        cov = residuals.covariance(vehicle, rows, rows, errors) + _ANYWHERE_M**2 * level @ level.T
+        cov = residuals.covariance(vehicle, rows, rows, errors) + _shared(np.zeros_like(rows), _ANYWHERE_M)
         for _ in range(len(rows) // _BLOCKS_TO_OUTLIER):
             inverse = np.linalg.inv(cov + np.diag(np.tile(var[rows, segment, vehicle], 2)))
             z2 = ((inverse @ y) ** 2 / np.diag(inverse)).reshape(2, -1).mean(axis=0)
@@ -139,7 +139,7 @@ def _at_the_ends(r: FloatArray, reach_m: float) -> BoolArray:
 def _compared(
     residuals: Residuals, r: FloatArray, errors: Errors, segment: int, vehicle: int, rest: IntArray
 ) -> tuple[float, float]:
-    """How likely a segment is where its vehicle's other segments let expect it, ln 1/m², and M.
+    """ln N(r | rest)/N₀(r) and M of a pair.
 
     Args:
         residuals: Of all pairs.
@@ -151,22 +151,18 @@ def _compared(
     """
     rows = residuals.rows(segment, vehicle, _MOST_ROWS)
     own = _stacked(r[rows, segment, vehicle])
-    cov = residuals.covariance(vehicle, rows, rows, errors)
-    cov[np.diag_indices_from(cov)] += residuals.noise(segment, vehicle, rows)
-    # anywhere: the mean of each axis has a wide prior
-    level = np.kron(np.eye(2), np.ones((len(rows), 1)))
+    cov, alone = residuals.noisy_covariance(vehicle, rows, segment, errors), np.zeros_like(rows)
+    # N₀: the mean of each axis has a wide prior, here about itself
     centred = own - np.repeat(np.mean(r[rows, segment, vehicle], axis=0), len(rows))
-    anywhere = _log_normal(centred, cov + _ANYWHERE_M**2 * level @ level.T) + np.log(2.0 * np.pi * _ANYWHERE_M**2)
+    anywhere = _log_normal(centred, cov + _shared(alone, _ANYWHERE_M)) + np.log(2.0 * np.pi * _ANYWHERE_M**2)
     motion = anywhere + float(np.sum(residuals.motion[rows, segment, vehicle]))
     if len(rest):
         others, of = residuals.chain_rows(rest, vehicle)
         nearest = np.argsort(np.min(np.abs(others[:, None] - rows), axis=1), kind="stable")[:_MOST_REST]
         others, of = others[nearest], of[nearest]
-        known = residuals.covariance(vehicle, others, others, errors)
-        known[np.diag_indices_from(known)] += residuals.noise(of, vehicle, others)
         # boxes of one segment are round other points than those of another
-        known += _SEGMENT_STD_M**2 * np.kron(np.eye(2), of[:, None] == of)
-        cov = cov + _SEGMENT_STD_M**2 * level @ level.T
+        known = residuals.noisy_covariance(vehicle, others, of, errors) + _shared(of, _SEGMENT_STD_M)
+        cov = cov + _shared(alone, _SEGMENT_STD_M)
         lower = np.linalg.cholesky(known)
         across = residuals.covariance(vehicle, others, rows, errors)
         half = solve_triangular(lower, np.column_stack([_stacked(r[others, of, vehicle]), across]), lower=True)
@@ -191,20 +187,17 @@ def fit_pose(residuals: Residuals, prior: PosePrior, errors: Errors, owner: IntA
     wander = np.linalg.inv(_COMMON_STD_M**2 * np.exp(-np.abs(knots[:, None] - knots) / _COMMON_TAU_S))
     precision = block_diag(np.diag(1.0 / prior.std**2), wander, wander)
     mean = np.concatenate([prior.mean, np.zeros(2 * len(knots))])
-    r = residuals.at(residuals.theta, np.zeros((n_blocks, 2)))
+    theta = residuals.blocks.theta
+    r = residuals.at(theta, np.zeros((n_blocks, 2)))
     H, g = precision.copy(), precision @ mean
-    for vehicle in np.unique(owner[owner >= 0]).tolist():
-        rows, of = residuals.chain_rows(np.flatnonzero(owner == vehicle), vehicle)
-        if not len(rows):
-            continue
-        cov = residuals.covariance(vehicle, rows, rows, errors)
-        cov[np.diag_indices_from(cov)] += residuals.noise(of, vehicle, rows)
+    for vehicle, rows, of in residuals.chains(owner):
+        cov = residuals.noisy_covariance(vehicle, rows, of, errors)
         J, none = residuals.blocks.jacobian[rows, of], np.zeros((len(rows), len(knots)))
         J = np.concatenate([np.column_stack([J[:, 0], hat[rows], none]), np.column_stack([J[:, 1], none, hat[rows]])])
         weighed = cho_solve(cho_factor(cov), J)
         H += J.T @ weighed
         # (Λ + JᵀVJ) x = Λμ + JᵀV (J x₀ − r)
-        g += weighed.T @ (J[:, :THETA] @ residuals.theta - _stacked(r[rows, of, vehicle]))
+        g += weighed.T @ (J[:, :THETA] @ theta - _stacked(r[rows, of, vehicle]))
     x = np.linalg.solve(H, g)
     east, north = x[THETA : THETA + len(knots)], x[THETA + len(knots) :]
     return CommonPose(
@@ -217,22 +210,30 @@ def fit_pose(residuals: Residuals, prior: PosePrior, errors: Errors, owner: IntA
 def learn_errors(residuals: Residuals, pose: CommonPose, owner: IntArray) -> Errors:
     """The likeliest σ_b and τ of the chains, with their priors."""
     r = residuals.at(pose.theta, pose.common)
-    chains = []
-    for vehicle in np.unique(owner[owner >= 0]).tolist():
-        rows, of = residuals.chain_rows(np.flatnonzero(owner == vehicle), vehicle)
-        thin = slice(None, None, -(-max(len(rows), 1) // _MOST_LEARNT))
-        chains.append((vehicle, rows[thin], of[thin]))
+    chains = [
+        (vehicle, thinned(rows, _MOST_LEARNT), thinned(of, _MOST_LEARNT))
+        for vehicle, rows, of in residuals.chains(owner)
+    ]
 
     def log_likelihood(errors: Errors) -> float:
         spread = np.log(errors.bias_std / _USUAL_BIAS_M) / _BIAS_SPREAD, np.log(errors.tau_s / _USUAL_TAU_S)
         total = -0.5 * float(spread[0] ** 2 + spread[1] ** 2)
         for vehicle, rows, of in chains:
-            cov = residuals.covariance(vehicle, rows, rows, errors)
-            cov[np.diag_indices_from(cov)] += residuals.noise(of, vehicle, rows)
+            cov = residuals.noisy_covariance(vehicle, rows, of, errors)
             total += _log_normal(_stacked(r[rows, of, vehicle]), cov)
         return total
 
     return max((Errors(std, tau) for std in _BIAS_STDS_M for tau in _TAUS_S), key=log_likelihood)
+
+
+def _shared(of: IntArray, std_m: float) -> FloatArray:
+    """(2a, 2a) covariance, m², of an error that blocks of one segment share and those of others do not.
+
+    Args:
+        of: (a,) segments.
+        std_m: 1σ per axis.
+    """
+    return np.asarray(std_m**2 * np.kron(np.eye(2), of[:, None] == of))
 
 
 def _stacked(r: FloatArray) -> FloatArray:
@@ -242,8 +243,6 @@ def _stacked(r: FloatArray) -> FloatArray:
 
 def _log_normal(x: FloatArray, cov: FloatArray) -> float:
     """ln N(x; 0, cov)."""
-    if not len(x):
-        return 0.0
     lower = np.linalg.cholesky(cov)
     z = solve_triangular(lower, x, lower=True)
     return float(-0.5 * z @ z - np.sum(np.log(np.diag(lower))) - 0.5 * len(x) * np.log(2.0 * np.pi))

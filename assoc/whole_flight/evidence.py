@@ -19,8 +19,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-_MARGIN_S = 10.0
-"""Time by which buffers are longer than what they hold, seconds."""
+_MARGIN_S = 20.0
+"""Time before the first frame and after the last from which reports count, seconds."""
 _TOGETHER_FRAMES, _TOGETHER_SHARE = 2.0, 0.2
 """Segments are two objects that are seen together in more frames than this, and that share of the shorter one's: where
 one track takes over from another, both have the vehicle for a moment.
@@ -72,7 +72,7 @@ class FlightEvidence:
     def __init__(self, params: IdentifierParams) -> None:
         self.params = params
         self.system_ids: tuple[int, ...] = ()
-        """Whom the reports are of."""
+        """System ids of those whose reports they are, in the order of their indices."""
         self._frames: list[_FrameTaken] = []
         self._reports: list[VehicleReports] = []
 
@@ -123,7 +123,7 @@ class FlightEvidence:
         if len(frames) < 2:
             return None
         q, origin_us = self.params, frames[0].observation.t_us
-        span_s = 1e-6 * (frames[-1].observation.t_us - origin_us) + _MARGIN_S
+        span_s, margin_us = 1e-6 * (frames[-1].observation.t_us - origin_us) + _MARGIN_S, round(1e6 * _MARGIN_S)
         history, cuts, of = TrackHistory(span_s, q.frame_step_s, q.gap_max_s), _Cuts(), dict[tuple[int, int], int]()
         for frame in frames:
             seen = frame.observation
@@ -133,7 +133,9 @@ class FlightEvidence:
                 of[frame.t_us, track] = history.column_of(piece)
         log = ReportLog(len(self.system_ids), span_s)
         for each in self._reports:
-            log.add(np.asarray((each.t_us - origin_us) / 1e6), each)
+            # a log forgets what is long before its newest report
+            if np.min(each.t_us) <= frames[-1].observation.t_us + margin_us:
+                log.add(np.asarray((each.t_us - origin_us) / 1e6), each)
         theta = np.median([frame.theta for frame in frames[len(frames) // 2 :]], axis=0)
         names = np.full(int(np.count_nonzero(history.track_id)), -1)
         for piece, known in cuts.names.items():
@@ -141,11 +143,6 @@ class FlightEvidence:
         column = _join(history, linked(history, theta, names))
         of = {box: int(column[piece]) for box, piece in of.items()}
         seen_in = np.isfinite(history.ray[: history.n, :, 0])
-        together = seen_in.astype(np.float64).T @ seen_in.astype(np.float64)
-        frames_of = np.diagonal(together)
-        most = _TOGETHER_FRAMES + _TOGETHER_SHARE * np.minimum(frames_of[:, None], frames_of)
-        apart = together > most
-        np.fill_diagonal(apart, False)
         return Segments(
             history=history,
             log=log,
@@ -153,9 +150,18 @@ class FlightEvidence:
             origin_us=frames[0].t_us,
             of=of,
             seen=seen_in,
-            apart=apart,
+            apart=_apart(seen_in),
             theta=theta,
         )
+
+
+def _apart(seen: BoolArray) -> BoolArray:
+    """(S, S) pairs that were seen together, in (F, S) frames, for too long to be one object."""
+    together = seen.astype(np.float64).T @ seen.astype(np.float64)
+    frames = np.diagonal(together)
+    apart = together > _TOGETHER_FRAMES + _TOGETHER_SHARE * np.minimum(frames[:, None], frames)
+    np.fill_diagonal(apart, False)
+    return np.asarray(apart)
 
 
 def _join(history: TrackHistory, group: IntArray) -> IntArray:

@@ -1,4 +1,4 @@
-"""Which pieces of tracks are one object: a track that was lost goes on in one that begins where it was heading.
+"""Pieces of tracks, joined to objects: a track that was lost goes on in one that begins where it was heading.
 
 Pieces of one stranger beside a vehicle are one coincidence and not several. A piece goes on in another one if that
 begins within 2.5 s where the first would be by then, both drive alike, and neither could be a third piece's.
@@ -18,13 +18,13 @@ IntArray = NDArray[np.int64]
 _GAP_S = 2.5
 """Longest time out of sight, seconds."""
 _REACH_M, _REACH_MPS = 1.0, 0.6
-"""How far from where it was heading an object reappears, metres, and how much more for each second."""
+"""Distance from where it was heading within which an object reappears, metres, and so much more for each second."""
 _AMBIGUOUS = 2.0
-"""Within so many times that reach no other piece may begin or end."""
+"""Reach, in multiples of that one, in which no other piece may begin or end."""
 _SPEED_OVER_S = 1.0
 """Time over which a velocity is measured, seconds."""
 _FEWEST = 4
-"""Boxes from which it is."""
+"""Boxes from which a velocity is measured, at least."""
 _UNLIKE_MPS, _UNLIKE_MPS2 = 0.6, 0.6
 """Pieces of one object differ by no more than this in velocity, m/s, and so much more for each second."""
 

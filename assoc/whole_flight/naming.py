@@ -48,7 +48,7 @@ _DOUBLE_P = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SegmentNames:
-    """Who segments are."""
+    """Names of segments by the whole, and for how long they hold."""
 
     p: FloatArray
     """(S, n + 1) probabilities of each vehicle, the last column "none of ours"; NaN where nothing was compared."""
@@ -108,15 +108,17 @@ def segment_names(segments: Segments, q: IdentifierParams, owner: IntArray) -> S
     anybody = np.any(best.reported, axis=2, keepdims=True)
     likeliest = np.arange(len(p)), np.argmax(p, axis=1)
     compared, reported = (
-        np.concatenate([pairs, anybody], axis=2)[:, *likeliest] for pairs in (best.compared, best.reported)
+        _span(np.concatenate([pairs, anybody], axis=2)[:, *likeliest]) for pairs in (best.compared, best.reported)
     )
-    first, last = (np.argmax(compared, axis=0), len(compared) - np.argmax(compared[::-1], axis=0))
-    alone = [first == np.argmax(reported, axis=0), last == len(reported) - np.argmax(reported[::-1], axis=0)]
-    return SegmentNames(
-        p=p,
-        since_s=best.first_s + q.block_s * first - np.where(alone[0], _ALONE_S, 0.0),
-        until_s=best.first_s + q.block_s * last + np.where(alone[1], _ALONE_S, 0.0),
-    )
+    # beyond where it was compared a name holds for a while, unless the segment is aside there
+    beyond = np.where(compared == reported, _ALONE_S, 0.0)
+    since_s, until_s = best.first_s + q.block_s * compared + [[-1.0], [1.0]] * beyond
+    return SegmentNames(p=p, since_s=since_s, until_s=until_s)
+
+
+def _span(blocks: BoolArray) -> IntArray:
+    """(2, S) first of each segment's blocks (B, S), and the one after the last."""
+    return np.stack([np.argmax(blocks, axis=0), len(blocks) - np.argmax(blocks[::-1], axis=0)])
 
 
 def _named(segments: Segments, q: IdentifierParams, owner: IntArray, theta: FloatArray) -> _Named:
@@ -127,7 +129,7 @@ def _named(segments: Segments, q: IdentifierParams, owner: IntArray, theta: Floa
     tried = {owner.tobytes()}
     for k in range(_ROUNDS):
         pose = fit_pose(residuals, prior, errors, owner)
-        if np.any(np.abs(pose.theta - residuals.theta) > _MOVED):
+        if np.any(np.abs(pose.theta - residuals.blocks.theta) > _MOVED):
             residuals = residuals_at(segments, q, pose.theta, errors)
         if k:
             errors = learn_errors(residuals, pose, owner)

@@ -1,4 +1,4 @@
-"""Whose each segment is, where no vehicle is two that were seen together: the best naming, and its probabilities."""
+"""Owners of segments, where no vehicle is two that were seen together: the best naming, and probabilities of all."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Residuals of all segments against all vehicles, and how errors of one vehicle's positions go together.
+"""Residuals of all segments against all vehicles, and the covariance of those of one vehicle.
 
 r_ij(t) = g_i(t) − p_j(t), per second, linear in the pose correction θ. What a right pair leaves is
 
@@ -10,6 +10,7 @@ reference station), and a lateness d_j of its reports at its velocity v_j.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,7 +38,7 @@ _AREA_EVERY = 10
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """How large the errors of the vehicles' positions are, and how fast they wander."""
+    """Size of the errors of the vehicles' positions, and the time in which they wander."""
 
     bias_std: float
     """σ_b per axis, metres."""
@@ -47,7 +48,7 @@ class Errors:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Residuals:
-    """Residuals by block of a second, linearised at ``theta``. B blocks, S segments, n vehicles."""
+    """Residuals by block of a second, linearised at ``blocks.theta``. B blocks, S segments, n vehicles."""
 
     blocks: Blocks
     var: FloatArray
@@ -60,8 +61,6 @@ class Residuals:
     """(B, n) Σ ln (1 + jump²/m²) of the vehicle's reports so far."""
     area_m2: float
     """Ground over which tracks are spread at a time."""
-    theta: FloatArray
-    """(9,)."""
 
     def at(self, theta: FloatArray, common: FloatArray) -> FloatArray:
         """(B, S, n, 2) mean residuals, metres.
@@ -74,14 +73,24 @@ class Residuals:
         return np.asarray(self.blocks.mean + moved[:, :, None, :])
 
     def rows(self, segment: int, vehicle: int, most: int) -> IntArray:
-        """Blocks in which a pair was compared, evenly thinned to ``most``."""
-        rows = np.flatnonzero(self.blocks.count[:, segment, vehicle] > 0)
-        return rows[:: -(-len(rows) // most)] if len(rows) else rows
+        """(a,) blocks in which a pair was compared, evenly thinned to ``most``."""
+        return thinned(np.flatnonzero(self.blocks.count[:, segment, vehicle] > 0), most)
 
     def chain_rows(self, chain: IntArray, vehicle: int) -> tuple[IntArray, IntArray]:
         """(a,) blocks in which the segments of a chain were compared with their vehicle, (a,) and which segment."""
         which, rows = np.nonzero(self.blocks.count[:, chain, vehicle].T > 0)
         return rows, chain[which]
+
+    def chains(self, owner: IntArray) -> Iterator[tuple[int, IntArray, IntArray]]:
+        """Vehicles with segments that were compared, and (a,) blocks and (a,) segments of each.
+
+        Args:
+            owner: (S,) vehicle of each segment, −1 none.
+        """
+        for vehicle in np.unique(owner[owner >= 0]).tolist():
+            rows, of = self.chain_rows(np.flatnonzero(owner == vehicle), vehicle)
+            if len(rows):
+                yield vehicle, rows, of
 
     def covariance(self, vehicle: int, rows: IntArray, others: IntArray, errors: Errors) -> FloatArray:
         """(2a, 2b) covariance of b + d v between blocks of one vehicle: east of all, then north of all.
@@ -102,9 +111,23 @@ class Residuals:
         late[1, 1] += wanders
         return np.asarray(late.transpose(0, 2, 1, 3).reshape(2 * len(rows), 2 * len(others)))
 
-    def noise(self, segment: int | IntArray, vehicle: int, rows: IntArray) -> FloatArray:
-        """(2a,) variance of the noise of a vehicle's blocks, m²: east of all, then north of all."""
-        return np.tile(self.var[rows, segment, vehicle], 2)
+    def noisy_covariance(self, vehicle: int, rows: IntArray, of: int | IntArray, errors: Errors) -> FloatArray:
+        """(2a, 2a) covariance of b + d v + noise of one vehicle's blocks: east of all, then north of all.
+
+        Args:
+            vehicle: The vehicle.
+            rows: (a,) blocks.
+            of: (a,) segments, or the one of all.
+            errors: Size and course of b.
+        """
+        cov = self.covariance(vehicle, rows, rows, errors)
+        cov[np.diag_indices_from(cov)] += np.tile(self.var[rows, of, vehicle], 2)
+        return cov
+
+
+def thinned(rows: IntArray, most: int) -> IntArray:
+    """Every k-th of (a,) rows, so that at most ``most`` are left."""
+    return rows[:: max(-(-len(rows) // most), 1)]
 
 
 def residuals_at(segments: Segments, q: IdentifierParams, theta: FloatArray, errors: Errors) -> Residuals:
@@ -147,7 +170,6 @@ def residuals_at(segments: Segments, q: IdentifierParams, theta: FloatArray, err
         speed=_speeds(samples, log.n_vehicles, np.asarray((first + 0.5 + np.arange(last - first + 1)) * q.block_s)),
         jumped=np.cumsum(np.log1p(blocks.jump_var / errors.bias_std**2), axis=0),
         area_m2=min(_area_m2(tracks.p), 0.5 * float(np.exp(noise.log_area_at(theta)))),
-        theta=theta,
     )
 
 

@@ -34,7 +34,7 @@ from assoc.whole_flight.evidence import FlightEvidence
 from gcs.fold.since import Since
 from gcs.fold.snapshot_rows import standing_of
 from gcs.mission.mission import Mission
-from gcs.playback.whole_flight import FITS, KnownFrame, by_whole_flight
+from gcs.playback.whole_flight import FITS, UNSURE, KnownFrame, by_whole_flight
 from gcs.snapshot import NAN, Box, Candidate, Snapshot, VehicleRow
 
 FloatArray = NDArray[np.float64]
@@ -53,8 +53,6 @@ _GAP_MAX_S = IdentifierParams().gap_max_s
 _LEAST_SHOWN = 0.005
 """A candidate that is less probable is not told."""
 _MOST_CANDIDATES = 3
-_UNSURE = 0.89
-"""A name is surer only where the mean is, too: what was told of a track in turn speaks against both."""
 _UNTOLD = 0.002
 """Probability of all candidates that were not told, each below 0.005."""
 _NO_EVIDENCE: dict[str, Any] = dict.fromkeys(
@@ -128,7 +126,7 @@ def _smoothed(times_us: Sequence[int], p: FloatArray, fits: Sequence[bool]) -> F
     known = (1.0 - share) * s + share * mean
     none = np.minimum(mean[:, -1:], known[:, -1:])
     vehicles = known[:, :-1] * (1.0 - none) / np.maximum(1.0 - known[:, -1:], _UNTOLD)
-    vehicles = np.minimum(vehicles, np.maximum(mean[:, :-1], _UNSURE))
+    vehicles = np.minimum(vehicles, np.maximum(mean[:, :-1], UNSURE))
     return np.concatenate([vehicles, 1.0 - np.sum(vehicles, axis=1, keepdims=True)], axis=1)
 
 
@@ -205,9 +203,10 @@ def _by_courses(snapshots: Iterable[Snapshot], mission: Mission) -> Iterator[Kno
 
 
 def _known(snapshot: Snapshot, courses: Mapping[int, _Course]) -> KnownFrame:
-    at_us = snapshot.seen_us or snapshot.t_us
-    found = {track: course.at(at_us) for track, course in courses.items()}
-    return KnownFrame(snapshot, {track: p for track, p in found.items() if p is not None})
+    known = KnownFrame(snapshot, {})
+    found = {track: course.at(known.at_us) for track, course in courses.items()}
+    known.p.update((track, p) for track, p in found.items() if p is not None)
+    return known
 
 
 def _renamed(known: KnownFrame, mission: Mission, since: Since[int, int]) -> Snapshot:

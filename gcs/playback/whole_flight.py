@@ -31,8 +31,8 @@ _WHOLE_SHARE = 0.8
 """Weight of the whole flight against what is known of the track by itself."""
 _LEAST_GAIN = 0.97
 """A stretch counts where it gives so many of the names that are known without it, by their probabilities."""
-_UNSURE = 0.89
-"""An answer is surer only where both are: the whole flight, and the track by itself."""
+UNSURE = 0.89
+"""An answer is surer only where both looks at it are: here the whole flight, and the track by itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +147,12 @@ def _named_share(p: FloatArray, threshold: float) -> float:
 def _pooled(whole: FloatArray, before: FloatArray) -> FloatArray:
     """(n + 1,) 0.8 of what the whole flight says and 0.2 of what is known of the track alone; sure where both are."""
     p = _WHOLE_SHARE * whole + (1.0 - _WHOLE_SHARE) * before
-    over = np.where(np.minimum(whole, before) < _UNSURE, np.maximum(p - _UNSURE, 0.0), 0.0)
-    # a name that is less sure may be none of ours, and none of ours one that its track may be
-    other = np.append(np.zeros(len(p) - 1), 1.0) if over[-1] == 0.0 else np.append(before[:-1] + 1e-6, 0.0)
-    return np.asarray(p - over + np.sum(over) * other / np.sum(other))
+    first = int(np.argmax(p))
+    over = p[first] - UNSURE
+    if over > 0.0 and min(whole[first], before[first]) < UNSURE:
+        p[first] = UNSURE
+        if first < len(p) - 1:
+            p[-1] += over
+        else:  # it is one of those that its track may be
+            p[:-1] += over * (before[:-1] + 1e-6) / np.sum(before[:-1] + 1e-6)
+    return np.asarray(p)

@@ -186,3 +186,12 @@ def test_what_is_forgotten_is_gone_and_the_rest_stays():
     assert min(at_us for at_us, _ in segments.of) == T0_US + 10_000_000
     evidence.begin_anew((11, 12))
     assert evidence.segments(T0_US, T0_US + 20_000_000, lambda at_us, track: None) is None
+
+
+def test_what_was_reported_long_after_a_stretch_takes_nothing_from_it():
+    fleet = Fleet(4, seed=1)
+    evidence, rng = flown(fleet), np.random.default_rng(2)
+    for t in np.arange(SECONDS, 200.0, 10.0).tolist():
+        evidence.add_reports(fleet.reports(t, t + 10.0, rng))
+    segments, p = probabilities(evidence)
+    assert [named(segments, p, 0.0, track) for track in (1, 2, 3, 4)] == [0, 1, 2, 3]

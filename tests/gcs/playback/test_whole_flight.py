@@ -116,7 +116,7 @@ def test_what_film_and_telemetry_do_not_fit_in_is_left_as_it_is(flown, fit):
 
 def test_evidence_of_another_fleet_is_not_used(flown):
     snapshots, mission, evidence = flown
-    evidence.begin_anew((1, 2))
+    evidence.system_ids = (1, 2)
     alone, whole = by_hindsight(snapshots, mission), by_hindsight(snapshots, mission, evidence)
     assert [s.boxes for s in alone] == [s.boxes for s in whole]
 
