@@ -44,8 +44,10 @@ _REACH_STDS, _REACH_M = 5.0, 4.0
 """A pair further apart than so many σ_b and metres is out of the question."""
 _MOST_ROWS, _MOST_REST = 40, 30
 """Blocks of a segment that are weighed, and those of the rest of its chain."""
-_ASIDE_STDS, _ASIDE_M, _ASIDE_VAR = 3.0, 0.5, 1e4
-"""A block so many σ_b and metres from the segment's median is aside; variance of one that does not count, m²."""
+_ASIDE_STDS, _ASIDE_M = 3.0, 0.5
+"""A block so many σ_b and metres from the segment's median is aside."""
+ASIDE_VAR = 1e4
+"""Variance of a block that is aside, m²: it does not count."""
 _SEGMENT_STD_M = 0.4
 """1σ per axis of where the boxes of a segment are on the vehicle, against those of its other segments, metres."""
 _OUTLIER_Z2, _BLOCKS_TO_OUTLIER = 9.0, 4
@@ -74,43 +76,88 @@ class CommonPose:
 
 def pair_scores(
     segments: Segments, residuals: Residuals, pose: CommonPose, errors: Errors, owner: IntArray
-) -> tuple[FloatArray, BoolArray]:
-    """(S, n) ln odds that each segment is each vehicle, ``NEVER`` for nothing compared, and (B, S, n) where they were.
+) -> FloatArray:
+    """(S, n) ln odds that each segment is each vehicle, ``NEVER`` for nothing compared.
 
     Args:
         segments: The pieces of tracks.
-        residuals: Of all pairs.
+        residuals: Of all pairs, ``without_outliers``.
         pose: The camera's, and what is common.
         errors: Of the vehicles' positions.
         owner: (S,) vehicle of each segment, −1 none: the chains.
     """
-    r, has = residuals.at(pose.theta, pose.common), residuals.blocks.count > 0
-    mean = np.sum(r * has[..., None], axis=0) / np.maximum(np.sum(has, axis=0), 1)[..., None]
-    reach_m = _REACH_STDS * errors.bias_std + _REACH_M
-    near = has.any(axis=0) & (np.linalg.norm(mean, axis=2) < reach_m)
-    residuals = _without_outliers(residuals, r, errors, near)
+    r = residuals.at(pose.theta, pose.common)
+    near = _near(residuals, r, errors)
     strangers = max(float(np.mean(np.sum(segments.seen[:, owner < 0], axis=1))), _LEAST_STRANGERS)
     usual = np.log(_FOUND / (1.0 - _FOUND)) - np.log(strangers / residuals.area_m2) + _PER_S * segments.seen_s
     score = np.full(near.shape, NEVER)
     for segment, vehicle in np.argwhere(near).tolist():
+        rows = residuals.rows(segment, vehicle, _MOST_ROWS)
         rest = np.flatnonzero((owner == vehicle) & ~segments.apart[segment])
-        place, motion = _compared(residuals, r, errors, segment, vehicle, rest[rest != segment])
-        alike = np.logaddexp(np.log(1.0 - _ALIKE), np.log(_ALIKE) + motion)
-        score[segment, vehicle] = place + motion - alike + usual[segment]
-    return np.maximum(score, NEVER), has & (residuals.var < _ASIDE_VAR)
+        rest = rest[rest != segment]
+        score[segment, vehicle] = usual[segment] + _compared(
+            residuals, r, errors, vehicle, (rows, np.full_like(rows, segment)), rest
+        )
+    return np.asarray(np.maximum(score, NEVER))
 
 
-def _without_outliers(residuals: Residuals, r: FloatArray, errors: Errors, near: BoolArray) -> Residuals:
+def with_whole_chains(
+    score: FloatArray, residuals: Residuals, pose: CommonPose, errors: Errors, owner: IntArray
+) -> FloatArray:
+    """(S, n) the scores, where it is more of another vehicle as which its whole chain is likelier than it alone.
+
+    Two vehicles side by side may be taken for one another for a whole flight, which the rest of a chain hides.
+
+    Args:
+        score: (S, n) of ``pair_scores``.
+        residuals: Of all pairs, ``without_outliers``.
+        pose: The camera's, and what is common.
+        errors: Of the vehicles' positions.
+        owner: (S,) vehicle of each segment, −1 none: the chains.
+    """
+    r = residuals.at(pose.theta, pose.common)
+    near = _near(residuals, r, errors)
+    nobody = np.zeros(0, np.int64)
+    together = score.copy()
+    for own, *_ in residuals.chains(owner):
+        chain = np.flatnonzero(owner == own)
+        chain = chain[near[chain, own]]
+        if len(chain) < 2:
+            continue  # its score says it all
+        as_vehicle = {}
+        for vehicle in np.flatnonzero(near[chain].all(axis=0)).tolist():
+            rows, of = (thinned(of_all, _MOST_ROWS) for of_all in residuals.chain_rows(chain, vehicle))
+            as_vehicle[vehicle] = _compared(residuals, r, errors, vehicle, (rows, of), nobody)
+        for vehicle, value in as_vehicle.items():
+            exchanged = score[chain, own] + value - as_vehicle[own]
+            together[chain, vehicle] = np.maximum(score[chain, vehicle], exchanged)
+    return together
+
+
+def _near(residuals: Residuals, r: FloatArray, errors: Errors) -> BoolArray:
+    """(S, n) pairs that are compared, and not out of the question, of residuals (B, S, n, 2)."""
+    has = residuals.blocks.count > 0
+    mean = np.sum(r * has[..., None], axis=0) / np.maximum(np.sum(has, axis=0), 1)[..., None]
+    reach_m = _REACH_STDS * errors.bias_std + _REACH_M
+    return np.asarray(has.any(axis=0) & (np.linalg.norm(mean, axis=2) < reach_m))
+
+
+def without_outliers(residuals: Residuals, pose: CommonPose, errors: Errors) -> Residuals:
     """The residuals with larger noise where a block is far from all others of its pair, as when a track strays.
 
     z² = (C⁻¹r)²/diag C⁻¹ is what the others do not explain; the worst block is weighed down, and again. A track that
     comes from another object, or goes on to one, is aside for a while: what is so at its ends does not count.
+
+    Args:
+        residuals: Of all pairs.
+        pose: The camera's, and what is common.
+        errors: Of the vehicles' positions.
     """
-    var = residuals.var.copy()
-    for segment, vehicle in np.argwhere(near).tolist():
+    r, var = residuals.at(pose.theta, pose.common), residuals.var.copy()
+    for segment, vehicle in np.argwhere(_near(residuals, r, errors)).tolist():
         every = np.flatnonzero(residuals.blocks.count[:, segment, vehicle] > 0)
         aside = _at_the_ends(r[every, segment, vehicle], _ASIDE_STDS * errors.bias_std + _ASIDE_M)
-        var[every[aside], segment, vehicle] = _ASIDE_VAR
+        var[every[aside], segment, vehicle] = ASIDE_VAR
         rows = residuals.rows(segment, vehicle, _MOST_ROWS)
         y = _stacked(r[rows, segment, vehicle])
         cov = residuals.covariance(vehicle, rows, rows, errors) + _shared(np.zeros_like(rows), _ANYWHERE_M)
@@ -137,19 +184,24 @@ def _at_the_ends(r: FloatArray, reach_m: float) -> BoolArray:
 
 
 def _compared(
-    residuals: Residuals, r: FloatArray, errors: Errors, segment: int, vehicle: int, rest: IntArray
-) -> tuple[float, float]:
-    """ln N(r | rest)/N₀(r) and M of a pair.
+    residuals: Residuals,
+    r: FloatArray,
+    errors: Errors,
+    vehicle: int,
+    compared: tuple[IntArray, IntArray],
+    rest: IntArray,
+) -> float:
+    """ln N(r | rest)/N₀(r) + M − ln[(1 − c) + c eᴹ] of one or more segments as one vehicle.
 
     Args:
         residuals: Of all pairs.
         r: (B, S, n, 2) the same at the pose.
         errors: Of the vehicles' positions.
-        segment: The segment.
         vehicle: The vehicle.
+        compared: (a,) blocks and (a,) segments that are weighed.
         rest: (k,) other segments of that vehicle.
     """
-    rows = residuals.rows(segment, vehicle, _MOST_ROWS)
+    rows, segment = compared
     own = _stacked(r[rows, segment, vehicle])
     cov, alone = residuals.noisy_covariance(vehicle, rows, segment, errors), np.zeros_like(rows)
     # N₀: the mean of each axis has a wide prior, here about itself
@@ -168,7 +220,10 @@ def _compared(
         half = solve_triangular(lower, np.column_stack([_stacked(r[others, of, vehicle]), across]), lower=True)
         own = own - half[:, 1:].T @ half[:, 0]
         cov = cov - half[:, 1:].T @ half[:, 1:]
-    return _log_normal(own, cov) - anywhere, motion
+    elif np.ptp(segment):
+        cov = cov + _shared(segment, _SEGMENT_STD_M)
+    alike = np.logaddexp(np.log(1.0 - _ALIKE), np.log(_ALIKE) + motion)
+    return float(_log_normal(own, cov) - anywhere + motion - alike)
 
 
 def fit_pose(residuals: Residuals, prior: PosePrior, errors: Errors, owner: IntArray) -> CommonPose:

@@ -11,13 +11,22 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
 from scipy.special import expit
 
 from assoc.geometry.ground import THETA, ground_tracks
 from assoc.hypotheses.place_alone import limit_by_place
 from assoc.hypotheses.priors import prior_of
 from assoc.params import IdentifierParams
-from assoc.whole_flight.chains import fit_pose, learn_errors, pair_scores
+from assoc.whole_flight.chains import (
+    ASIDE_VAR,
+    fit_pose,
+    learn_errors,
+    pair_scores,
+    with_whole_chains,
+    without_outliers,
+)
 from assoc.whole_flight.evidence import Segments
 from assoc.whole_flight.owners import Namings
 from assoc.whole_flight.residuals import Errors, residuals_at
@@ -69,6 +78,9 @@ class SegmentNames:
 class _Named:
     owner: IntArray
     score: FloatArray
+    """(S, n) of each segment by itself."""
+    together: FloatArray
+    """(S, n) the same, or more where its whole chain may be another vehicle."""
     reported: BoolArray
     """(B, S, n) blocks in which the vehicle reported while the segment was seen."""
     compared: BoolArray
@@ -94,15 +106,16 @@ def segment_names(segments: Segments, q: IdentifierParams, owner: IntArray) -> S
     """
     if segments.seen.shape[1] * segments.log.n_vehicles > _MOST_PAIRS:
         return None
-    starts = (np.zeros(THETA), segments.theta)
-    best = max((_named(segments, q, owner, theta) for theta in starts), key=lambda named: named.worth)
-    rival = _against_others(best.score, segments)
+    nobody = np.full_like(owner, -1)
+    starts = (owner, np.zeros(THETA)), (owner, segments.theta), (nobody, np.zeros(THETA))
+    best = max((_named(segments, q, *start) for start in starts), key=lambda named: named.worth)
+    rival = _against_others(best.together, segments)
     p = Namings(rival, segments.apart).probabilities()
     # beside "none of ours" only what the score itself says counts
-    p[:, :-1] *= expit(best.score) / expit(rival)
+    p[:, :-1] *= expit(best.together) / expit(rival)
     p[:, -1] = 1.0 - np.sum(p[:, :-1], axis=1)
     p = _without_doubles(p, best, segments)
-    p = limit_by_place(p, best.score, _distances(segments, best.theta), best.bias_std)
+    p = limit_by_place(p, best.together, _distances(segments, best.theta), best.bias_std)
     p[~np.any(best.reported, axis=(0, 2))] = np.nan
     # for none of ours any report counts
     anybody = np.any(best.reported, axis=2, keepdims=True)
@@ -133,23 +146,50 @@ def _named(segments: Segments, q: IdentifierParams, owner: IntArray, theta: Floa
             residuals = residuals_at(segments, q, pose.theta, errors)
         if k:
             errors = learn_errors(residuals, pose, owner)
-        score, compared = pair_scores(segments, residuals, pose, errors, owner)
-        owner = Namings(_against_others(score, segments), segments.apart).best()
-        # it may go round among a few namings, too
+        weighed = without_outliers(residuals, pose, errors)
+        score = pair_scores(segments, weighed, pose, errors, owner)
+        against = _against_others(score, segments)
+        before, owner = owner, Namings(against, segments.apart).best()
+        if owner.tobytes() in tried:
+            # two halves of an exchange, each of which follows the other, would take turns for ever
+            owner = _best_change(before, owner, against, segments.apart)
         if owner.tobytes() in tried:
             break
         tried.add(owner.tobytes())
-    rows = np.flatnonzero(owner >= 0)
+    rows, reported = np.flatnonzero(owner >= 0), residuals.blocks.count > 0
     return _Named(
         owner=owner,
         score=score,
-        reported=residuals.blocks.count > 0,
-        compared=compared,
+        together=with_whole_chains(score, weighed, pose, errors, owner),
+        reported=reported,
+        compared=reported & (weighed.var < ASIDE_VAR),
         theta=pose.theta,
         bias_std=errors.bias_std,
         first_s=residuals.blocks.first * q.block_s,
         worth=float(np.sum(score[rows, owner[rows]])) - pose.cost,
     )
+
+
+def _best_change(before: IntArray, after: IntArray, score: FloatArray, apart: BoolArray) -> IntArray:
+    """(S,) the naming before with the one change towards the other that gains most.
+
+    A change is of segments that have to change together, since one takes the vehicle of another that is apart.
+    """
+    changed = np.flatnonzero(before != after)
+    if not len(changed):
+        return before
+    takes = (before[changed][:, None] == after[changed]) & (before[changed] >= 0)[:, None]
+    _, change = connected_components(csr_matrix(takes & apart[np.ix_(changed, changed)]), directed=False)
+    gain = _worth(score, changed, after) - _worth(score, changed, before)
+    best = changed[change == np.argmax(np.bincount(change, gain))]
+    owner = before.copy()
+    owner[best] = after[best]
+    return owner
+
+
+def _worth(score: FloatArray, segments: IntArray, owner: IntArray) -> FloatArray:
+    """(s,) scores of some segments as their owners, 0 for none of ours."""
+    return np.where(owner[segments] >= 0, score[segments, owner[segments]], 0.0)
 
 
 def _against_others(score: FloatArray, segments: Segments) -> FloatArray:

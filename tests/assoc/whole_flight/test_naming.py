@@ -105,6 +105,44 @@ def test_a_wrong_start_is_overcome():
     assert [named(segments, p, 5.0, track) for track in (1, 2, 3, 4)] == [0, 1, 2, 3]
 
 
+def broken_at_ten_s(t, m):
+    return np.arange(1, m + 1) + 100 * int(t >= 10.0)
+
+
+def alike(*, apart_m, bias_m=0.0, n=4):
+    """Vehicles of which the first two drive side by side; errors of the two towards each other."""
+    fleet = Fleet(n, seed=1, bias_m=0.1)
+    fleet.phase[1], fleet.size[1] = fleet.phase[0], fleet.size[0]
+    fleet.start[1] = fleet.start[0] + [apart_m, 0.0]
+    fleet.bias[:2] = [bias_m, 0.0], [-bias_m, 0.0]
+    return fleet
+
+
+def test_names_that_change_sides_halfway_do_not_change_for_ever():
+    evidence = flown(alike(apart_m=4.0), ids=broken_at_ten_s, seen=lambda t, k: not 9.0 <= t < 10.0)
+
+    def crossed(found):
+        owner = np.full(found.seen.shape[1], -1)
+        for track, vehicle in zip((1, 2, 3, 4, 101, 102, 103, 104), (0, 1, 2, 3, 1, 0, 2, 3), strict=True):
+            owner[found.of[T0_US + (12_000_000 if track > 100 else 0), track]] = vehicle
+        return owner
+
+    segments, p = probabilities(evidence, owner=crossed)
+    assert [named(segments, p, 5.0, track) for track in (1, 2, 3, 4)] == [0, 1, 2, 3]
+    assert [named(segments, p, 15.0, track) for track in (101, 102, 103, 104)] == [0, 1, 2, 3]
+
+
+def test_two_that_could_be_taken_for_one_another_for_the_whole_flight_are_not_sure():
+    """Their errors put each report nearly where the other is; each piece fits the other pieces of its vehicle."""
+    evidence = flown(alike(apart_m=3.0, bias_m=1.6), ids=broken_at_ten_s, seen=lambda t, k: not 9.0 <= t < 10.0)
+    segments, p = probabilities(evidence)
+    for t, tracks in ((5.0, (1, 2)), (15.0, (101, 102))):
+        assert [named(segments, p, t, track) for track in tracks] == [None, None]
+        both = p[[segments.of[T0_US + round(t * 1e6), track] for track in tracks]][:, :2]
+        assert np.all(np.sum(both, axis=1) > 0.95)
+    assert [named(segments, p, 5.0, track) for track in (3, 4)] == [2, 3]
+
+
 def test_a_name_does_not_outlast_its_vehicles_reports_by_much():
     """The first vehicle falls silent after 8 s; its track may have gone on with another one since."""
     evidence = flown(Fleet(4, seed=6), silent=lambda t, j: j == 0 and t > 8.0)
