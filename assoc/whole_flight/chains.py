@@ -288,7 +288,9 @@ def _shared(of: IntArray, std_m: float) -> FloatArray:
         of: (a,) segments.
         std_m: 1σ per axis.
     """
-    return np.asarray(std_m**2 * np.kron(np.eye(2), of[:, None] == of))
+    cov = np.zeros((2, len(of), 2, len(of)))
+    cov[0, :, 0] = cov[1, :, 1] = std_m**2 * (of[:, None] == of)
+    return cov.reshape(2 * len(of), 2 * len(of))
 
 
 def _stacked(r: FloatArray) -> FloatArray:

@@ -107,7 +107,7 @@ def segment_names(segments: Segments, q: IdentifierParams, owner: IntArray) -> S
     if segments.seen.shape[1] * segments.log.n_vehicles > _MOST_PAIRS:
         return None
     nobody = np.full_like(owner, -1)
-    starts = (owner, np.zeros(THETA)), (owner, segments.theta), (nobody, np.zeros(THETA))
+    starts = (owner, segments.theta), (nobody, np.zeros(THETA))
     best = max((_named(segments, q, *start) for start in starts), key=lambda named: named.worth)
     rival = _against_others(best.together, segments)
     p = Namings(rival, segments.apart).probabilities()
