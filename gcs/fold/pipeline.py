@@ -512,7 +512,7 @@ class Pipeline:
                 score=self._score,
             )
         expected_px = self._expected_px(state, view)
-        width, height = self._cameras.size or (0, 0)
+        width, height = self._cameras.size or ((view.intrinsics.width, view.intrinsics.height) if view else (0, 0))
         looked_share = look.detections.looked_share((width, height)) if look and width else 1.0
         self._fences.set_origin(self.fleet.origin)
         lapsed = bool(self._frame_us) and t_us - self._frame_us > HELD_US

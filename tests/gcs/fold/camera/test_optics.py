@@ -11,7 +11,7 @@ from gcs.fold.pipeline import Pipeline
 from gcs.mission.mission import Camera, load_mission, parse_mission
 from gcs.session.metadata import mission_table
 from mavlink.geodesy import LocalFrame
-from mavlink.protocol.encoder import COPTER, MavlinkEncoder
+from mavlink.protocol.encoder import COPTER, ROVER, MavlinkEncoder
 from mavlink.protocol.packet import Packet
 from mavlink.state import CameraReport
 from vision.camera.intrinsics import Intrinsics
@@ -226,3 +226,11 @@ def test_a_known_camera_is_zoomed_as_it_reports():
     assert optics.intrinsics(1, report(**known, zoom_percent=20.0), None).fx == pytest.approx(2.0 * wide.fx)
     described = Optics(Camera(**NUMBERS)).intrinsics(0, report(**known, zoom_percent=20.0), (1920, 1080))
     assert described.fx == 1300.0, "a mission that has the numbers says itself whether reports of zoom are followed"
+
+
+def test_a_vehicle_below_is_in_view_before_the_first_frame_where_the_uav_tells_how_large_frames_are():
+    rover, (lat, lon, alt) = MavlinkEncoder(11), map(float, FIELD.to_geodetic([0.0, 0.0, 0.0]))
+    below = rover.global_position_int(1900, lat, lon, alt, 0.0)
+    pipeline, t_us = flown({}, fov_status(90.0), stream(0), rover.heartbeat(ROVER), below)
+    row = pipeline.between_frames(t_us).vehicles[1]
+    assert (row.in_view, row.standing) == (True, "unidentified")
