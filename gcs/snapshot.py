@@ -217,7 +217,7 @@ class Candidate:
     confidence: float
     """That the box is this vehicle, 0..1."""
     distance_m: float = NAN
-    """From the box to where the vehicle reports to be."""
+    """From the box to where the vehicle reports to be, NaN where it has not lately."""
     against: str = ""
     """Reason against it, in words; empty: nothing."""
     missing: str = ""

@@ -263,6 +263,7 @@ SENTENCES: Mapping[str, Check] = {
     _MAY + "its positions are refused: {text}": _lies,
     _MAY + "its positions cannot be right": _lies,
     _MAY + "its position contradicts the video": _lies,
+    _MAY + "it doubts its own position": _lies,
     "a vehicle of ours is not accounted for": _unaccounted,
     "its position contradicts the video": _one_lies,
     "film and telemetry are not known to belong together": _so,

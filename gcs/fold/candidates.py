@@ -9,7 +9,7 @@ from assoc.identification.doubts import AnswerDoubt
 from assoc.records import Candidates, Identities
 from gcs.certainty import CONFIRMED, certainty
 from gcs.health.heard import is_heard, refused_because
-from gcs.health.vehicle_alarms import CONTRADICTED
+from gcs.health.vehicle_alarms import CONTRADICTED, DOUBTED
 from gcs.snapshot import Candidate, VehicleRow
 from mavlink.state import FleetState, VehicleStatus
 
@@ -33,7 +33,7 @@ _WORDS = {
     AnswerDoubt.COMMON_BOX: "its box is probably round two vehicles",
     AnswerDoubt.ELSEWHERE: "by what another camera sees it is somebody else",
     AnswerDoubt.COASTING: "its box is predicted, and one that is seen has the name",
-    AnswerDoubt.OWN_WORD: "it doubts its own position",
+    AnswerDoubt.OWN_WORD: DOUBTED,
     AnswerDoubt.CONTESTED: "several senders use its id",
     AnswerDoubt.CONTRADICTED: CONTRADICTED,
 }
@@ -97,7 +97,9 @@ def _in_words(
         for vehicle, confidence, distance_m, deviation, age_s, better, better_sure in numbers:
             own = vehicle == names[track]
             missing = missing_because(status.get(vehicle), age_s, contradicted=vehicle in contradicted)
-            reasons = [missing] * bool(missing) + list(_of_its_reports(status.get(vehicle), deviation))
+            reasons = [missing] * bool(missing)
+            # from a place where it was long ago any box is far
+            reasons += [why for why in _of_its_reports(status.get(vehicle), deviation, age_s) if why != missing]
             if not own:
                 reasons += _of_its_rivals(confidence, none[track], threshold, better, better_sure)
             row.append(
@@ -105,7 +107,7 @@ def _in_words(
                     system_id=vehicle,
                     # the one number that decides: after all doubts about the vehicle
                     confidence=sure[track] if own else confidence,
-                    distance_m=distance_m,
+                    distance_m=distance_m if age_s <= OLD_S else math.nan,
                     against=", ".join(reasons[:MOST_REASONS]),
                     missing=missing,
                 )
@@ -134,16 +136,18 @@ def missing_because(status: VehicleRow | VehicleStatus | None, age_s: float, *, 
     if math.isinf(age_s):
         return "no position yet"
     if age_s > OLD_S:
-        return f"no position for {age_s:.0f} s"
+        # positions that it doubts come, and are not used
+        doubts = status.doubted_for and status.position_age_s <= OLD_S
+        return DOUBTED if doubts else f"no position for {age_s:.0f} s"
     return CONTRADICTED if contradicted else ""
 
 
-def _of_its_reports(status: VehicleStatus | None, deviation: float) -> Iterator[str]:
+def _of_its_reports(status: VehicleStatus | None, deviation: float, age_s: float) -> Iterator[str]:
     """Fault of the place where a vehicle's reports put it."""
-    if deviation > FAR_DEVIATIONS:
+    if deviation > FAR_DEVIATIONS and age_s <= OLD_S:
         yield f"too far: {min(deviation, 99):.0f} σ"
     if status is not None and status.doubted_for:
-        yield "it doubts its own position"
+        yield DOUBTED
 
 
 def _of_its_rivals(

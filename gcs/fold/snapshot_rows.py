@@ -158,7 +158,8 @@ def vehicle_rows(
         expected_px: Where the vehicles' reports put them in the image plane, by system id; those behind the camera are
             not in it. None when the camera's pose is unknown.
         size: Width and height of the image, px.
-        suspected: Vehicles whose positions contradict the video now: without a box nobody knows where they are.
+        suspected: Vehicles whose positions contradict the video now: without a box nobody knows where they are, nor
+            where those are that doubt their own positions.
 
     Returns:
         Their rows, which have no standing yet.
@@ -170,7 +171,7 @@ def vehicle_rows(
         box = None if is_uav else by_name.get(status.system_id)
         uv = (expected_px or {}).get(status.system_id)
         unseen = is_uav or expected_px is None or not state.valid[k - 1]
-        lies = status.system_id in suspected and box is None
+        lies = box is None and (status.system_id in suspected or bool(status.doubted_for))
         in_view = None if unseen or lies else uv is not None and _inside(uv, size)
         rows.append(
             VehicleRow(
@@ -251,7 +252,7 @@ def standing_of(row: VehicleRow, box: Box | None, now: Snapshot, *, lapsed: bool
         return "confirmed" if sure else "tentative"
     if row.position_state in ("never", "lost", "refused", "contested"):
         return "no position"
-    if row.system_id in now.conflicts:
+    if row.system_id in now.conflicts or (row.doubted_for and row.role == "ugv"):
         return "misplaced"
     if row.in_view is False:
         return "out of view"

@@ -32,8 +32,8 @@ LOSS_S = 5.0
 BAD_LOSS = 0.5
 """Share of packets lost from which on it is an alarm whatever the mission's limit: a position a second becomes one in
 two, and is stale between them."""
-CONTRADICTED = "its position contradicts the video"
-"""The sentence of screens, events, candidates and exports alike."""
+CONTRADICTED, DOUBTED = "its position contradicts the video", "it doubts its own position"
+"""The sentences of screens, events, candidates and exports alike."""
 APART_M, APART_STDS, APART_S = 8.0, 3.0, 1.0
 """A vehicle's box may be so far from its position, beyond so many times its receiver's 1σ, for so long: biases wander
 by some metres, and boxes are next to each other."""
@@ -92,7 +92,8 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         text="no heartbeat",
         on_and_off="it is heard on and off",
         meaning=f"nothing received for {SILENT_S:g} s, or no heartbeat for {NO_HEARTBEAT_S:g} s though positions come",
-        advice="its radio or power is gone, or it is out of range; its last position stays on the map",
+        advice="its radio or power is gone, it is out of range, or what it sends is refused, which another alarm tells; its "
+        "last position stays on the map",
         # what is held comes, and is an alarm of its own
         condition=lambda row, now: _silent(row) and not _is_held(row, now),
     ),

@@ -7,14 +7,14 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, Final
+from typing import ClassVar, Final, get_args
 
 from textual.reactive import reactive
 from textual.strip import Strip
 
 from gcs.certainty import certainty, named
 from gcs.health.heard import is_heard
-from gcs.health.vehicle_alarms import CONTRADICTED
+from gcs.health.vehicle_alarms import CONTRADICTED, DOUBTED
 from gcs.missing import may_be
 from gcs.report.box_shapes import drawable
 from gcs.report.overlay import named_count, standing_of
@@ -30,7 +30,6 @@ from gcs.tui.draw.format import (
     percent,
     position,
     standing_of_row,
-    standing_word,
 )
 from gcs.tui.draw.freshness import UNKNOWN, aged, fix_age_s, spread
 from gcs.tui.draw.map_canvas import BOX_MARK, STANDING_MARKS
@@ -57,9 +56,8 @@ from gcs.tui.themes import Colour
 from infra.plain_text import plain
 from mavlink.state import SILENT_S
 
-DOUBTS: Final[tuple[Standing, ...]] = (
-    *("tentative", "coasting", "unidentified", "out of view", "no position", "misplaced", "no new frame"),
-)
+STANDINGS: Final[tuple[Standing, ...]] = get_args(Standing)
+"""In the order in which they are counted."""
 MARGIN = 1
 """Cells kept free at the right."""
 MOST_ROWS = 60
@@ -173,7 +171,8 @@ def _vehicle(snapshot: Snapshot, row: VehicleRow, box: Box | None, width: int) -
     """Rows of a name: certainty, age, what speaks against it, its place, what to do; then who else its box may be, or
     which box it may be."""
     words = named(standing_of_row(row), row.confidence, stated=row.stated)
-    lines = _standing(f"{STANDING_MARKS[row.standing]} {words}", row.standing, row.standing_since_us, snapshot, width)
+    since_us = snapshot.frame_us if row.standing == "no new frame" else row.standing_since_us
+    lines = _standing(f"{STANDING_MARKS[row.standing]} {words}", row.standing, since_us, snapshot, width)
     if row.elsewhere:
         too = " too" if row.standing in NAMED else ""
         lines += _text(("seen by", f"{', '.join(map(plain, row.elsewhere))}{too}: C shows it", INK), width)
@@ -198,11 +197,11 @@ def _standing(words: str, standing: Standing, since_us: int, snapshot: Snapshot,
 
 
 def _against(snapshot: Snapshot, row: VehicleRow, box: Box | None) -> tuple[str, Colour]:
-    """Reasons against relying on a vehicle's name, the worst first."""
+    """Reasons against relying on a vehicle's name, the worst first: one may be why there is another."""
     alarms = [each for each in snapshot.alarms if each.system_id == row.system_id and each.kind != "text"]
-    worst = next((each for each in alarms if each.doubts_name), next(iter(alarms), None))
-    if worst is not None:
-        return plain(trouble_of(worst)), level_colour(worst.level)
+    alarms.sort(key=lambda each: not each.doubts_name)
+    if alarms:
+        return plain("; ".join(dict.fromkeys(map(trouble_of, alarms)))), level_colour(alarms[0].level)
     if box is None and not is_heard(row):
         return NEVER_HEARD, WARN
     if box is None:
@@ -282,6 +281,8 @@ def expected_place(snapshot: Snapshot, row: VehicleRow) -> str:
         return f"not known: {'it has no usable position' if is_heard(row) else NEVER_HEARD}"
     if row.system_id in snapshot.conflicts:
         return f"not known: {CONTRADICTED}"
+    if row.doubted_for:
+        return f"not known: {DOUBTED}"
     if snapshot.pose == "unknown":
         return "not known: the camera's pose is unknown"
     if row.expected_px is None:
@@ -319,12 +320,12 @@ def _named_fact(share: float | None) -> list[Fact]:
 
 def _fleet_facts(snapshot: Snapshot, named_for: Mapping[int, float]) -> list[Fact]:
     count, total = named_count(snapshot)
-    counts = Counter(row.standing for row in snapshot.vehicles if row.role == "ugv")
+    counts = Counter((row.standing, standing_of_row(row)) for row in snapshot.vehicles if row.role == "ugv")
     facts: list[Fact] = [("confirmed", f"{count} of {total}", count_colour(count, total))]
     facts += [
-        (standing_word(standing), str(counts[standing]), standing_colour(standing))
-        for standing in DOUBTS
-        if counts[standing]
+        (word, str(count), standing_colour(standing))
+        for (standing, word), count in sorted(counts.items(), key=lambda each: STANDINGS.index(each[0][0]))
+        if standing != "confirmed"
     ]
     if named_for:
         facts.append(("ever named", f"{sum(map(bool, named_for.values()))} of {total}", INK))

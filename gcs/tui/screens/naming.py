@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, ClassVar
 
@@ -71,7 +72,8 @@ def choices_of(snapshot: Snapshot, box: Box) -> list[tuple[str, str]]:
         words = ["the present name"] if row.system_id == box.system_id else []
         if row.system_id in known:
             candidate = known[row.system_id]
-            words += [certainty(candidate.confidence), metres(candidate.distance_m), candidate.against]
+            away = metres(candidate.distance_m) if math.isfinite(candidate.distance_m) else ""
+            words += [certainty(candidate.confidence), away, candidate.against]
         choices.append((str(row.system_id), f"{row.name:<10} {', '.join(word for word in words if word != '')}"))
     return [*choices, ("0", NONE_OF_OURS)]
 

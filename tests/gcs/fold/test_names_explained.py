@@ -7,7 +7,19 @@ import math
 import pytest
 
 from gcs.fold.since import Since
-from tests.support.alarm_scenes import FOCAL_PX, OTHER, SIZE, STEP_US, UAV, UGV, UP_M, Vehicle, filmed
+from tests.support.alarm_scenes import (
+    FOCAL_PX,
+    OTHER,
+    SIZE,
+    STEP_US,
+    UAV,
+    UGV,
+    UP_M,
+    Scene,
+    Vehicle,
+    filmed,
+    filter_status,
+)
 from tests.support.flights import S
 
 
@@ -65,8 +77,10 @@ def test_an_old_report_speaks_against_a_vehicle_and_a_lost_position_leaves_its_p
     scene.stranger = (0.0, 8.0)
     scene.run(5, filmed=True)
     box = next(box for box in scene.last.boxes if not box.system_id)
-    against = next(each.against for each in box.candidates if each.system_id == UGV)
-    assert "no position for" in against
+    candidate = next(each for each in box.candidates if each.system_id == UGV)
+    assert "no position for" in candidate.against
+    # from where it was long ago any box is far
+    assert math.isnan(candidate.distance_m) and "too far" not in candidate.against
     scene.run(3, filmed=True)
     assert scene.row(UGV).position_state == "lost" and scene.row(UGV).in_view is None
 
@@ -114,3 +128,12 @@ def test_a_name_whose_id_two_senders_use_goes_with_that_reason(scene):
 def test_certainties_in_events_are_as_everywhere(scene):
     given = [event.text for event in scene.events if event.kind == "identity" and " is UGV" in event.text]
     assert given and all("100%" not in text for text in given)
+
+
+def test_nobody_says_that_one_is_out_of_view_that_doubts_where_it_is():
+    glitch = filter_status(flags=0x833F, position=27.0)
+    scene = Scene(Vehicle(UGV, shift_m=200.0, extra=glitch), Vehicle(OTHER, shift_m=200.0)).run(5)
+    snapshot = scene.pipeline.between_frames(scene.t_us)
+    _, doubting, other = snapshot.vehicles
+    assert (doubting.standing, doubting.in_view) == ("misplaced", None)
+    assert (other.standing, other.in_view) == ("out of view", False)

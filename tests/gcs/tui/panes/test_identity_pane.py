@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs.snapshot import Candidate
+from gcs.snapshot import Alarm, Candidate
 from gcs.tui.draw.format import standing_of_row
 from gcs.tui.draw.mosaic import fit
 from gcs.tui.framing import frame_for
@@ -130,6 +130,38 @@ async def test_standings_say_since_when():
 )
 def test_a_vehicle_without_a_box_says_where_it_should_be(px, words):
     assert expected_place(SNAPSHOT, row_of(15, expected_px=px)) == words
+
+
+def test_nobody_says_where_one_is_that_doubts_its_own_position():
+    row = row_of(15, expected_px=(640.0, -519.0), doubted_for="receiver and estimate are apart")
+    assert expected_place(SNAPSHOT, row) == "not known: it doubts its own position"
+
+
+async def test_all_that_speaks_against_a_vehicle_is_told_since_one_may_be_why_there_is_another():
+    raised = [
+        Alarm(key=key, level="alarm", kind=kind, text=f"UGV-15: {text}", advice="", since_us=1, system_id=15)
+        for key, kind, text in (("silent 15", "vehicle", "no heartbeat"), ("signature 15", "link", "wrong signature"))
+    ]
+    async with running(FakeStation(snapshot=replace(SNAPSHOT, alarms=tuple(raised))), size=WIDE) as (app, _, _):
+        app.selected = 15
+        assert "no heartbeat; wrong signature" in " ".join(text_of(app.query_one(IdentityPane)).split())
+
+
+async def test_no_new_frame_is_said_for_as_long_as_none_came():
+    row = row_of(15, standing="no new frame", standing_since_us=SNAPSHOT.t_us)
+    rows = tuple(row if each.system_id == 15 else each for each in SNAPSHOT.vehicles)
+    late = replace(SNAPSHOT, vehicles=rows, frame_us=SNAPSHOT.t_us - 8_000_000)
+    async with running(FakeStation(snapshot=late), size=WIDE) as (app, _, _):
+        app.selected = 15
+        assert "no new frame for 8.0s" in text_of(app.query_one(IdentityPane))
+
+
+async def test_the_fleet_in_numbers_has_the_words_of_its_table():
+    unheard = {"position_state": "never", "heartbeat_age_s": math.inf, "position_age_s": math.inf, "loss": math.nan}
+    unheard |= {"condition": VehicleCondition(), "refusals": {}, "signed": 0, "standing": "no position"}
+    rows = tuple(row_of(each.system_id, **unheard) if each.system_id > 15 else each for each in SNAPSHOT.vehicles)
+    async with running(FakeStation(snapshot=replace(SNAPSHOT, vehicles=rows)), size=WIDE) as (app, _, _):
+        assert "never heard  2" in text_of(app.query_one(IdentityPane))
 
 
 def test_a_vehicle_that_was_never_heard_says_so_and_not_that_its_receiver_fails():
