@@ -16,7 +16,7 @@ _COLUMNS = ("id", "name", "first named", "boxes", "of frames in view", "confiden
 def print_rollcall(calls: RollCall) -> None:
     """The roll call to read: one line a vehicle, and the sums."""
     print_table(_COLUMNS, map(_cells, calls.rows()), right=("id", *_COLUMNS[2:6]))
-    skipped = f"; {calls.skipped_frames} more frames came and were not looked at" if calls.skipped_frames else ""
+    skipped = f"; {calls.skipped}" if calls.skipped else ""
     print_lines(
         f"{calls.named} of {len(calls.rows())} vehicles named; {calls.boxes} boxes in {calls.frames} frames, "
         f"{calls.unnamed} unnamed; {calls.span_s:.1f} s{skipped}"

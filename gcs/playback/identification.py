@@ -219,7 +219,7 @@ class _NamedCamera:
                 yield last.t_us
         if self._last is None:
             raise SessionError(f"{analysis.opened.session.path}: not one frame in it")
-        calls.end(analysis.frames)
+        calls.end(analysis.frames, as_flown=analysis.as_flown)
         marks = read_marks(analysis.opened.session.path, reports.start_us)
         calls.tell(reports.spans(), (*reports.flown, *marks))
         seen = analysis.opened.video is not None or analysis.opened.looks is not None

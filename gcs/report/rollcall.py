@@ -127,6 +127,7 @@ class RollCall:
         self._entries = {i: _Entry() for i in mission.ugv_ids}
         self._begin_us: int | None = None
         self._start_us = self._stop_us = self._came = 0
+        self._as_flown = True
         self._last_frame = -1
         self._alarms = AlarmHistory()
         self._told: AlarmCounts | None = None
@@ -190,9 +191,9 @@ class RollCall:
         """The roll call of the camera on an aircraft; of the first one, where none is."""
         return next((calls for calls in (self, *self.other_views) if calls.uav_id == uav_id), self)
 
-    def end(self, frames: int) -> None:
-        """Take in how many frames came, looked at or not."""
-        self._came = frames
+    def end(self, frames: int, *, as_flown: bool = True) -> None:
+        """Take in how many frames came, and whether it is known, as of what flew, which of them nobody looked at."""
+        self._came, self._as_flown = frames, as_flown
 
     def tell(self, alarms: Iterable[AlarmSpan], events: Iterable[Event]) -> None:
         """Take in what a recorded flight itself reported, with what its replay finds besides."""
@@ -211,8 +212,15 @@ class RollCall:
 
     @property
     def skipped_frames(self) -> int:
-        """Frames that came and that nobody looked at, as a machine that cannot keep up skips them."""
+        """Frames that came and of which nothing tells that anybody looked: a machine that cannot keep up skips some."""
         return max(self._came - self.frames, 0)
+
+    @property
+    def skipped(self) -> str:
+        """Those frames in words, empty for none: boxes of others do not tell a frame without any from one skipped."""
+        if self._as_flown or not self.skipped_frames:
+            return f"{self.skipped_frames} more frames came and were not looked at" if self.skipped_frames else ""
+        return f"{self.skipped_frames} more frames have no boxes: nothing was found in them, or nobody looked"
 
     @property
     def named(self) -> int:

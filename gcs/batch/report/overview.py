@@ -248,7 +248,7 @@ def _sums(done: Sequence[FlightRecord], failed: Sequence[FlightRecord]) -> Secti
         ("flights failed", str(len(failed))),
         ("hours of flight", fixed(span_s / 3600, 2)),
         ("frames looked at", str(_sum(done, "frames"))),
-        ("frames that came and were not looked at", str(_sum(done, "skipped_frames"))),
+        ("frames without boxes that perhaps nobody looked at", str(_sum(done, "skipped_frames"))),
         ("boxes", str(boxes)),
         ("boxes with a name", _share(boxes - unnamed, boxes)),
         ("mean confidence of names", certainty(mean_confidence(done)) or "–"),

@@ -99,7 +99,7 @@ def _fold(analysis: Analysis, reports: FlownReports, record: FlightSummary, stil
             reports.finish()
         marks = read_marks(analysis.opened.session.path, reports.start_us)
         record.tell(reports.spans(), (*reports.events(), *marks))
-        record.rollcall.end(analysis.frames)
+        record.rollcall.end(analysis.frames, as_flown=analysis.as_flown)
         if truth is None:
             return None
         try:

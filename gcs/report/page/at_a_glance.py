@@ -86,8 +86,7 @@ def _doubtful(record: FlightSummary, matched: Matched | None, lacks: Sequence[st
     lines = listed([(f"{name}: its name in doubt for {us * 1e-6:.1f} s", "bad") for name, us in doubts.most_common()])
     unsure = (row for row in calls.rows() if row.boxes and row.confidence < CONFIRMED)
     lines += listed([(f"{row.name}: {certainty(row.confidence)} sure, on average", "tentative") for row in unsure])
-    if calls.skipped_frames:
-        lines.append((f"{calls.skipped_frames} more frames came and were not looked at", "warn"))
+    lines += [(calls.skipped, "warn")] * bool(calls.skipped)
     if once := sum(bool(span.alarm.reported) for span in record.alarms):
         lines.append((f"{once} of the alarms only the flight tells, or only its replay", "warn"))
     lines += listed([(text, "warn") for text in lacks])

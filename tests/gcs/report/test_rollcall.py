@@ -72,6 +72,11 @@ def test_frames_that_nobody_looked_at_are_told_and_count_for_nothing():
     calls.end(12)
     assert (calls.frames, calls.skipped_frames, calls.boxes) == (5, 7, 5)
     assert [row.frames_in_view for row in calls.rows()] == [5, 5]
+    assert calls.skipped == "7 more frames came and were not looked at"
+    calls.end(12, as_flown=False)
+    assert calls.skipped == "7 more frames have no boxes: nothing was found in them, or nobody looked"
+    calls.end(5, as_flown=False)
+    assert calls.skipped == ""
 
 
 def test_a_silence_lasts_from_the_begin_and_to_the_end():
