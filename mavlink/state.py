@@ -113,8 +113,10 @@ class VehicleCondition:
     """Charge of its battery, 0..1; of several the lowest."""
     battery: str = ""
     """State of its battery, by its monitor, where it is not well: ``low``, ``critical``, ``failed`` …"""
+    left_s: float = math.nan
+    """Time until that battery is empty by its autopilot's reckoning."""
     power_age_s: float = math.inf
-    """Age of voltage and charge."""
+    """Age of voltage, charge and that time."""
     satellites: int = -1
     """In use, −1 unknown."""
     hdop: float = math.nan

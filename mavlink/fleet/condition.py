@@ -97,14 +97,15 @@ class ConditionReports:
     def at(self, t_us: int, autopilot: int) -> VehicleCondition:
         """The condition at a Unix time in µs; of sensors and receivers those of the autopilot's component."""
         sensors, estimate = self._sensors.get(autopilot), self._filters.get(autopilot)
-        battery = self._lowest() or sensors
+        monitor = self._lowest()
+        battery = monitor or sensors
         receiver = self._best_receiver(autopilot)
-        state = _STATES.get(battery.state, "") if isinstance(battery, BatteryStatus) else ""
         ratios = (estimate.position_ratio, estimate.velocity_ratio, estimate.compass_ratio) if estimate else ()
         return VehicleCondition(
             voltage_v=battery.voltage_v if battery else math.nan,
             charge=_share(battery.charge_percent) if battery else math.nan,
-            battery=state,
+            battery=_STATES.get(monitor.state, "") if monitor else "",
+            left_s=monitor.left_s if monitor else math.nan,
             power_age_s=_age_s(t_us, battery),
             satellites=receiver.satellites if receiver else -1,
             hdop=receiver.hdop if receiver else math.nan,

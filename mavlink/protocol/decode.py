@@ -177,8 +177,9 @@ def _volts(cells_mv: tuple[int, ...]) -> float:
 
 
 def _battery(head: _Head, v: _Values) -> BatteryStatus:
-    battery_id, function, _, charge, _, state = v[14:20]
-    return BatteryStatus(*head, battery_id, function, _volts(v[3:13] + v[20:24]), charge, state)
+    battery_id, function, _, charge, left_s, state = v[14:20]
+    known_s = float(left_s) if left_s > 0 else math.nan  # 0 is sent where it is not reckoned
+    return BatteryStatus(*head, battery_id, function, _volts(v[3:13] + v[20:24]), charge, state, known_s)
 
 
 def _distance(head: _Head, v: _Values) -> DistanceSensor:

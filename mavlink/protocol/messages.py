@@ -161,6 +161,8 @@ class BatteryStatus(_Sample):
     """−1 unknown; not checked yet."""
     state: int
     """MAV_BATTERY_CHARGE_STATE: 2 low, 3 critical, 4 emergency, 5 failed, 6 unhealthy; all else is well."""
+    left_s: float
+    """Time until it is empty by the autopilot's reckoning, NaN unknown."""
 
 
 @dataclass(frozen=True, slots=True)

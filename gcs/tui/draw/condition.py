@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from gcs.limits import Limits
 from gcs.snapshot import Snapshot, VehicleRow
-from gcs.tui.draw.format import degrees, metres, percent
+from gcs.tui.draw.format import age, degrees, metres, percent
 from gcs.tui.draw.freshness import UNKNOWN, aged
 from gcs.tui.palette import ALARM, FAINT, INK, WARN
 from gcs.tui.themes import Colour
@@ -67,7 +67,8 @@ def condition_facts(row: VehicleRow, snapshot: Snapshot, width: int) -> Iterator
     charge, colour = battery(row, limits)
     if charge != UNKNOWN:
         volts = f" {condition.voltage_v:.1f} V" * (math.isfinite(condition.voltage_v) and charge.endswith("%"))
-        text = " ".join(word for word in (charge + volts, condition.battery) if word)
+        left = f"{age(condition.left_s)} left" if math.isfinite(condition.left_s) else ""
+        text = " ".join(word for word in (charge + volts, condition.battery, left) if word)
         yield ("battery", *aged(text, colour, condition.power_age_s, width))
     if condition.satellites >= 0 or math.isfinite(condition.hdop):
         (count, few), (spread, poor) = satellites(row, limits), hdop(row, limits)

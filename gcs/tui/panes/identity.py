@@ -277,14 +277,8 @@ def _likeliest_box(snapshot: Snapshot, system_id: int) -> tuple[Box, Candidate] 
 
 def expected_place(snapshot: Snapshot, row: VehicleRow) -> str:
     """The expected place of a vehicle without a box, by its report, and whether the picture shows that place."""
-    if row.position_state not in ("ok", "stale"):
-        return f"not known: {'it has no usable position' if is_heard(row) else NEVER_HEARD}"
-    if row.system_id in snapshot.conflicts:
-        return f"not known: {CONTRADICTED}"
-    if row.doubted_for:
-        return f"not known: {DOUBTED}"
-    if snapshot.pose == "unknown":
-        return "not known: the camera's pose is unknown"
+    if why := _not_known(snapshot, row):
+        return f"not known: {why}"
     if row.expected_px is None:
         return "behind the camera: the picture does not show it"
     x, y = row.expected_px
@@ -306,6 +300,17 @@ def expected_place(snapshot: Snapshot, row: VehicleRow) -> str:
     if there.system_id == row.system_id:
         return f"{place}, where its box is"
     return f"{place}, where {snapshot.name_of(there.system_id) if there.system_id else f'track {there.track_id}'} is"
+
+
+def _not_known(snapshot: Snapshot, row: VehicleRow) -> str:
+    """Reason why nobody knows where the picture should show a vehicle, empty for none."""
+    if row.position_state not in ("ok", "stale"):
+        return "it has no usable position" if is_heard(row) else NEVER_HEARD
+    if row.system_id in snapshot.conflicts:
+        return CONTRADICTED
+    if row.doubted_for:
+        return DOUBTED
+    return "the camera's pose is unknown" if snapshot.pose == "unknown" else ""
 
 
 def _covers(box: Box, x: float, y: float) -> bool:

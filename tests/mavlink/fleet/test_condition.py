@@ -68,7 +68,13 @@ def test_voltage_and_charge_with_their_age(air):
     air.sensors(millivolts=11_900, percent=42)
     same(air.now(after_s=4), voltage_v=11.9, charge=0.42, power_age_s=4.0)
     air.battery(40, [12_100])
-    same(air.now(), voltage_v=12.1, charge=0.40, power_age_s=1.0)
+    same(air.now(), voltage_v=12.1, charge=0.40, power_age_s=1.0, left_s=math.nan)
+
+
+@pytest.mark.parametrize(("sent_s", "left_s"), [(840, 840.0), (0, math.nan), (-1, math.nan)])
+def test_how_long_a_battery_lasts_is_what_its_autopilot_reckons(air, sent_s, left_s):
+    air.battery(40, [12_100], time_remaining=sent_s)
+    same(air.now(), charge=0.40, left_s=left_s)
 
 
 def test_of_several_batteries_the_lowest_counts_while_it_reports(air):

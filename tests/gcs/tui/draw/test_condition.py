@@ -70,6 +70,7 @@ def test_colours_are_by_the_missions_limits():
 
 
 def test_what_is_old_looks_old_and_goes():
+    assert facts(replace(WELL, left_s=840.0))["battery"] == ("87% 12.4 V 14m left", INK)
     assert facts(replace(WELL, power_age_s=20.0))["battery"] == ("87% 12.4 V 20s", FAINT)
     assert facts(replace(WELL, power_age_s=90.0))["battery"] == ("–", FAINT)
 
