@@ -4,7 +4,8 @@ import sys
 
 import rollcall
 
-flight = rollcall.open(sys.argv[1])
+(folder,) = sys.argv[1:] or sys.exit(__doc__)
+flight = rollcall.open(folder)
 frames = named = 0
 for snapshot in flight:
     frames += 1

@@ -6,7 +6,8 @@ import numpy as np
 
 import rollcall
 
-flight = rollcall.open(sys.argv[1])
+(folder,) = sys.argv[1:] or sys.exit(__doc__)
+flight = rollcall.open(folder)
 boxes = flight.identify()
 for system_id in np.unique(boxes["system_id"][boxes["system_id"] > 0]).tolist():
     one = boxes.where(boxes["system_id"] == system_id)

@@ -20,6 +20,6 @@ def detect(image: np.ndarray) -> rollcall.Detections:
     return rollcall.Detections(cx=cx, cy=cy, w=w, h=h, angle=angle, score=score, heading=heading)
 
 
-boxes = (flight := rollcall.open(sys.argv[1])).identify(detector=detect)
+boxes = (flight := rollcall.open(*sys.argv[1:] or sys.exit(__doc__))).identify(detector=detect)
 for system_id, count in zip(*np.unique(boxes["system_id"][boxes["system_id"] > 0], return_counts=True), strict=True):
     print(f"{flight.mission.name_of(int(system_id))}: {count} boxes")

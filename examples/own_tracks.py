@@ -6,7 +6,8 @@ import numpy as np
 
 import rollcall
 
-times_us = 1_700_000_000_000_000 + np.arange(0, int(sys.argv[1]) * 1_000_000, 100_000)
+(seconds,) = sys.argv[1:] or sys.exit(__doc__)
+times_us = 1_700_000_000_000_000 + np.arange(0, int(seconds) * 1_000_000, 100_000)
 turn = (times_us - times_us[0])[:, None] * 1e-6 * np.array([0.5, 0.7, -0.6]) + (0.0, 2.0, 4.0)
 enu = np.stack([8 * np.cos(turn) + (-9, 0, 9), 6 * np.sin(turn), 0 * turn], axis=2)  # (times, 3 vehicles, xyz) metres
 gps = enu + np.random.default_rng(1).normal(0.0, 0.3, enu.shape)  # what the vehicles report

@@ -7,10 +7,10 @@ import numpy as np
 
 import rollcall
 
-folder, index, out = sys.argv[1], int(sys.argv[2]), sys.argv[3]
+folder, index, out = sys.argv[1:] or sys.exit(__doc__)
 yellow, white = (0, 255, 255), (255, 255, 255)
 for snapshot in rollcall.open(folder).snapshots(images=True):
-    if snapshot.frame == index and snapshot.image is not None:
+    if snapshot.frame == int(index) and snapshot.image is not None:
         break
 image = np.array(snapshot.image)
 inside = [row.expected_px for row in snapshot.vehicles if row.in_view and row.expected_px is not None]

@@ -6,7 +6,8 @@ import numpy as np
 
 import rollcall
 
-log = rollcall.read_tlog(sys.argv[1])
+(path,) = sys.argv[1:] or sys.exit(__doc__)
+log = rollcall.read_tlog(path)
 for system_id in np.unique(log.index.system_id).tolist():
     rows, values = log.columns("GLOBAL_POSITION_INT", system_id)
     if not rows.size:

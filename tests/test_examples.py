@@ -36,6 +36,12 @@ def test_every_example_is_run_here_and_short():
         assert "\nimport rollcall\n" in text
 
 
+@pytest.mark.parametrize("example", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.stem)
+def test_an_example_without_arguments_says_how_it_is_run(run, example):
+    with pytest.raises(SystemExit, match=f"python {example} "):
+        run(example.name)
+
+
 def test_a_log_becomes_arrays(run):
     text = run("tlog_to_numpy.py", SWARM / "telemetry.tlog")
     assert len(re.findall(r"^system \d+: \d{3,} positions", text, re.MULTILINE)) == 7

@@ -154,7 +154,9 @@ class _CommandTable(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:  # noqa: ANN401
         if args and args[0] in _MOVED:
-            raise GcsError(_MOVED[args[0]].format(rest=" ".join(args[1:]) or "NAME"))
+            raise GcsError(
+                _MOVED[args[0]].format(rest=" ".join(word for word in args[1:] if word != "--help") or "NAME")
+            )
         return super().resolve_command(ctx, as_spelt_now(args))
 
     def get_command(self, ctx: object, cmd_name: str) -> Any:  # noqa: ANN401

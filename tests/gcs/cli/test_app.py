@@ -30,7 +30,14 @@ def test_help_names_every_command_and_loads_none():
     assert not set(HEAVY) & set(modules.split())
 
 
-@pytest.mark.parametrize(("words", "new"), [(["bench"], "bench.NAME"), (["bench", "field", "-x"], "bench.field -x")])
+@pytest.mark.parametrize(
+    ("words", "new"),
+    [
+        (["bench"], "bench.NAME"),
+        (["bench", "--help"], "bench.NAME"),
+        (["bench", "field", "-x"], "bench.field -x"),
+    ],
+)
 def test_a_command_that_moved_answers_with_what_to_type_now(words, new):
     code, _, stderr = run_gcs(*words)
     assert code == 2
