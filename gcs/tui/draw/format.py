@@ -10,7 +10,7 @@ from typing import Final
 from rich.cells import cell_len
 
 from gcs.health.heard import is_heard, refused_because
-from gcs.snapshot import Reported, Standing, VehicleRow
+from gcs.snapshot import Reported, Snapshot, Standing, VehicleRow
 from infra.plain_text import plain
 
 NOT_ANALYSED: Final = "not analysed yet"
@@ -45,6 +45,13 @@ def position(state: str, age_s: float) -> str:
 def standing_word(standing: Standing) -> str:
     """A standing in at most eleven letters."""
     return "unknown" if standing == "unidentified" else plain(standing)
+
+
+def as_far_as_known(snapshot: Snapshot, text: str) -> str:
+    """The same of a provisional place, of which the last seconds before it alone are known: nothing is never there."""
+    if not snapshot.provisional:
+        return text
+    return "–" if text == "never" else text.replace("never heard", "not heard")
 
 
 def standing_of_row(row: VehicleRow) -> str:

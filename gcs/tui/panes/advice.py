@@ -37,7 +37,7 @@ def what_to_do(snapshot: Snapshot, row: VehicleRow) -> str:
     worst = worst_alarm(snapshot, row.system_id)
     if worst is not None and worst.advice:
         return plain(worst.advice)
-    if not is_heard(row):
+    if not is_heard(row) and not snapshot.provisional:
         return UNHEARD
     if row.standing != "out of view":
         return ADVICE[row.standing]

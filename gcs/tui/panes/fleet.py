@@ -16,7 +16,16 @@ from textual.strip import Strip
 from gcs.certainty import certainty, named
 from gcs.snapshot import NAMED, Snapshot, VehicleRow
 from gcs.tui.draw.condition import battery, from_uav, hdop, radio, satellites
-from gcs.tui.draw.format import NOT_ANALYSED, age, name_or_id, number, percent, position, standing_of_row
+from gcs.tui.draw.format import (
+    NOT_ANALYSED,
+    age,
+    as_far_as_known,
+    name_or_id,
+    number,
+    percent,
+    position,
+    standing_of_row,
+)
 from gcs.tui.draw.freshness import UNKNOWN, aged, fix_age_s, spread
 from gcs.tui.draw.map_canvas import STANDING_MARKS, UAV_MARK
 from gcs.tui.draw.strips import Part, fitted, line, split_line
@@ -369,6 +378,7 @@ class FleetPane(Pane):
         for index, column in enumerate(columns):
             aloft = row.role == "uav" and column.title == IDENTITY
             text, colour = _height(row, snapshot) if aloft else column.aged_cell(row)
+            text = as_far_as_known(snapshot, text)
             if held and row.track_id and column.title == IDENTITY:
                 text, colour = f"{text.split()[0][0]} {certainty(row.confidence)} {age(held)} ago", FAINT
             elif snapshot.provisional and column.title == IDENTITY:

@@ -23,6 +23,7 @@ from gcs.tui.draw.condition import condition_facts
 from gcs.tui.draw.format import (
     NOT_ANALYSED,
     age,
+    as_far_as_known,
     degrees,
     metres,
     name_or_id,
@@ -164,13 +165,14 @@ def _text(fact: Fact, width: int) -> list[list[Part]]:
 
 
 def _since(snapshot: Snapshot, since_us: int) -> str:
-    return f" for {age((snapshot.now_us - since_us) * 1e-6)}" if since_us else ""
+    # of a provisional place nothing tells since when: it was worked out from some seconds before on
+    return f" for {age((snapshot.now_us - since_us) * 1e-6)}" if since_us and not snapshot.provisional else ""
 
 
 def _vehicle(snapshot: Snapshot, row: VehicleRow, box: Box | None, width: int) -> list[list[Part]]:
     """Rows of a name: certainty, age, what speaks against it, its place, what to do; then who else its box may be, or
     which box it may be."""
-    words = named(standing_of_row(row), row.confidence, stated=row.stated)
+    words = named(as_far_as_known(snapshot, standing_of_row(row)), row.confidence, stated=row.stated)
     since_us = snapshot.frame_us if row.standing == "no new frame" else row.standing_since_us
     lines = _standing(f"{STANDING_MARKS[row.standing]} {words}", row.standing, since_us, snapshot, width)
     if row.elsewhere:
@@ -203,7 +205,7 @@ def _against(snapshot: Snapshot, row: VehicleRow, box: Box | None) -> tuple[str,
     if alarms:
         return plain("; ".join(dict.fromkeys(map(trouble_of, alarms)))), level_colour(alarms[0].level)
     if box is None and not is_heard(row):
-        return NEVER_HEARD, WARN
+        return as_far_as_known(snapshot, NEVER_HEARD), WARN
     if box is None:
         return ("nothing names it now", FAINT) if row.standing not in NAMED else ("nothing", FAINT)
     if doubt := may_be(snapshot, box) or box.doubt:
@@ -305,7 +307,7 @@ def expected_place(snapshot: Snapshot, row: VehicleRow) -> str:
 def _not_known(snapshot: Snapshot, row: VehicleRow) -> str:
     """Reason why nobody knows where the picture should show a vehicle, empty for none."""
     if row.position_state not in ("ok", "stale"):
-        return "it has no usable position" if is_heard(row) else NEVER_HEARD
+        return "it has no usable position" if is_heard(row) else as_far_as_known(snapshot, NEVER_HEARD)
     if row.system_id in snapshot.conflicts:
         return CONTRADICTED
     if row.doubted_for:
@@ -325,7 +327,11 @@ def _named_fact(share: float | None) -> list[Fact]:
 
 def _fleet_facts(snapshot: Snapshot, named_for: Mapping[int, float]) -> list[Fact]:
     count, total = named_count(snapshot)
-    counts = Counter((row.standing, standing_of_row(row)) for row in snapshot.vehicles if row.role == "ugv")
+    counts = Counter(
+        (row.standing, as_far_as_known(snapshot, standing_of_row(row)))
+        for row in snapshot.vehicles
+        if row.role == "ugv"
+    )
     facts: list[Fact] = [("confirmed", f"{count} of {total}", count_colour(count, total))]
     facts += [
         (word, str(count), standing_colour(standing))
@@ -355,7 +361,7 @@ def _vehicle_facts(snapshot: Snapshot, row: VehicleRow, box: Box | None) -> list
     where = position(row.position_state, row.position_age_s)
     wide = spread(row.std_m, row.position_age_s)
     known = "" if wide == UNKNOWN else f" ±{wide}"
-    facts.append(("position", where + known, position_colour(row.position_state)))
+    facts.append(("position", as_far_as_known(snapshot, where) + known, position_colour(row.position_state)))
     facts += _box_facts(box) if box else []
     facts.append(_dated("heading", degrees(row.heading), row.position_age_s))
     armed = {True: "armed", False: "disarmed", None: ""}[row.armed]
@@ -364,7 +370,7 @@ def _vehicle_facts(snapshot: Snapshot, row: VehicleRow, box: Box | None) -> list
     facts += condition_facts(row, snapshot, FACT_CELLS)
     facts.append(_dated("loss", percent(row.loss), row.heartbeat_age_s))
     silent = row.heartbeat_age_s > SILENT_S
-    facts.append(("heartbeat", age(row.heartbeat_age_s), ALARM if silent else INK))
+    facts.append(("heartbeat", as_far_as_known(snapshot, age(row.heartbeat_age_s)), ALARM if silent else INK))
     return facts
 
 

@@ -13,6 +13,7 @@ from gcs.tui.draw.format import standing_of_row
 from gcs.tui.draw.mosaic import fit
 from gcs.tui.framing import frame_for
 from gcs.tui.panes.advice import UNHEARD, what_to_do
+from gcs.tui.panes.fleet import FleetPane
 from gcs.tui.panes.identity import IdentityPane, expected_place
 from gcs.tui.panes.video import VideoPane
 from mavlink.state import VehicleCondition
@@ -220,3 +221,18 @@ async def test_a_picked_box_is_gone_only_where_there_is_a_frame_without_it(later
 def test_where_a_vehicle_that_lies_should_be_is_not_known():
     row, snapshot = row_of(16), replace(SNAPSHOT, conflicts=frozenset({16}))
     assert expected_place(snapshot, row) == "not known: its position contradicts the video"
+
+
+async def test_of_a_provisional_place_nobody_says_never_nor_since_when():
+    """It is worked out from the last seconds before it alone."""
+    unheard = {"position_state": "never", "heartbeat_age_s": math.inf, "position_age_s": math.inf, "loss": math.nan}
+    unheard |= {"condition": VehicleCondition(), "refusals": {}, "signed": 0, "standing": "no position"}
+    row = row_of(15, **unheard, standing_since_us=SNAPSHOT.t_us - 4_700_000)
+    rows = tuple(row if each.system_id == 15 else each for each in SNAPSHOT.vehicles)
+    for provisional, words in ((False, "never heard for 4.7s"), (True, "not heard")):
+        place = replace(SNAPSHOT, vehicles=rows, provisional=provisional)
+        async with running(FakeStation(snapshot=place), size=WIDE) as (app, _, _):
+            app.selected = 15
+            said = " ".join((text_of(app.query_one(IdentityPane)) + text_of(app.query_one(FleetPane))).split())
+            assert words in said and ("never" in said) is not provisional
+            assert ("4.7s" in said) is not provisional
