@@ -43,7 +43,7 @@ FACTS = dict.fromkeys(
             "unknown",
             "out of view",
             "no position",
-            "misplaced",
+            *("misplaced", "never heard", "no new frame"),
             "boxes",
             "video clock",
             "camera yaw",
@@ -108,12 +108,14 @@ def _identity(flown: TrueFlight, moment: Moment, screen: Screen) -> Iterator[tup
 
 
 def _against(flown: TrueFlight, moment: Moment, said: Said, whose: str) -> Iterator[str]:
-    """What speaks against a name: an alarm's sentence, a box's doubt, or what a candidate has."""
+    """What speaks against a name: sentences of alarms, a box's doubt, or what a candidate has."""
     reasons = {each.against for box in moment.snapshot.boxes for each in box.candidates}
     if said.text in reasons or said.text in NOTHING:
         return
-    named = replace(said, text=f"{whose}: {said.text}")
-    yield from check_sentence(flown, named if match_sentence(named.text) else said)
+    whole = match_sentence(said.text) or match_sentence(f"{whose}: {said.text}")
+    for text in (said.text,) if whole else said.text.split("; "):
+        named = replace(said, text=f"{whose}: {text}")
+        yield from check_sentence(flown, named if match_sentence(named.text) else replace(said, text=text))
 
 
 def _facts(rows: Sequence[str]) -> tuple[list[tuple[str, str]], int]:
