@@ -371,7 +371,8 @@ def _vehicle_facts(snapshot: Snapshot, row: VehicleRow, box: Box | None) -> list
     facts.append(_dated("loss", percent(row.loss), row.heartbeat_age_s))
     silent = row.heartbeat_age_s > SILENT_S
     facts.append(("heartbeat", as_far_as_known(snapshot, age(row.heartbeat_age_s)), ALARM if silent else INK))
-    return facts
+    # first what is asked most often: the last ones have no room in a small pane
+    return sorted(facts, key=lambda fact: fact[0] != "battery")
 
 
 def _dated(name: str, text: str, age_s: float) -> Fact:

@@ -236,3 +236,11 @@ async def test_of_a_provisional_place_nobody_says_never_nor_since_when():
             said = " ".join((text_of(app.query_one(IdentityPane)) + text_of(app.query_one(FleetPane))).split())
             assert words in said and ("never" in said) is not provisional
             assert ("4.7s" in said) is not provisional
+
+
+async def test_how_long_a_battery_lasts_is_on_the_card_once_its_vehicle_is_picked():
+    lasts = VehicleCondition(voltage_v=12.4, charge=0.81, left_s=840.0, power_age_s=0.4)
+    rows = tuple(replace(row, condition=lasts) for row in SNAPSHOT.vehicles)
+    async with running(FakeStation(snapshot=replace(SNAPSHOT, vehicles=rows)), size=WIDE) as (app, pilot, _):
+        await pilot.press("down", "down")
+        assert "battery      81% 12.4 V 14m left" in text_of(app.query_one(IdentityPane))
