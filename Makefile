@@ -12,7 +12,7 @@ TEST_PROCESSES ?= 4
 PYTEST = OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= \
 	$(BIN)/python -m pytest -q --numprocesses $(TEST_PROCESSES) --dist worksteal $(PYTEST_OPTIONS)
 # What docs/reliability.md, docs/identity.md and the README rest on, and what lists wrong names, words and screens.
-BENCHES := paper latency field recorded statements screens screens.speed soak video.looking video.stamps \
+BENCHES := paper latency field recorded statements screens screens.speed soak video.looking \
 	$(addprefix fuzz.,logs datagrams streams readers) \
 	$(addprefix receiving.,flood flood_claims tlog_speed)
 

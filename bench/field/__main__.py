@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from bench.command_line import count, parser_of, print_results
-from bench.field.explain import explain
 from bench.field.families import FAMILIES
 from bench.field.suite import run
 from bench.workers import WORKERS
@@ -18,14 +17,7 @@ def main() -> None:
     parser.add_argument("--hard", action="store_true", help="the hard version only")
     parser.add_argument("--standard", action="store_true", help="the standard version only")
     parser.add_argument("--workers", type=count, default=WORKERS)
-    parser.add_argument("--seed", type=int, help="of the session to explain")
-    parser.add_argument("--explain", action="store_true", help="list where the product was wrong in one session")
     options = parser.parse_args()
-    if options.explain:
-        if len(options.family) != 1 or options.seed is None:
-            parser.error("--explain needs one --family and a --seed")
-        print(explain(options.family[0], options.hard, options.seed))
-        return
     versions = [hard for hard, asked in ((False, options.standard), (True, options.hard)) if asked] or [False, True]
     with progress("field") as report:
         text = run(

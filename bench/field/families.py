@@ -12,9 +12,8 @@ from typing import Literal
 import numpy as np
 
 from bench.field import camera_trouble as camera
-from bench.field import hard, messy
+from bench.field import messy, ordinary
 from bench.field import other_trouble as other
-from bench.field import standard as easy
 from sim.world.scenario import Scenario
 
 Split = Literal["tune", "report"]
@@ -64,7 +63,7 @@ def scenario_of(number: int, hard: bool, seed: int) -> Scenario:
 
 
 def film_of(number: int, hard: bool, seed: int) -> Scenario | None:
-    """The flight that is seen with the telemetry of :func:`scenario_of`, where it is another one."""
+    """The flight that is seen with the telemetry of :func:`scenario_of`, where it is another ordinary."""
     version = FAMILIES[number].version(hard)
     if version.film is None:
         return None
@@ -102,27 +101,27 @@ def _kind(version: Version, seed: int) -> int:
 
 
 _THREE = ("straight", "curved", "open")
-_BIASES = tuple(f"{bias:g} m" for bias in easy.BIASES_M)
-_CROWDS = tuple(f"{n} {('straight', 'curved')[k % 2]}" for k, n in enumerate(easy.CROWDS))
-_CLOSE = tuple(label for label, _, _ in hard.CLOSE)
+_BIASES = tuple(f"{bias:g} m" for bias in ordinary.BIASES_M)
+_CROWDS = tuple(f"{n} {('straight', 'curved')[k % 2]}" for k, n in enumerate(ordinary.CROWDS))
+_CLOSE = tuple(label for label, _, _ in ordinary.CLOSE)
 _COLUMNS = ("column 8 m", "column 9 m", "column 10 m")
 
 _ALL: tuple[tuple[str, Make, Labels, Make, Labels], ...] = (
-    ("nominal", easy.nominal, easy.GROUNDS, hard.nominal, _THREE),
-    ("paper-noise", easy.paper_noise, easy.VIEWS, hard.paper_noise, hard.DENSE),
-    ("corr-gnss", easy.corr_gnss, _BIASES, hard.corr_gnss, _CLOSE),
-    ("attitude", easy.attitude, easy.GROUNDS, hard.attitude, _THREE),
-    ("timing", easy.timing, easy.GROUNDS, hard.timing, _THREE),
-    ("false-pos", easy.false_positives, easy.GROUNDS, hard.false_positives, _THREE),
-    ("occlusion", easy.occlusion, easy.GROUNDS, hard.occlusion, _THREE),
-    ("in-out", easy.in_out, easy.GROUNDS, hard.in_out, hard.WIDE),
-    ("hard-geom", easy.hard_geometry, easy.FORMATIONS, hard.hard_geometry, hard.TIGHT),
-    ("oblique", easy.oblique, easy.MOUNTS, hard.oblique, hard.MOUNTS),
-    ("scale", easy.scale, _CROWDS, hard.scale, ("straight", "curved")),
-    ("no-heading", easy.no_heading, easy.GROUNDS, hard.no_heading, _COLUMNS),
-    ("bad-telem", easy.bad_telemetry, easy.FAULTS, hard.bad_telemetry, hard.FAULTS),
-    ("pose-free", easy.pose_free, easy.GROUNDS, hard.pose_free, hard.BLIND),
-    ("unmodelled", easy.unmodelled, easy.UNLIKE, hard.unmodelled, hard.UNLIKE),
+    ("nominal", ordinary.nominal, ordinary.GROUNDS, ordinary.nominal_hard, _THREE),
+    ("paper-noise", ordinary.paper_noise, ordinary.VIEWS, ordinary.paper_noise_hard, ordinary.DENSE),
+    ("corr-gnss", ordinary.corr_gnss, _BIASES, ordinary.corr_gnss_hard, _CLOSE),
+    ("attitude", ordinary.attitude, ordinary.GROUNDS, ordinary.attitude_hard, _THREE),
+    ("timing", ordinary.timing, ordinary.GROUNDS, ordinary.timing_hard, _THREE),
+    ("false-pos", ordinary.false_positives, ordinary.GROUNDS, ordinary.false_positives_hard, _THREE),
+    ("occlusion", ordinary.occlusion, ordinary.GROUNDS, ordinary.occlusion_hard, _THREE),
+    ("in-out", ordinary.in_out, ordinary.GROUNDS, ordinary.in_out_hard, ordinary.WIDE),
+    ("hard-geom", ordinary.hard_geometry, ordinary.FORMATIONS, ordinary.hard_geometry_hard, ordinary.TIGHT),
+    ("oblique", ordinary.oblique, ordinary.MOUNTS, ordinary.oblique_hard, ordinary.MOUNTS_HARD),
+    ("scale", ordinary.scale, _CROWDS, ordinary.scale_hard, ("straight", "curved")),
+    ("no-heading", ordinary.no_heading, ordinary.GROUNDS, ordinary.no_heading_hard, _COLUMNS),
+    ("bad-telem", ordinary.bad_telemetry, ordinary.FAULTS, ordinary.bad_telemetry_hard, ordinary.FAULTS_HARD),
+    ("pose-free", ordinary.pose_free, ordinary.GROUNDS, ordinary.pose_free_hard, ordinary.BLIND),
+    ("unmodelled", ordinary.unmodelled, ordinary.UNLIKE, ordinary.unmodelled_hard, ordinary.UNLIKE_HARD),
     ("shaking", camera.shaking, camera.SHAKING, camera.shaking_hard, camera.SHAKING_HARD),
     ("spoofers", other.spoofers, other.SPOOFERS, other.spoofers_hard, other.SPOOFERS_HARD),
     ("unrelated film", other.unrelated, other.FILMS, other.unrelated_hard, other.FILMS_HARD),

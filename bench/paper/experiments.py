@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.paper.films import dense_road, false_box_road, field, film, paper_road
+from bench.paper.films import false_box_road, field, film, paper_road
 from bench.paper.methods import METHODS, ConditionNoise, MethodAnswer, identify
 from bench.paper.windows import Window, windows
 from sim.world.scenario import Scenario
 
 ROADS, ROTATIONS = ("straight", "curved"), (0.0, 90.0, 180.0)
 FRAMES = 12
-TOPOLOGY = ("topology", "topology signed", "TTS", "TTS one step", "TTS all pairs")
+TOPOLOGY = ("topology", "topology signed", "TTS", "TTS one step")
 CONTINUOUS = "identifier, continuous"
 
 
@@ -33,7 +33,6 @@ class Condition:
     most: int
     """Windows used."""
     wander: bool = False
-    span_m: float = np.inf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,32 +73,13 @@ class Count:
         return 100.0 * self.excluded / self.false if self.false else float("nan")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Miss:
-    """One box that the identifier did not answer rightly."""
-
-    experiment: str
-    case: str
-    rotation_deg: float
-    sigma_m: float
-    method: str
-    flight: str
-    seed: int
-    start: int
-    """First frame of the window."""
-    truth: int
-    """Index of the vehicle, −1 not ours."""
-    said: int
-    confidence: float
-
-
 def conditions(quick: bool) -> list[Condition]:
     """Everything that is measured.
 
     Args:
         quick: A few noise levels, one flight each.
     """
-    return [*_false(quick), *_field(quick), *_variants(quick), *_figure7(quick), *_figure9(quick), *_figure8(quick)]
+    return [*_false(quick), *_field(quick), *_figure7(quick), *_figure9(quick), *_figure8(quick)]
 
 
 def _levels(start: float, stop: float, step: float, quick: bool) -> list[float]:
@@ -175,61 +155,6 @@ def _figure9(quick: bool) -> list[Condition]:
     ]
 
 
-def _variants(quick: bool) -> list[Condition]:
-    """The identifier with less or more to go by, and nine vehicles close together."""
-    result = []
-    for road in ROADS:
-        for sigma in (1.0, 4.0):
-            noise = ConditionNoise(position_m=sigma, topology=sigma)
-            flights = _roads(road, 0.0, quick)
-            told = ("identifier, yaw unknown", "identifier, no headings")
-            result.append(_variant("12 frames", road, noise, told, flights, _most(quick)))
-            result.append(
-                _variant("36 frames", road, noise, ("identifier",), flights, _most(quick) // 3 + 1, frames=36)
-            )
-        close = tuple(dense_road(road, seed) for seed in range(1, 2 if quick else 9))
-        noise = ConditionNoise(position_m=4.0, topology=4.0, report_every=2)
-        asked = (
-            "topology",
-            "least squares, true places",
-            "mean residual",
-            "identifier",
-            "identifier, yaw unknown",
-            "identifier, every frame",
-        )
-        most = 3 if quick else 84
-        result.append(_variant("dense, 12 frames", road, noise, asked, close, most, vehicles=9, span_m=28.0))
-        result.append(
-            _variant("dense, 36 frames", road, noise, ("identifier",), close, most // 3, 36, vehicles=9, span_m=28.0)
-        )
-    return result
-
-
-def _variant(
-    name: str,
-    road: str,
-    noise: ConditionNoise,
-    methods: tuple[str, ...],
-    flights: tuple[Scenario, ...],
-    most: int,
-    frames: int = FRAMES,
-    vehicles: int = 6,
-    span_m: float = np.inf,
-) -> Condition:
-    return Condition(
-        experiment=name,
-        case=road,
-        noise=noise,
-        methods=methods,
-        flights=flights,
-        most=most,
-        frames=frames,
-        boxes=vehicles,
-        visible=vehicles,
-        span_m=span_m,
-    )
-
-
 def _false(quick: bool) -> list[Condition]:
     """Six vehicles, seven boxes; more than 1800 frames over the two kinds of false box."""
     return [
@@ -270,20 +195,16 @@ def _field(quick: bool) -> list[Condition]:
     ]
 
 
-def evaluate(condition: Condition) -> tuple[list[Count], list[Miss]]:
+def evaluate(condition: Condition) -> list[Count]:
     """Ask every method about every window of a condition."""
-    cut = [(scenario, window) for scenario in condition.flights for window in _cut(condition, scenario)]
+    cut = [window for scenario in condition.flights for window in _cut(condition, scenario)]
     # spread over the flights, not the first ones alone
     chosen = [cut[i] for i in np.unique(np.linspace(0, len(cut) - 1, min(condition.most, len(cut))).astype(int))]
-    counts, misses = [], []
+    counts = []
     for method in condition.methods:
-        answers = [(scenario, window, a) for scenario, window in chosen for a in _ask(method, window, condition.noise)]
+        answers = [(window, answer) for window in chosen for answer in _ask(method, window, condition.noise)]
         counts.append(_count(condition, method, answers, len(chosen) * condition.frames))
-        if method.startswith("identifier"):
-            misses += [
-                miss for scenario, window, a in answers for miss in _misses(condition, method, scenario, window, a)
-            ]
-    return counts, misses
+    return counts
 
 
 def _cut(condition: Condition, scenario: Scenario) -> list[Window]:
@@ -294,7 +215,6 @@ def _cut(condition: Condition, scenario: Scenario) -> list[Window]:
         boxes=condition.boxes,
         visible=condition.visible,
         wander=condition.wander,
-        span_m=condition.span_m,
     )
 
 
@@ -303,11 +223,9 @@ def _ask(method: str, window: Window, noise: ConditionNoise) -> list[MethodAnswe
     return identify(window, noise) if method == CONTINUOUS else [METHODS[method](window, noise)]
 
 
-def _count(
-    condition: Condition, method: str, answers: list[tuple[Scenario, Window, MethodAnswer]], frames: int
-) -> Count:
-    truth = np.concatenate([window.vehicle for _, window, _ in answers]) if answers else np.empty(0, np.int64)
-    said = np.concatenate([a.vehicle for _, _, a in answers]) if answers else np.empty(0, np.int64)
+def _count(condition: Condition, method: str, answers: list[tuple[Window, MethodAnswer]], frames: int) -> Count:
+    truth = np.concatenate([window.vehicle for window, _ in answers]) if answers else np.empty(0, np.int64)
+    said = np.concatenate([answer.vehicle for _, answer in answers]) if answers else np.empty(0, np.int64)
     ours = truth >= 0
     return Count(
         experiment=condition.experiment,
@@ -323,22 +241,3 @@ def _count(
         false=int(np.sum(~ours)),
         excluded=int(np.sum((said < 0) & ~ours)),
     )
-
-
-def _misses(condition: Condition, method: str, scenario: Scenario, window: Window, a: MethodAnswer) -> list[Miss]:
-    return [
-        Miss(
-            experiment=condition.experiment,
-            case=condition.case,
-            rotation_deg=condition.rotation_deg,
-            sigma_m=condition.noise.position_m,
-            method=method,
-            flight=scenario.name,
-            seed=scenario.seed,
-            start=window.start,
-            truth=int(window.vehicle[row]),
-            said=int(a.vehicle[row]),
-            confidence=float(a.confidence[row]),
-        )
-        for row in np.flatnonzero(a.vehicle != window.vehicle)
-    ]

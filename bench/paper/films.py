@@ -95,17 +95,6 @@ def paper_road(road: str, yaw_deg: float, seed: int) -> Scenario:
     )
 
 
-def dense_road(road: str, seed: int) -> Scenario:
-    """Nine vehicles close together, all of them seen and reporting."""
-    base = paper_road(road, 0.0, seed)
-    return replace(
-        base,
-        name=f"dense-{road}",
-        ground=replace(base.ground, vehicles=9, outside=0, speed_mps=5.0, spacing_m=9.5, lanes=3),
-        flight=ScenarioFlight(height_m=50.0),
-    )
-
-
 def false_box_road(kind: str, seed: int) -> Scenario:
     """Six vehicles and a seventh box: a look-alike that drives among them, or something beside the road."""
     base = paper_road("curved", 0.0, seed)

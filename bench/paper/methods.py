@@ -21,7 +21,6 @@ from assoc.methods.topology import (
     topology_angles,
     topology_cost,
 )
-from assoc.params import IdentifierParams, ScheduleParams
 from assoc.records import CameraState, Observation, VehicleReports
 from bench.paper.films import CAMERA
 from bench.paper.projection import Projection, associate_by_projection, reprojection_errors
@@ -49,8 +48,6 @@ class ConditionNoise:
     """σ on what topology is given: metres on positions, degrees on headings."""
     heading_deg: float = 2.0
     """σ on the headings that the identifier is given."""
-    report_every: int = 1
-    """Frames between two reports."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,9 +68,8 @@ def _plain(vehicle: IntArray) -> MethodAnswer:
 
 
 def _relative(window: Window, noise: ConditionNoise) -> FloatArray:
-    """(T, n, 3) last report of each vehicle minus the UAV's position."""
-    frame = np.arange(len(window.uv)) // noise.report_every * noise.report_every
-    return np.asarray((window.positions(noise.position_m) - window.uav_enu[:, None])[frame])
+    """(T, n, 3) reported vehicles minus the UAV's position."""
+    return np.asarray(window.positions(noise.position_m) - window.uav_enu[:, None])
 
 
 def _project(window: Window, noise: ConditionNoise) -> Projection | None:
@@ -137,25 +133,11 @@ def tts_one_step(window: Window, noise: ConditionNoise) -> MethodAnswer:
     return _plain(associate_by_tts_once(tts_similarity(*_tts_views(window, noise))))
 
 
-def tts_pairs(window: Window, noise: ConditionNoise) -> MethodAnswer:
-    """Both steps with the other reading: all pairs of triangles."""
-    return _plain(associate_by_tts(*_tts_views(window, noise), "pairs"))
-
-
 def mean_residual(window: Window, noise: ConditionNoise) -> MethodAnswer:
     """The plain way with a known pose: boxes on the ground, mean distance to the reports, all assigned."""
-    reported = np.arange(0, len(window.uv), noise.report_every)
-    seen = np.stack([_on_ground(window, int(k)) for k in reported])
-    away = seen[:, :, None] - window.positions(noise.position_m)[reported][:, None, :, :2]
+    seen = np.stack([_on_ground(window, k) for k in range(len(window.uv))])
+    away = seen[:, :, None] - window.positions(noise.position_m)[:, None, :, :2]
     return _plain(associate_by_topology(np.linalg.norm(np.mean(away, axis=0), axis=2)))
-
-
-def bound(window: Window, noise: ConditionNoise) -> MethodAnswer:
-    """The most that positions can decide: true places against the noisy reports, least squares, all assigned."""
-    reported = np.arange(0, len(window.uv), noise.report_every)
-    true = window.p_enu[reported][:, window.vehicle, :2]
-    away = true[:, :, None] - window.positions(noise.position_m)[reported][:, None, :, :2]
-    return _plain(associate_by_topology(np.sum(away * away, axis=(0, 3))))
 
 
 def _on_ground(window: Window, k: int) -> FloatArray:
@@ -170,21 +152,6 @@ def identifier(window: Window, noise: ConditionNoise) -> MethodAnswer:
     return identify(window, noise)[-1]
 
 
-def identifier_no_yaw(window: Window, noise: ConditionNoise) -> MethodAnswer:
-    """The same without any heading of the UAV."""
-    return identify(window, noise, yaw_known=False)[-1]
-
-
-def identifier_no_heading(window: Window, noise: ConditionNoise) -> MethodAnswer:
-    """The same without headings of the vehicles and without fronts of the boxes."""
-    return identify(window, noise, headings=False)[-1]
-
-
-def identifier_every_frame(window: Window, noise: ConditionNoise) -> MethodAnswer:
-    """The same, but thinking on every frame instead of four times a second."""
-    return identify(window, noise, params=IdentifierParams(schedule=ScheduleParams(every_s=0.0)))[-1]
-
-
 METHODS: dict[str, Method] = {
     "projection": projection,
     "topology": topology,
@@ -192,52 +159,26 @@ METHODS: dict[str, Method] = {
     "fusion": fusion,
     "TTS": tts,
     "TTS one step": tts_one_step,
-    "TTS all pairs": tts_pairs,
-    "least squares, true places": bound,
     "mean residual": mean_residual,
     "identifier": identifier,
-    "identifier, yaw unknown": identifier_no_yaw,
-    "identifier, no headings": identifier_no_heading,
-    "identifier, every frame": identifier_every_frame,
 }
 
 
-def identify(
-    window: Window,
-    noise: ConditionNoise,
-    *,
-    yaw_known: bool = True,
-    headings: bool = True,
-    params: IdentifierParams | None = None,
-) -> list[MethodAnswer]:
-    """Feed a window to a new identifier, frame by frame.
-
-    Args:
-        window: The window.
-        noise: Of the reports.
-        yaw_known: False: the UAV's heading is not given.
-        headings: False: neither headings of vehicles nor fronts of boxes are given.
-        params: Of the identifier.
-
-    Returns:
-        The answer of every frame.
-    """
-    who = Identifier(range(1, window.p_enu.shape[1] + 1), params)
+def identify(window: Window, noise: ConditionNoise) -> list[MethodAnswer]:
+    """Feed a window to a new identifier, frame by frame; the answer of every frame."""
+    who = Identifier(range(1, window.p_enu.shape[1] + 1))
     answers = []
-    p = window.positions(noise.position_m)
-    heading = window.headings(noise.heading_deg) if headings else np.full(p.shape[:2], np.nan)
-    front = window.front if headings else np.full(window.front.shape, np.nan)
+    p, heading = window.positions(noise.position_m), window.headings(noise.heading_deg)
     for k in range(len(window.uv)):
         t_us = START_US + round((window.start + k) / window.fps * 1e6)
-        reports = vehicle_reports(t_us, p[k], heading[k]) if k % noise.report_every == 0 else VehicleReports.empty()
-        camera = camera_state(window.uav_enu[k], float(window.uav_yaw[k]) if yaw_known else None)
-        answer = who.update(_observation(t_us, window, k, front[k]), camera, reports)
+        camera = camera_state(window.uav_enu[k], float(window.uav_yaw[k]))
+        answer = who.update(_observation(t_us, window, k), camera, vehicle_reports(t_us, p[k], heading[k]))
         answers.append(MethodAnswer(vehicle=answer.system_id - 1, confidence=answer.confidence))
     return answers
 
 
-def _observation(t_us: int, window: Window, k: int, front: FloatArray) -> Observation:
-    m = window.uv.shape[1]
+def _observation(t_us: int, window: Window, k: int) -> Observation:
+    m, front = window.uv.shape[1], window.front[k]
     reach = 0.5 * window.length_px[k]
     ahead = window.uv[k] + reach[:, None] * np.stack([np.sin(front), -np.cos(front)], axis=-1)
     return Observation(
@@ -250,23 +191,22 @@ def _observation(t_us: int, window: Window, k: int, front: FloatArray) -> Observ
     )
 
 
-def camera_state(p_enu: FloatArray, yaw: float | None) -> CameraState:
+def camera_state(p_enu: FloatArray, yaw: float) -> CameraState:
     """The camera as the UAV's telemetry has it: straight down below a level body.
 
     Args:
         p_enu: (3,) reported position.
-        yaw: Reported yaw; None: not reported.
+        yaw: Reported yaw.
     """
-    turn = yaw or 0.0
     # level body, nose at the yaw: FRD vectors in ENU
-    nose, right = np.array([np.sin(turn), np.cos(turn), 0.0]), np.array([np.cos(turn), -np.sin(turn), 0.0])
+    nose, right = np.array([np.sin(yaw), np.cos(yaw), 0.0]), np.array([np.cos(yaw), -np.sin(yaw), 0.0])
     pose = camera_pose(Mount(), p_enu, np.stack([nose, right, np.array([0.0, 0.0, -1.0])], axis=1))
     return CameraState(
         R_enu_cam=pose.R_enu_cam,
         p_enu=pose.p_enu,
         ground_z=0.0,
         px_rad=1.0 / CAMERA.fx,
-        attitude_known=yaw is not None,
+        attitude_known=True,
         position_known=True,
         stabilized=True,
         half_view=(0.5 * CAMERA.width / CAMERA.fx, 0.5 * CAMERA.height / CAMERA.fy),

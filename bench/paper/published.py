@@ -10,10 +10,6 @@ FIG8_LOW = 87.6
 """Topology at low noise, %."""
 FIG8_STEP = {"straight": 1.06, "curved": 0.96}
 """Loss of topology per 0.25 of σ, %, as the text has it."""
-FIG9_HIGH = 79.9
-"""Fusion under high noise, %."""
-LATENCY_MS = {"projection": 148.49, "topology": 34.48, "TTS": 22.52, "fusion": 0.27}
-"""Core i9-13900HX and RTX 3090."""
 FALSE_BOX = {"projection": (99.07, 100.00), "topology": (96.53, 98.53), "TTS": (88.43, 45.71)}
 """Precision and FPER, %."""
 FIELD = {"projection": (74.20, 75.00), "TTS": (19.50, 82.00)}

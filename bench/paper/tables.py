@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
-from bench.latency.measure import MethodTiming
 from bench.paper import published
 from bench.paper.experiments import CONTINUOUS, Count
-from bench.paper.occlusion import Kept
-from bench.rows import read
 from infra.markdown import markdown_table
 
 SETTING = """\
@@ -20,13 +18,12 @@ coordinates. The identifier gets the same noisy reports and the UAV's telemetry 
 """
 
 
-def write_tables(out: Path, counts: list[Count], kept: list[Kept], quick: bool) -> None:
+def write_tables(out: Path, counts: list[Count], quick: bool) -> None:
     """Write every table.
 
     Args:
         out: Folder.
         counts: Results of the association experiments.
-        kept: Results of the occlusion experiment.
         quick: State in each table that the run was a short one.
     """
     note = "A short run: few windows.\n\n" if quick else ""
@@ -35,11 +32,8 @@ def write_tables(out: Path, counts: list[Count], kept: list[Kept], quick: bool) 
         "figure_8.md": _sweep(counts, "figure 8", "topology", "Figure 8: topology against noise", "sigma_topology"),
         "figure_9.md": _sweep(counts, "figure 9", "fusion", "Figure 9: both fused", "sigma_m"),
         "figure_10.md": _figure10(counts),
-        "table_1.md": _table1(out.parent / "latency" / "latency.csv"),
         "table_2.md": _table2(counts),
         "table_3.md": _table3(counts),
-        "variants.md": _variants(counts),
-        "occlusion.md": _occlusion(kept),
     }
     for name, text in texts.items():
         (out / name).write_text(note + text, encoding="utf-8")
@@ -54,21 +48,8 @@ def pooled(counts: Iterable[Count], experiment: str, method: str, **where: objec
     ]
     if not some:
         return None
-    first = some[0]
-    return Count(
-        experiment=experiment,
-        case=first.case,
-        rotation_deg=first.rotation_deg,
-        sigma_m=first.sigma_m,
-        sigma_topology=first.sigma_topology,
-        method=method,
-        frames=sum(c.frames for c in some),
-        ours=sum(c.ours for c in some),
-        named=sum(c.named for c in some),
-        right=sum(c.right for c in some),
-        false=sum(c.false for c in some),
-        excluded=sum(c.excluded for c in some),
-    )
+    names = ("frames", "ours", "named", "right", "false", "excluded")
+    return replace(some[0], **{name: sum(getattr(c, name) for c in some) for name in names})
 
 
 def percent(value: float | None) -> str:
@@ -129,7 +110,7 @@ _REMARKS = {
 
 def _figure10(counts: list[Count]) -> str:
     levels = sorted({c.sigma_topology for c in counts if c.experiment == "figure 8"})
-    methods = ("topology", "topology signed", "TTS", "TTS one step", "TTS all pairs", "identifier")
+    methods = ("topology", "topology signed", "TTS", "TTS one step", "identifier")
     parts = [f"# Figure 10: topology and TTS\n\nPrecision in %, no rotation.\n\n{SETTING}"]
     for road in ("straight", "curved"):
         rows = [
@@ -146,19 +127,6 @@ def _figure10(counts: list[Count]) -> str:
     return (
         "".join(parts) + "\nPublished: TTS is acceptable at low noise and falls behind topology under noise (a plot).\n"
     )
-
-
-def _table1(latency: Path) -> str:
-    """Published times beside those of the last latency run, where there is one."""
-    timings = read(latency, MethodTiming) if latency.is_file() else []
-    rows = []
-    for name, ms in published.LATENCY_MS.items():
-        mine = [t for t in timings if t.method == name and (t.vehicles, t.tracks) == (7, 6)]
-        times = "; ".join(f"{t.variant} {t.cpu_median_ms:.2f}" for t in mine)
-        rows.append([name, f"{ms:.2f}", times or "not measured yet: python -m bench.latency"])
-    head = "# Table 1: latency, ms\n\nPublished on an i9-13900HX with an RTX 3090; ours is the median CPU time of one "
-    head += "thread for seven vehicles and six boxes, all variants in one run of `python -m bench.latency`.\n\n"
-    return head + markdown_table(["method", "published", "ours"], rows) + "\n"
 
 
 def _pair(count: Count | None) -> str:
@@ -204,34 +172,3 @@ def _table3(counts: list[Count]) -> str:
     )
     head += "column is their field recording.\n\n"
     return head + markdown_table(["method", "published", "our implementation", "identifier"], rows) + "\n"
-
-
-def _variants(counts: list[Count]) -> str:
-    names = ("12 frames", "36 frames", "dense, 12 frames", "dense, 36 frames")
-    keys = sorted({(names.index(c.experiment), c.case, c.sigma_m, c.method) for c in counts if c.experiment in names})
-    rows = []
-    for k, road, sigma, method in keys:
-        count = pooled(counts, names[k], method, case=road, sigma_m=sigma)
-        assert count is not None
-        rows.append(
-            [names[k], road, f"{sigma:g}", method, str(count.ours), percent(count.precision), percent(count.recall)]
-        )
-    head = f"# The identifier with less and with more\n\n{SETTING}\n"
-    head += "Dense: nine vehicles within 28 m, reports five times a second, so six per window. "
-    head += (
-        '"Least squares, true places" compares noisy reports with the true places: what positions alone can decide.\n\n'
-    )
-    columns = ["windows", "road", "σ, m", "method", "boxes", "precision", "right of all"]
-    return head + markdown_table(columns, rows) + "\n"
-
-
-def _occlusion(kept: list[Kept]) -> str:
-    rows = []
-    for keeper in dict.fromkeys(k.keeper for k in kept):
-        mine = [k for k in kept if k.keeper == keeper]
-        sums = [sum(getattr(k, name) for k in mine) for name in ("frames", "hidden", "switches", "taken")]
-        rows.append([keeper, *map(str, sums)])
-    head = "# Occlusion: id switches\n\nCurved road, each vehicle hidden for 1.2–2.2 s at its three sharpest turns. "
-    head += "Published: in the two cases shown, ByteTrack switches and the enhanced one does not.\n\n"
-    columns = ["tracker", "frames", "returns after ≥ 0.5 s", "id switches", "tracks gone to another vehicle"]
-    return head + markdown_table(columns, rows) + "\n"

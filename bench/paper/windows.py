@@ -63,7 +63,6 @@ def windows(
     boxes: int,
     visible: int,
     wander: bool = False,
-    span_m: float = np.inf,
 ) -> list[Window]:
     """All windows of a flight that fit the experiment, one after the other.
 
@@ -74,7 +73,6 @@ def windows(
         boxes: m that must be seen, the same in every frame.
         visible: The first ``visible`` vehicles must be among them.
         wander: Add the receivers' own errors to the reports.
-        span_m: Largest distance between two of the vehicles.
 
     Returns:
         Windows in which no visible vehicle drives slower than 1 m/s (walking robots of ``wander`` may).
@@ -85,14 +83,9 @@ def windows(
         seen = film.seen[part]
         slow = not wander and bool(np.any(film.speed[part, :visible] <= SLOWEST_MPS))
         constant = bool(np.all(seen == seen[0])) and int(np.sum(seen[0])) == boxes and bool(np.all(seen[0, :visible]))
-        if constant and not slow and _span(film.p_enu[part, :visible]) <= span_m:
+        if constant and not slow:
             found.append(_window(film, part, np.flatnonzero(seen[0]), seed, wander))
     return found
-
-
-def _span(p: FloatArray) -> float:
-    """Largest distance between two vehicles in any frame (T, n, 3)."""
-    return float(np.max(np.linalg.norm(p[:, :, None] - p[:, None], axis=3)))
 
 
 def _window(film: FilmedFlight, part: slice, rows: IntArray, seed: int, wander: bool) -> Window:

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import argparse
 import math
-import multiprocessing
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +17,7 @@ from bench.field.product import identify
 from bench.field.summary import summarise
 from bench.field.tables import number
 from bench.rows import read, write
+from bench.workers import one_threaded
 from gcs.cli.output.console import print_note
 from gcs.cli.output.progress import progress
 from infra.markdown import markdown_table
@@ -70,12 +68,8 @@ def measure(
         report: called with the sessions that are done so far, and all there are.
     """
     rows = []
-    with ExitStack() as stack:
-        played: Iterable[SessionScore] = map(score_session, sessions)
-        if workers > 1:
-            pool = stack.enter_context(ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")))
-            played = pool.map(score_session, sessions)
-        for row in played:
+    with one_threaded(workers) as pool:
+        for row in (pool.map if workers > 1 else map)(score_session, sessions):
             rows.append(row)
             report(len(rows), len(sessions))
     return rows

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.scripted import CAMERA, IMPOSTOR_PEER, RebootedEncoder, ScriptedDetector, boxes_of, impostor_frames
 from gcs.flight.frame_loop import FrameLoop
 from gcs.fold.pipeline import Pipeline
 from gcs.health.faults import Faults
@@ -28,6 +27,7 @@ from sim.telemetry.detections import DetectorModel
 from sim.telemetry.vehicle_telemetry import TELEMETRY_FROM_S, fleet_telemetry
 from sim.world.scenario import UAV_ID, Scenario, ScenarioFault, ScenarioGround
 from sim.world.world import World
+from tests.support.scripted import CAMERA, IMPOSTOR_PEER, RebootedEncoder, ScriptedDetector, boxes_of, impostor_frames
 from vision.detect.detections import Detections
 from vision.stream.pace import PACE_FRAMES, stall_after_s
 from vision.video.video import Frame

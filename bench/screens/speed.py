@@ -26,9 +26,9 @@ from pathlib import Path
 import numpy as np
 
 from bench.command_line import RESULTS
-from bench.ports import free_port
 from bench.screens.station import TerminalSession
 from infra.markdown import markdown_table
+from tests.support.ports import free_port
 
 RECORDING = Path("sitl_logs/curved-road")
 WIDE, DENSE = (120, 40), (160, 45)

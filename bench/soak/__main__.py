@@ -19,7 +19,7 @@ import tempfile
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,7 +29,10 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.command_line import RESULTS
 from bench.station import CAMERA, FLY, FlyingStation, cost_of, mission_text
+from infra.files.segment import segments
+from mavlink.tlog.log import Tlog
 from sim.fleet_process import system_ids
 from tests.support.ports import free_port
 
@@ -77,28 +80,6 @@ class VideoLoop:
 
 POLL_S = 0.05
 STALL_S = 0.2
-_OVERHEAD = {0xFD: 12, 0xFE: 8}
-"""Bytes of a frame beside its payload, by its magic byte."""
-_SIGNATURE = 13
-"""Bytes of a MAVLink 2 signature."""
-
-
-def records_in(data: bytes, path: Path) -> Iterator[tuple[int, int]]:
-    """System id and end of each whole record in what was read from a log, which begins with one.
-
-    Raises:
-        ValueError: there are bytes between records.
-    """
-    at = 0
-    while at + 10 < len(data):
-        overhead = _OVERHEAD.get(data[at + 8], 0)
-        if not overhead:
-            raise ValueError(f"{path}: no record at byte {at} of what was read")
-        stop = at + 8 + overhead + data[at + 9] + (_SIGNATURE if overhead == 12 and data[at + 10] & 1 else 0)
-        if stop > len(data):
-            break
-        yield data[at + 13] if overhead == 12 else data[at + 11], stop
-        at = stop
 
 
 class LogWatch:
@@ -110,17 +91,13 @@ class LogWatch:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._read: dict[Path, int] = {}
         self._size = 0
         self._grown_s = 0.0
         self._polls = 0
         self._worst_s = 0.0
-        self._since_s = 0.0
         self.stalls = 0
         """Times of more than 200 ms without growth."""
         self.longest_s = 0.0
-        self.recorded: Counter[int] = Counter()
-        """Records by system id."""
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._watch, daemon=True)
         self._thread.start()
@@ -129,17 +106,6 @@ class LogWatch:
         """Longest time without growth since the last call."""
         worst, self._worst_s = self._worst_s, 0.0
         return worst
-
-    def read(self) -> None:
-        """Count what was recorded since the last call."""
-        for path in sorted(self._folder.glob("telemetry*.tlog")):
-            begun = self._read.get(path, 0)
-            with path.open("rb") as file:
-                file.seek(begun)
-                data = file.read()
-            for system_id, stop in records_in(data, path):
-                self.recorded[system_id] += 1
-                self._read[path] = begun + stop
 
     def close(self) -> None:
         """Stop watching."""
@@ -162,7 +128,7 @@ class LogWatch:
 
 
 _HELD = ("processes", "rss_mb", "own_mb", "cpu_percent", "threads", "descriptors")
-COLUMNS = ("t_s", *_HELD, "records", "longest_stall_ms", "stalls")
+COLUMNS = ("t_s", *_HELD, "longest_stall_ms", "stalls")
 WARM_UP = 0.1
 """Share of the run after which memory is taken as the beginning's."""
 MOST_TOLD = 5
@@ -252,7 +218,6 @@ def _growth(t: NDArray[np.float64], held: NDArray[np.float64], warm: NDArray[np.
     return f"{grown}; {per_hour:+.1f} MB an hour in the second half"
 
 
-RESULTS = Path("bench-results")
 SAMPLE_S = 10.0
 END_S = 60.0
 """Patience with a fleet that ends."""
@@ -288,11 +253,11 @@ def soak(chosen: argparse.Namespace, out: Path) -> Run:
         sent = json.loads(fleet.communicate(timeout=END_S)[0])
         time.sleep(1.0)
         sealed = flight.end()
-        watch.read()
+        logs = [Tlog.open(path) for path in segments(flight.session / "telemetry.tlog")]
         return Run(
             samples=samples,
             sent=sent,
-            recorded=dict(watch.recorded),
+            recorded=Counter(i for log in logs for i in log.index.system_id.tolist()),
             stalls=watch.stalls,
             longest_s=watch.longest_s,
             told=_told(flight.session),
@@ -317,7 +282,6 @@ def _sample(
         table.writeheader()
         while fleet.poll() is None and flight.running and time.monotonic() < start + seconds + END_S:
             time.sleep(min(SAMPLE_S, seconds / 4))
-            watch.read()
             cost, now = cost_of(flight.pid), time.monotonic()
             row = {
                 "t_s": round(now - start, 1),
@@ -327,7 +291,6 @@ def _sample(
                 "cpu_percent": round(100 * (cost.cpu_s - cpu_s) / (now - at_s), 1),
                 "threads": cost.threads,
                 "descriptors": cost.descriptors,
-                "records": sum(watch.recorded.values()),
                 "longest_stall_ms": round(1e3 * watch.take_longest_s()),
                 "stalls": watch.stalls,
             }

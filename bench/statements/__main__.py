@@ -21,11 +21,11 @@ from pathlib import Path
 import numpy as np
 
 from bench.command_line import RESULTS
-from bench.scripted import InjectedFaults
 from bench.statements.checker import PLACES, check_cameras
 from bench.statements.flights import FlightScript, OperatorAct, fly_script
 from infra.markdown import markdown_table
 from sim.world.scenario import Occlusion, ScenarioFault, ScenarioFlight, ScenarioView
+from tests.support.scripted import InjectedFaults
 
 LIES, LEAST_PER_LIE = ("jump", "drift", "spoof", "frozen"), 4
 """Faults by which a vehicle reports to be elsewhere, and vehicles for each that has one: where many do nobody can know

@@ -1,7 +1,7 @@
 """Scripted flights whose truth is known by construction: recorded as a flight records, with what was so beside it.
 
-Telemetry, signatures, fold and recorder are the flight's own (``bench.scripted``); members fall silent, are late,
-stand still, lie, are refused or never heard, the video stops or comes and goes, and an operator states and marks.
+Telemetry, signatures, fold and recorder are the flight's own (``tests.support.scripted``); members fall silent, are
+late, stand still, lie, are refused or never heard, the video stops or comes and goes, an operator states and marks.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.screens.flights import Moment, Received, video_state
-from bench.scripted import CAMERA, InjectedFaults, ScriptedFlight, fly, within
 from gcs.snapshot import Event, Health, LinkHealth, Snapshot, Statement
 from mavlink.protocol.packet import Packet
 from sim.telemetry.detections import DetectorModel
@@ -25,6 +24,7 @@ from sim.telemetry.vehicle_telemetry import fleet_telemetry
 from sim.world.boxes import true_boxes
 from sim.world.scenario import UAV_ID, Gnss, Occlusion, Scenario, ScenarioFault, ScenarioGround, ScenarioView, Targets
 from sim.world.world import World
+from tests.support.scripted import CAMERA, InjectedFaults, ScriptedFlight, fly, within
 from vision.video.video import Frame
 
 S = 1_000_000

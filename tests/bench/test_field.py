@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from bench.field.explain import spans
 from bench.field.families import FAMILIES, UNRELATED, film_of, has_pixels, label_of, scenario_of, seeds_of
 from bench.field.measure import EDGES, BoxCounts, delays, tally
 from bench.field.product import identify
@@ -143,12 +142,6 @@ def test_a_percentile_takes_never_as_the_latest():
     assert percentile([1.0, 2.0, math.inf, 3.0], 50.0) == 2.0
     assert percentile([1.0, 2.0, math.inf, 3.0], 90.0) == math.inf
     assert math.isnan(percentile([], 50.0))
-
-
-def test_spans_join_what_is_wrong_alike():
-    truth, named = [11] * 10, [0, 0, 11, 11, 11, 11, 11, 12, 12, 0]
-    found = spans(matched(truth, named, track=[5] * 10), 10.0)
-    assert [(s.truth, s.track, s.named, len(s.rows)) for s in found] == [(11, 5, 0, 2), (11, 5, 12, 2), (11, 5, 0, 1)]
 
 
 def outcome(family, hard, label, right, named=100, **parts):

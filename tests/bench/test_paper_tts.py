@@ -63,21 +63,13 @@ def test_the_order_of_the_points_only_reorders_the_answer(seed, n):
     rng = np.random.default_rng(seed)
     image, world = points(seed, n), points(seed, n) + rng.normal(0, 0.3, (n, 2))
     rows, columns = rng.permutation(n), rng.permutation(n)
-    for reading in ("sequence", "pairs"):
-        plain = tts_similarity(image, world, reading)
-        np.testing.assert_allclose(tts_similarity(image[rows], world[columns], reading), plain[np.ix_(rows, columns)])
+    plain = tts_similarity(image, world)
+    np.testing.assert_allclose(tts_similarity(image[rows], world[columns]), plain[np.ix_(rows, columns)])
 
 
 def test_a_mirrored_view_is_not_the_same_view():
     p = points(3, 6)
     assert np.diag(tts_similarity(p * [1.0, -1.0], p)).max() < 1.0 - 1e-3
-
-
-def test_all_pairs_of_equal_triangles_count_each_pair():
-    # a square's centre has four right triangles: 16 pairs of (90 + 90) degrees over 360 + 360
-    p = np.array([[0.0, 0.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
-    assert tts_similarity(p, p, "pairs")[0, 0] == pytest.approx(4.0)
-    assert tts_similarity(p, p)[0, 0] == pytest.approx(1.0)
 
 
 def test_the_second_step_mends_a_pair_that_looks_alike():

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from bench.field.suite import write_motion
-from bench.scripted import InjectedFaults, fly
 from gcs.cli.identify import identify_into
 from gcs.playback.analysis import Analysis
 from gcs.session.frame_tables import motion_row, read_motions
@@ -22,6 +21,7 @@ from sim.world.scenario import (
     ScenarioFlight,
     ScenarioGround,
 )
+from tests.support.scripted import InjectedFaults, fly
 from vision.motion.image_motion import ImageMotion
 
 pytestmark = pytest.mark.slow

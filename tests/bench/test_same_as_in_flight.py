@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from bench import scripted
-from bench.scripted import CAMERA, SECRET, InjectedFaults, fly
 from gcs.cli.identify import identify_into
 from gcs.errors import SessionError
 from gcs.fold.pipeline import Pipeline
@@ -22,6 +21,7 @@ from gcs.session.session import open_session
 from gcs.snapshot import FleetChange, Statement
 from sim.world.presets import nominal
 from sim.world.scenario import ScenarioDetector, ScenarioGround
+from tests.support.scripted import CAMERA, SECRET, InjectedFaults, fly
 
 SCENARIO = replace(nominal(3), ground=ScenarioGround(kind="curved", vehicles=4, spacing_m=8.0), duration_s=10.0)
 HARDLY_SEEN = replace(SCENARIO, detector=ScenarioDetector(miss=0.1, weak=0.7, weak_clutter=4.0))
@@ -275,7 +275,7 @@ def test_what_the_operator_stated_is_stated_again_at_the_same_frame(tmp_path, mo
             self.last = super().add_frame(index, t_us, **given)
             return self.last
 
-    monkeypatch.setattr("bench.scripted.Pipeline", OperatedPipeline)
+    monkeypatch.setattr("tests.support.scripted.Pipeline", OperatedPipeline)
     folder = fly(tmp_path / "flown", SCENARIO, InjectedFaults(no_video=((6.0, 6.6),)))
     identify_into(open_session(folder), tmp_path / "again")
     for name in ("identity.csv", "identity.jsonl"):

@@ -10,42 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from bench.soak.__main__ import LogWatch, Run, mission, report
+from bench.soak.__main__ import Run, mission, report
 from bench.station import cost_of, family
 from gcs.mission.mission import load_mission
-from mavlink.protocol.packet import Packet
-from mavlink.tlog.writer import TlogWriter
-from sim.faults.fault_traffic import HEARTBEAT, SenderEncoder
 
 KEY = bytes(range(32))
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-
-
-def test_records_are_counted_by_system_over_all_segments(tmp_path):
-    watch = LogWatch(tmp_path)
-    voices = (SenderEncoder(1), SenderEncoder(11, version=1), SenderEncoder(12, key=KEY))
-    for path in (tmp_path / "telemetry.tlog", tmp_path / "telemetry.1.tlog"):
-        writer = TlogWriter(path)
-        for k in range(30):
-            writer.write(Packet(k, voices[k % 3].frame(k, HEARTBEAT, 0, 10, 3, 129, 4, 3)))
-        writer.close()
-        watch.read()
-        watch.read()
-    watch.close()
-    assert watch.recorded == {1: 20, 11: 20, 12: 20}
-
-
-def test_a_record_that_is_still_being_written_is_counted_later(tmp_path):
-    watch = LogWatch(tmp_path)
-    record = bytes(8) + SenderEncoder(7).frame(0, HEARTBEAT, 0, 10, 3, 129, 4, 3)
-    with (tmp_path / "telemetry.tlog").open("ab", buffering=0) as file:
-        file.write(record + record[:15])
-        watch.read()
-        assert watch.recorded == {7: 1}
-        file.write(record[15:])
-        watch.read()
-    watch.close()
-    assert watch.recorded == {7: 2}
 
 
 @LINUX

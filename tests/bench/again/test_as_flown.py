@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import pytest
 
-from bench.scripted import InjectedFaults, fly
 from gcs.health.alarm_rules import findings, reported_alarm
 from gcs.playback.as_flown import FlownReports
 from gcs.playback.replay import Replay
@@ -14,6 +13,7 @@ from gcs.snapshot import Alarm, Event, LinkHealth
 from sim.world.presets import nominal
 from sim.world.scenario import ScenarioGround
 from tests.support.fake_station import START_US, make_snapshot
+from tests.support.scripted import InjectedFaults, fly
 from tests.support.waiting import until
 
 S = 1_000_000

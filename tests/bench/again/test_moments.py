@@ -8,7 +8,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from bench.scripted import CAMERA, InjectedFaults, fly
 from gcs.playback.analysis import Analysis
 from gcs.playback.moments import moments_between
 from gcs.playback.snapshot_store import SnapshotStore
@@ -16,6 +15,7 @@ from gcs.session.session import open_session
 from sim.world.presets import nominal
 from sim.world.scenario import ScenarioGround
 from tests.support.fake_station import START_US, make_snapshot
+from tests.support.scripted import CAMERA, InjectedFaults, fly
 
 S = 1_000_000
 SCENARIO = replace(nominal(3), ground=ScenarioGround(kind="curved", vehicles=4, spacing_m=8.0), duration_s=14.0)

@@ -6,10 +6,10 @@ from itertools import pairwise
 
 import pytest
 
-from bench.scripted import InjectedFaults, fly
 from gcs.fold.pipeline import HELD_US
 from sim.world.presets import nominal
 from sim.world.scenario import ScenarioGround
+from tests.support.scripted import InjectedFaults, fly
 
 SCENARIO = replace(nominal(3), ground=ScenarioGround(kind="curved", vehicles=4, spacing_m=8.0), duration_s=12.5)
 HOLE = InjectedFaults(no_video=((7.0, 11.0),))

@@ -5,7 +5,6 @@ import re
 
 import pytest
 
-from bench.scripted import InjectedFaults
 from bench.statements.flights import FlightScript, OperatorAct, fly_script
 from gcs.cli.rollcall import print_rollcall
 from gcs.playback.identification import identify_session
@@ -15,6 +14,7 @@ from gcs.session.frame_tables import read_times
 from gcs.session.session import open_session
 from tests.support.bundled import swarm_session, with_packets
 from tests.support.command_line import run_gcs
+from tests.support.scripted import InjectedFaults
 from tests.support.waiting import until
 
 pytestmark = pytest.mark.slow

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import pytest
 
-from bench.scripted import CAMERA, InjectedFaults, fly
 from gcs.playback.analysis import Analysis
 from gcs.playback.preview import Preview
 from gcs.playback.replay import Replay
@@ -14,6 +13,7 @@ from sim.world.presets import nominal
 from sim.world.scenario import ScenarioGround
 from tests.support.bundled import CURVED_ROAD
 from tests.support.fake_station import make_snapshot
+from tests.support.scripted import CAMERA, InjectedFaults, fly
 from tests.support.snapshots import boxes
 from tests.support.waiting import until
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.support.labelled import found_of, truth_of
+from tests.support.films.labelled import found_of, truth_of
 from vision.evaluation import LabelledImage, evaluate
 from vision.evaluation.apart_sheet import BOX, COLUMNS, LABEL, TILE_PX, TITLE_PX, apart_sheet, odd_ones
 from vision.evaluation.centres import match_centres

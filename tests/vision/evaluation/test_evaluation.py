@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.support.labelled import found_of, truth_of
+from tests.support.films.labelled import found_of, truth_of
 from training.quality import measure
 from vision.detect.boxes import corners, rotated_iou
 from vision.evaluation import LabelledImage, average_precision, choose, evaluate, match, shard_truth

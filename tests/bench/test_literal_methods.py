@@ -1,4 +1,4 @@
-"""The methods as one would first write them down: the peers that our versions are timed against, and their oracles.
+"""The published methods against themselves as one would first write them down.
 
 Loops over hypotheses, vehicles, tracks and frames, one small least-squares problem per hypothesis. Symbols as in
 :mod:`bench.paper.projection`, :mod:`assoc.methods.topology`, :mod:`assoc.methods.belief` and
@@ -8,13 +8,20 @@ Loops over hypotheses, vehicles, tracks and frames, one small least-squares prob
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import dataclass
 from itertools import permutations
 from math import acos, atan2, cos, degrees, hypot, log, pi, sin, sqrt
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import Delaunay
+
+from assoc.methods.belief import fuse, masses
+from assoc.methods.topology import associate_by_topology, topology_angles, topology_cost
+from bench.paper.projection import associate_by_projection, reprojection_errors
+from bench.paper.tts import associate_by_tts_once, tts_similarity
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -28,7 +35,7 @@ def hypotheses(n_rl: int, n_im: int) -> list[Pairs]:
     return [list(enumerate(chosen)) for chosen in permutations(range(n_im), n_rl)]
 
 
-def projection(x: FloatArray, y: FloatArray, history: int = 10) -> IntArray:
+def literal_projection(x: FloatArray, y: FloatArray, history: int = 10) -> IntArray:
     """Everything in Python: lists, one ``lstsq`` per hypothesis, one pixel error at a time; returns (n_im,)."""
     best: list[tuple[float, Pairs]] = [(float("inf"), [])] * (len(x) - history)
     for pairs in hypotheses(x.shape[1], y.shape[1]):
@@ -78,7 +85,7 @@ def angle_between(p: tuple[float, float], q: tuple[float, float]) -> float:
     return acos(max(-1.0, min(1.0, (a * a + b * b - c * c) / (2.0 * a * b)))) if a * b > 0.0 else pi / 2.0
 
 
-def topology(
+def literal_topology(
     image: FloatArray, front: FloatArray, world: FloatArray, heading: FloatArray, yaw: float
 ) -> tuple[FloatArray, IntArray]:
     """Costs (m, n) and vehicles (m,) from offsets (right, forward) and headings."""
@@ -96,7 +103,7 @@ def topology(
     return cost, _assigned(cost)
 
 
-def fusion(errors: FloatArray, cost: FloatArray) -> FloatArray:
+def literal_fusion(errors: FloatArray, cost: FloatArray) -> FloatArray:
     """Masses of both matrices and Dempster's rule, (m, n); for matrices without ties and full conflict."""
     first, second = _masses(errors), _masses(cost)
     fused = []
@@ -118,7 +125,7 @@ def _masses(cost: FloatArray) -> list[list[float]]:
     return result
 
 
-def tts(image: FloatArray, world: FloatArray) -> tuple[FloatArray, IntArray]:
+def literal_tts(image: FloatArray, world: FloatArray) -> tuple[FloatArray, IntArray]:
     """Similarity (m, n), best cyclic alignment, and the vehicles (m,) of the first step."""
     a, b = _sequences(image), _sequences(world)
     similarity = np.zeros((len(a), len(b)))
@@ -171,3 +178,92 @@ def _assigned(cost: FloatArray) -> IntArray:
     rows, columns = linear_sum_assignment(cost)
     answer[rows] = columns
     return answer
+
+
+FRAMES, HEIGHT_M, FOCAL_PX = 12, 40.0, 1200.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Snap:
+    """Input of the single-frame and the window methods."""
+
+    x: FloatArray
+    """(T, n, 3) vehicles minus UAV, metres."""
+    y: FloatArray
+    """(T, m, 2) pixels from the image centre, v downwards."""
+    heading: FloatArray
+    """(n,) reported."""
+    front: FloatArray
+    """(m,) clockwise from image up."""
+    errors: FloatArray
+    """(m, n) E of the last frame, pixels."""
+    cost: FloatArray
+    """(m, n) C of the last frame."""
+    vehicle: IntArray
+    """(m,) the truth."""
+
+
+def snap(n: int, m: int, seed: int) -> Snap:
+    """Vehicles that turn on their way, seen from straight above with 1 px and 0.5 m noise."""
+    rng = np.random.default_rng([seed, n, m])
+    side = 9.0 * np.sqrt(n)
+    t = 0.1 * np.arange(FRAMES)[:, None]
+    course = rng.uniform(-np.pi, np.pi, n) + rng.uniform(-0.4, 0.4, n) * t
+    speed = rng.uniform(2.0, 6.0, n)
+    step = 0.1 * speed[:, None] * np.stack([np.sin(course), np.cos(course)], axis=-1)
+    xy = rng.uniform(-0.5 * side, 0.5 * side, (n, 2)) + np.cumsum(step, axis=0)
+    vehicle = rng.permutation(n)[:m]
+    y = FOCAL_PX / HEIGHT_M * xy[:, vehicle] * (1.0, -1.0) + rng.normal(0.0, 1.0, (FRAMES, m, 2))
+    x = np.concatenate([xy, np.full((FRAMES, n, 1), -HEIGHT_M)], axis=2) + rng.normal(0.0, 0.5, (FRAMES, n, 3))
+    noise = np.radians(3.0)
+    heading, front = course[-1] + rng.normal(0.0, noise, n), course[-1, vehicle] + rng.normal(0.0, noise, m)
+    theta = FOCAL_PX / HEIGHT_M * np.array([[1.0, 0.0], [0.0, -1.0], [0.0, 0.0]])
+    world = topology_angles(x[-1, :, :2], heading)
+    return Snap(
+        x=x,
+        y=y,
+        heading=heading,
+        front=front,
+        errors=reprojection_errors(x[-1], y[-1], theta),
+        cost=topology_cost(topology_angles(y[-1] * (1.0, -1.0), front), world),
+        vehicle=vehicle,
+    )
+
+
+@pytest.mark.parametrize("size", [(4, 3), (5, 4), (5, 5)])
+def test_projection_is_that_of_the_loops_written_out(size):
+    for seed in range(2):
+        s = snap(*size, seed)
+        ours = associate_by_projection(s.x, s.y).vehicle.tolist()
+        assert literal_projection(s.x, s.y).tolist() == ours
+        assert projection_array_loop(s.x, s.y).tolist() == ours
+
+
+def test_surplus_boxes_are_left_out_as_in_the_loops():
+    s = snap(4, 4, 1)
+    x = s.x[:, :3]
+    ours = associate_by_projection(x, s.y).vehicle.tolist()
+    assert ours.count(-1) == 1
+    assert literal_projection(x, s.y).tolist() == projection_array_loop(x, s.y).tolist() == ours
+
+
+def test_topology_and_fusion_are_those_of_the_loops_written_out():
+    s = snap(7, 6, 3)
+    image, world = s.y[-1] * (1.0, -1.0), s.x[-1, :, :2]
+    cost, answer = literal_topology(image, s.front, world, s.heading, 0.4)
+    ours = topology_cost(topology_angles(image, s.front), topology_angles(world, s.heading, 0.4))
+    np.testing.assert_allclose(ours, cost, atol=1e-9)
+    assert associate_by_topology(ours).tolist() == answer.tolist()
+    np.testing.assert_allclose(fuse(masses(s.errors), masses(s.cost)), literal_fusion(s.errors, s.cost), atol=1e-12)
+
+
+@pytest.mark.parametrize("size", [(4, 4), (9, 6), (5, 9)])
+def test_triangular_sequences_are_compared_as_in_the_loops(size):
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        image, world = (
+            10.0 * rng.permutation(np.argwhere(np.ones((6, 6))))[:n] + rng.uniform(-3, 3, (n, 2)) for n in size
+        )
+        similarity, answer = literal_tts(image, world)
+        np.testing.assert_allclose(tts_similarity(image, world), similarity, atol=1e-9)
+        assert associate_by_tts_once(similarity).tolist() == answer.tolist()

@@ -1,1 +1,0 @@
-"""How long each method takes, beside its literal peer in the same run. ``python -m bench.latency``."""
