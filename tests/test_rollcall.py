@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import rollcall
-from gcs.export.tables.identity_table import COLUMNS
+from gcs.session.box_table import COLUMNS
 from tests.support.bundled import CURVED_ROAD, ROOT, SWARM, shortened
 
 

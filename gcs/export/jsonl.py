@@ -6,13 +6,13 @@ import json
 
 from gcs.export.job import ExportJob
 from gcs.export.unfinished import Unfinished
-from gcs.session.identity_log import json_row
+from gcs.session.box_table import VERSION, json_row
 from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
 
 HEADER = {
     "format": "rollcall identity",
-    "version": 1,
+    "version": VERSION,
     "time": "Unix microseconds",
     "box": "cx cy w h px, angle rad: image +x to the width axis, clockwise on screen",
     "heading": "rad clockwise from image up",

@@ -12,7 +12,7 @@ import msgspec
 
 from gcs.live_out.sink import Sink, SinkSource
 from gcs.live_out.sink_url import SinkUrl
-from gcs.session.identity_log import json_row
+from gcs.session.box_table import json_row
 from gcs.snapshot import Snapshot, VehicleRow
 from infra.plain_text import plain
 

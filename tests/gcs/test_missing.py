@@ -13,7 +13,7 @@ from gcs.export.cot import cot_event
 from gcs.export.job import ExportJob
 from gcs.export.maps.geojson import GeoJsonExport
 from gcs.missing import may_be
-from gcs.session.identity_log import json_row
+from gcs.session.box_table import json_row
 from tests.support.alarm_scenes import UGV, filmed
 
 

@@ -84,7 +84,7 @@ def test_an_export_runs_nothing_in_a_spreadsheet(named_badly, tmp_path):
     named = {row["name"] for row in rows if row["name"]}
     assert named == {to_cell(NAMES[int(row["system_id"])]) for row in rows if row["name"]}
     assert {"'" + NAMES[2], "'" + NAMES[3], "'" + NAMES[6], "'" + NAMES[7]} <= named
-    assert any(float(row["angle_deg"]) < 0 for row in rows), "numbers stay numbers"
+    assert any(float(row["angle"]) < 0 for row in rows), "numbers stay numbers"
 
 
 def test_what_the_command_line_repeats_is_plain(tmp_path):

@@ -10,7 +10,7 @@ from foxglove import channels
 from foxglove.messages import Log, LogLevel
 
 from gcs.export.robotics.foxglove_views import annotations_of, fix_of, scene_of, stamp_of
-from gcs.session.identity_log import json_row
+from gcs.session.box_table import json_row
 from gcs.snapshot import Snapshot
 from infra.plain_text import plain
 from mavlink.state import Level

@@ -7,77 +7,14 @@ writer's settings are fixed. pyarrow is an extra (``tables``), and imported when
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import msgspec
 
 from gcs.export.tables.arrow import import_pyarrow, writer_settings
+from gcs.session.box_table import COLUMNS, VERSION, EvidenceRow, column_values
 
 ROWS = 65_536
 """Rows of one group: what is held in memory at once."""
-COLUMNS = {
-    "time_us": "int64",
-    "frame": "int64",
-    "track_id": "int64",
-    "system_id": "int16",
-    "name": "string",
-    "confidence": "double",
-    "runner_up": "int16",
-    "runner_up_confidence": "double",
-    "margin": "double",
-    "projection": "double",
-    "topology": "double",
-    "fused": "double",
-    "residual_m": "double",
-    "residual_px": "double",
-    "position_age_s": "double",
-    "cx": "double",
-    "cy": "double",
-    "w": "double",
-    "h": "double",
-    "angle": "double",
-    "heading": "double",
-    "east_m": "double",
-    "north_m": "double",
-    "up_m": "double",
-    "lat": "double",
-    "lon": "double",
-    "place_std_m": "double",
-    "stated": "bool",
-    "doubt": "string",
-    "may_be": "string",
-}
-"""Columns with their Arrow types; null is unknown."""
-_BOX, _ENU = ("cx", "cy", "w", "h", "angle"), ("east_m", "north_m", "up_m")
-
-
-class EvidenceRow(msgspec.Struct, frozen=True):
-    """A row of ``identity.jsonl``, as ``gcs.session.identity_log.json_row`` writes it."""
-
-    time_us: int
-    frame: int
-    track_id: int | None
-    system_id: int | None
-    name: str | None
-    confidence: float | None
-    runner_up: int | None
-    runner_up_confidence: float | None
-    margin: float | None
-    projection: float | None
-    topology: float | None
-    fused: float | None
-    residual_m: float | None
-    residual_px: float | None
-    position_age_s: float | None
-    box: tuple[float | None, float | None, float | None, float | None, float | None]
-    heading: float | None
-    enu_m: tuple[float | None, float | None, float | None]
-    lat: float | None
-    lon: float | None
-    place_std_m: float | None = None
-    stated: bool = False
-    doubt: str | None = None
-    may_be: str | None = None
 
 
 class IdentityTable:
@@ -85,7 +22,7 @@ class IdentityTable:
 
     Args:
         path: of the file; what is there is replaced.
-        about: what the file tells of itself, such as the version of the program.
+        about: what the file tells of itself beside the version of its columns, such as that of the program.
 
     Raises:
         GcsError: pyarrow is not installed.
@@ -95,8 +32,9 @@ class IdentityTable:
         self._pyarrow = import_pyarrow()
         from pyarrow import parquet
 
-        types = {name: self._pyarrow.type_for_alias(kind) for name, kind in COLUMNS.items()}
-        self._schema = self._pyarrow.schema(types, metadata=dict(sorted(about.items())))
+        types = {name: self._pyarrow.type_for_alias(column.kind) for name, column in COLUMNS.items()}
+        told = {"rollcall.boxes": str(VERSION), **about}
+        self._schema = self._pyarrow.schema(types, metadata=dict(sorted(told.items())))
         self._writer = parquet.ParquetWriter(path, self._schema, **writer_settings())
         self._decode = msgspec.json.Decoder(EvidenceRow).decode
         self._rows: list[EvidenceRow] = []
@@ -119,13 +57,6 @@ class IdentityTable:
 
     def _write(self) -> None:
         values = column_values(self._rows)
-        batch = self._pyarrow.RecordBatch.from_pydict({name: values[name] for name in COLUMNS}, schema=self._schema)
+        batch = self._pyarrow.RecordBatch.from_pydict(values, schema=self._schema)
         self._writer.write_batch(batch, row_group_size=ROWS)
         self._rows = []
-
-
-def column_values(rows: list[EvidenceRow]) -> dict[str, list[Any]]:
-    """Values by column; None is unknown."""
-    columns = {name: [getattr(row, name) for row in rows] for name in COLUMNS if name not in (*_BOX, *_ENU)}
-    columns |= {name: [row.box[k] for row in rows] for k, name in enumerate(_BOX)}
-    return columns | {name: [row.enu_m[k] for row in rows] for k, name in enumerate(_ENU)}

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gcs.errors import GcsError
 from gcs.export.tables.arrow import import_pyarrow
-from gcs.export.tables.identity_table import COLUMNS, EvidenceRow, column_values
+from gcs.session.box_table import COLUMNS, OPTIONAL, EvidenceRow, column_values
 
 _TYPES: Mapping[str, tuple[type, object]] = {
     "int64": (np.int64, 0),
@@ -45,7 +45,7 @@ class NamedBoxes(Mapping[str, NDArray[Any]]):
         """
         decode = msgspec.json.Decoder(EvidenceRow).decode
         values = column_values([decode(line) for line in lines])
-        return cls({name: _column(kind, values[name]) for name, kind in COLUMNS.items()}, notes)
+        return cls({name: _column(column.kind, values[name]) for name, column in COLUMNS.items()}, notes)
 
     @property
     def rows(self) -> int:
@@ -76,11 +76,11 @@ class NamedBoxes(Mapping[str, NDArray[Any]]):
         """
         pyarrow = import_pyarrow()
         arrays = {}
-        for name, kind in COLUMNS.items():
-            column, unknown = self._columns[name], _TYPES[kind][1]
-            missing = column != column if kind == "double" else column == unknown  # NaN differs from itself
-            mask = missing & (name in _MAY_LACK)
-            arrays[name] = pyarrow.array(column, type=pyarrow.type_for_alias(kind), mask=mask)
+        for name, column in COLUMNS.items():
+            values, unknown = self._columns[name], _TYPES[column.kind][1]
+            missing = values != values if column.kind == "double" else values == unknown  # NaN differs from itself
+            mask = missing & (name in OPTIONAL)
+            arrays[name] = pyarrow.array(values, type=pyarrow.type_for_alias(column.kind), mask=mask)
         return pyarrow.table(arrays)
 
     def __getitem__(self, name: str) -> NDArray[Any]:
@@ -95,10 +95,6 @@ class NamedBoxes(Mapping[str, NDArray[Any]]):
     def __repr__(self) -> str:
         named = int(np.count_nonzero(self._columns["system_id"]))
         return f"<NamedBoxes: {self.rows} boxes, {named} named; {len(self.notes)} notes>"
-
-
-_MAY_LACK = frozenset(COLUMNS) - {"time_us", "frame", "stated"}
-"""Columns that can be unknown."""
 
 
 def _column(kind: str, values: list[Any]) -> NDArray[Any]:

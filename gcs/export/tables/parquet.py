@@ -7,7 +7,7 @@ import pyarrow  # noqa: F401 - a format without its library is told when it is a
 from gcs.export.job import ExportJob
 from gcs.export.tables.identity_table import IdentityTable
 from gcs.export.unfinished import Unfinished
-from gcs.session.identity_log import json_row
+from gcs.session.box_table import json_row
 from gcs.snapshot import Snapshot
 
 

@@ -29,9 +29,7 @@ def test_duckdb_counts_what_the_csv_has(export_to, tmp_path):
     assert counts[0] == [(*row[:1], row[1] or None, *row[2:]) for row in counts[1]]
     assert len(counts[0]) >= 6 and sum(row[2] for row in counts[0]) > 200
     table, rows = (read(tmp_path / f"a.{kind}") for read, kind in ((pd.read_parquet, "parquet"), (pd.read_csv, "csv")))
-    assert np.allclose(table.lat, rows.lat_deg, atol=1e-7) and np.allclose(
-        table.place_std_m, rows.place_std_m, atol=1e-3
-    )
+    assert np.allclose(table.lat, rows.lat, atol=1e-7) and np.allclose(table.place_std_m, rows.place_std_m, atol=1e-3)
     with pytest.raises(SessionError, match="exists already"):
         export_to(tmp_path / "a.parquet")
 

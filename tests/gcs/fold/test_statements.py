@@ -11,8 +11,8 @@ import pytest
 
 from gcs.fold.statements import Statements
 from gcs.report.overlay import label_of
+from gcs.session.box_table import box_values, csv_row, json_row
 from gcs.session.event_log import event_row
-from gcs.session.identity_log import csv_row, json_row
 from gcs.snapshot import Statement
 from tests.support.alarm_scenes import MISSION, OTHER, UGV, FilmedScene, Vehicle, copied, filmed
 from vision.track.track_state import ENOUGH
@@ -67,7 +67,7 @@ def test_a_vehicle_without_reports_is_named_by_the_operator(silent):
     assert label_of(silent.last, box) == "UGV-12 stated"
     assert json.loads(json_row(silent.last, box))["stated"] is True
     assert "stated" not in json.loads(json_row(silent.last, silent.box(UGV)))
-    assert len(csv_row(silent.last, box).split(",")) == 13
+    assert len(csv_row(box_values(silent.last, box)).split(",")) == 13
     assert texts(silent) == [f"stated: track {track} is UGV-12"]
 
 

@@ -12,7 +12,7 @@ import pytest
 from gcs.live_out.json_lines import BEHIND_BYTES, MOST_CLIENTS, MUTE_S, JsonTcp, JsonUdp, json_line
 from gcs.live_out.sink import SinkSource
 from gcs.live_out.sink_url import parse_tell
-from gcs.session.identity_log import json_row
+from gcs.session.box_table import json_row
 from gcs.snapshot import Alarm, Candidate
 from mavlink.geodesy import LocalFrame
 from tests.support.bundled import ROOT

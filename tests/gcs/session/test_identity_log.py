@@ -80,16 +80,6 @@ def test_events_keep_hostile_text_as_it_came(tmp_path):
     assert json.loads((tmp_path / "events.jsonl").read_text())["text"] == '[/x] "quoted" \\'
 
 
-def test_csv_export_has_names_and_degrees(tmp_path):
-    sink = open_export(tmp_path / "o.csv")
-    sink.write(snapshot(boxes=[box(1, 2)]))
-    sink.close()
-    header, row = (line.split(",") for line in (tmp_path / "o.csv").read_text().splitlines())
-    cells = dict(zip(header, row, strict=True))
-    assert cells["time_utc"].endswith("+00:00")
-    assert (cells["name"], cells["angle_deg"]) == ("Alpha", "28.65")
-
-
 def test_film_export_keeps_the_frames_times(tmp_path):
     sink = open_export(tmp_path / "o.mp4")
     image = np.full((48, 64, 3), 90, np.uint8)

@@ -1,0 +1,172 @@
+"""The table of boxes: one row for each box of each frame; its columns, their types and digits have this one place.
+
+What keeps named boxes has these columns in this order, and differs in encoding alone: the exports ``csv``, ``jsonl``
+and ``parquet``, a batch's tables, ``NamedBoxes`` and ``identity.jsonl``. In JSON the box and its place are lists, and
+the last four are left out where there is nothing to say. ``identity.csv`` has those that tell who is where, and its box
+in hundredths of a pixel. What the columns mean: ``docs/python.md``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+
+from gcs.missing import may_be
+from gcs.snapshot import Box, Snapshot
+from infra.plain_text import plain
+from infra.session_format import IDENTITY
+
+VERSION = 1
+"""Version of the columns, raised when one is renamed or goes. The exports and a batch's tables state it; files of a
+session are of the version of its program, which ``session.toml`` states."""
+
+
+@dataclass(frozen=True, slots=True)
+class BoxColumn:
+    """One column."""
+
+    kind: str
+    """Its Arrow type."""
+    digits: int = 0
+    """Decimal places that are kept of a ``double``."""
+
+
+_ID, _COUNT, _WORDS, _SHARE = BoxColumn("int16"), BoxColumn("int64"), BoxColumn("string"), BoxColumn("double", 4)
+_PIXELS, _RADIANS, _DEGREES = BoxColumn("double", 4), BoxColumn("double", 4), BoxColumn("double", 7)
+_CENTIMETRES, _MILLIMETRES, _SECONDS = BoxColumn("double", 2), BoxColumn("double", 3), BoxColumn("double", 3)
+
+BOX, ENU = ("cx", "cy", "w", "h", "angle"), ("east_m", "north_m", "up_m")
+"""Columns that are one list in JSON: ``box`` and ``enu_m``."""
+COLUMNS = {
+    **dict.fromkeys(("time_us", "frame", "track_id"), _COUNT),
+    "system_id": _ID,
+    "name": _WORDS,
+    "confidence": _SHARE,
+    "runner_up": _ID,
+    **dict.fromkeys(("runner_up_confidence", "margin", "projection", "topology", "fused"), _SHARE),
+    "residual_m": _MILLIMETRES,
+    "residual_px": BoxColumn("double", 2),
+    "position_age_s": _SECONDS,
+    **dict.fromkeys(BOX[:4], _PIXELS),
+    **dict.fromkeys(("angle", "heading"), _RADIANS),
+    **dict.fromkeys(ENU, _CENTIMETRES),
+    **dict.fromkeys(("lat", "lon"), _DEGREES),
+    "place_std_m": _MILLIMETRES,
+    "number": _COUNT,
+    "stated": BoxColumn("bool"),
+    **dict.fromkeys(("doubt", "may_be"), _WORDS),
+}
+"""The columns in their order."""
+OPTIONAL = frozenset(COLUMNS) - {"time_us", "frame", "stated"}
+"""Columns whose values can be unknown."""
+_WITH_EVIDENCE = ("number", "stated", "doubt", "may_be")
+"""Columns that JSON leaves out where there is nothing to say."""
+_CSV_PIXELS = dict.fromkeys(BOX[:4], 2)
+
+
+def box_values(snapshot: Snapshot, box: Box) -> dict[str, Any]:
+    """Values of a row by column, whole; NaN and None are unknown, and of ``_WITH_EVIDENCE`` what is empty."""
+    values = dict(zip(BOX, (box.cx, box.cy, box.w, box.h, box.angle), strict=True))
+    values |= zip(ENU, box.p_enu.tolist(), strict=True)
+    return values | {
+        "time_us": snapshot.t_us,
+        "frame": snapshot.frame,
+        "track_id": box.track_id or None,
+        "system_id": box.system_id or None,
+        "name": plain(snapshot.name_of(box.system_id)) if box.system_id else None,
+        "confidence": box.confidence,
+        "runner_up": box.runner_up or None,
+        "runner_up_confidence": box.runner_up_confidence,
+        "margin": box.margin,
+        "projection": box.projection,
+        "topology": box.topology,
+        "fused": box.fused,
+        "residual_m": box.residual_m,
+        "residual_px": box.residual_px,
+        "position_age_s": box.position_age_s,
+        "heading": box.heading,
+        "lat": box.lat_deg,
+        "lon": box.lon_deg,
+        "place_std_m": box.place_std_m,
+        "number": box.number or None,
+        "stated": box.stated,
+        "doubt": box.doubt or None,
+        "may_be": plain(may_be(snapshot, box)) or None,
+    }
+
+
+def text_cell(name: str, value: Any, digits: int | None = None) -> str:  # noqa: ANN401 - what a column holds
+    """A value as a cell of text; empty is unknown."""
+    column = COLUMNS[name]
+    if column.kind == "double":
+        return f"{value:z.{column.digits if digits is None else digits}f}" if math.isfinite(value) else ""
+    return "" if value is None else str(int(value)) if column.kind == "bool" else str(value)
+
+
+def csv_row(values: dict[str, Any]) -> str:
+    """One line of ``identity.csv``."""
+    return ",".join(text_cell(name, values[name], _CSV_PIXELS.get(name)) for name in IDENTITY.columns)
+
+
+def json_row(snapshot: Snapshot, box: Box) -> str:
+    """One line of ``identity.jsonl``; null is unknown."""
+    return json_line(box_values(snapshot, box))
+
+
+def json_line(values: dict[str, Any]) -> str:
+    """The values of a row as one line of ``identity.jsonl``."""
+    rounded = {
+        # never −0; NaN and infinity are null in JSON
+        name: round(values[name], column.digits) + 0.0 if column.kind == "double" else values[name]
+        for name, column in COLUMNS.items()
+    }
+    row = {name: value for name, value in rounded.items() if name not in (*BOX, *ENU, *_AFTER_BOX, *_WITH_EVIDENCE)}
+    row |= {"box": [rounded[name] for name in BOX], "heading": rounded["heading"]}
+    row |= {"enu_m": [rounded[name] for name in ENU], **{name: rounded[name] for name in _AFTER_BOX[1:]}}
+    row |= {name: rounded[name] for name in _WITH_EVIDENCE if rounded[name]}
+    return msgspec.json.encode(row).decode()
+
+
+_AFTER_BOX = ("heading", "place_std_m", "lat", "lon")
+
+
+class EvidenceRow(msgspec.Struct, frozen=True):
+    """A row as JSON has it."""
+
+    time_us: int
+    frame: int
+    track_id: int | None
+    system_id: int | None
+    name: str | None
+    confidence: float | None
+    runner_up: int | None
+    runner_up_confidence: float | None
+    margin: float | None
+    projection: float | None
+    topology: float | None
+    fused: float | None
+    residual_m: float | None
+    residual_px: float | None
+    position_age_s: float | None
+    box: tuple[float | None, float | None, float | None, float | None, float | None]
+    heading: float | None
+    enu_m: tuple[float | None, float | None, float | None]
+    lat: float | None
+    lon: float | None
+    place_std_m: float | None = None
+    number: int | None = None
+    stated: bool = False
+    doubt: str | None = None
+    may_be: str | None = None
+
+
+def column_values(rows: Sequence[EvidenceRow]) -> dict[str, list[Any]]:
+    """Values by column; None is unknown."""
+    columns = {name: [getattr(row, name) for row in rows] for name in COLUMNS if name not in (*BOX, *ENU)}
+    columns |= {name: [row.box[k] for row in rows] for k, name in enumerate(BOX)}
+    columns |= {name: [row.enu_m[k] for row in rows] for k, name in enumerate(ENU)}
+    return {name: columns[name] for name in COLUMNS}
