@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import tests.support.scripted as scripted
 from gcs.cli.identify import identify_into
 from gcs.errors import SessionError
 from gcs.fold.pipeline import Pipeline
@@ -20,7 +21,6 @@ from gcs.session.session import open_session
 from gcs.snapshot import FleetChange, Statement
 from sim.world.presets import nominal
 from sim.world.scenario import ScenarioDetector, ScenarioGround
-from tests.support import scripted
 from tests.support.scripted import CAMERA, SECRET, InjectedFaults, fly
 
 SCENARIO = replace(nominal(3), ground=ScenarioGround(kind="curved", vehicles=4, spacing_m=8.0), duration_s=10.0)

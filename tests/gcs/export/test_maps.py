@@ -6,7 +6,6 @@ import math
 import sqlite3
 import struct
 from dataclasses import replace
-from datetime import datetime
 from xml.etree import ElementTree
 
 import gpxpy
