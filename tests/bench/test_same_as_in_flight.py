@@ -84,6 +84,7 @@ class InTurns(scripted.ScriptedDetector):
         return self.boxes.select(kept.looked_at(kept.centre))
 
 
+@pytest.mark.slow
 def test_a_flight_that_looks_in_turns_is_the_same_again(tmp_path, monkeypatch):
     monkeypatch.setattr(scripted, "ScriptedDetector", InTurns)
     folder = fly(tmp_path / "flown", replace(SCENARIO, duration_s=6.0), InjectedFaults())

@@ -113,6 +113,7 @@ def test_a_log_that_begins_in_the_middle_of_the_film_is_enough():
     assert abs(found.best.offset_s - 1000.0) < 0.2
 
 
+@pytest.mark.slow
 def test_the_film_may_be_of_none_of_ours():
     film = FilmedFleet(seed=11)
     other = FilmedFleet(seed=12)

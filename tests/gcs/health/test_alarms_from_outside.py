@@ -430,6 +430,7 @@ def test_there_is_a_case_for_every_alarm():
 LONG = (
     *("has_a_slow_clock", "is_filmed_elsewhere", "has_a_camera_that_is_mounted_turned", "is_at_the_edge_of_its_radio"),
     *("has_a_camera_that_looks_down_more_steeply_than_told", "has_a_camera_that_dates_its_frames_late"),
+    *("has_another_camera_that_names_others", "has_the_film_of_another_flight", "has_a_mirrored_picture"),
 )
 """Flights of a minute, and films in which it takes seconds to be known."""
 

@@ -63,8 +63,8 @@ def test_a_dji_drone_above_rovers(flown, tmp_path):
     assert not log.index.damage
     # no attitude was known, so none is told
     assert not len(log.columns(30, 1)[0])
-    begin = Flown(session=shortened(flown.session, tmp_path / "begin", FRAMES // 4), fleet=flown.fleet)
-    result = right_of(shortened(session, tmp_path / "imported", FRAMES // 4), begin, tmp_path)
+    begin = Flown(session=shortened(flown.session, tmp_path / "begin", FRAMES // 9), fleet=flown.fleet)
+    result = right_of(shortened(session, tmp_path / "imported", FRAMES // 9), begin, tmp_path)
     assert result.right >= RIGHT
     assert result.wrong_sure_s == 0.0
 

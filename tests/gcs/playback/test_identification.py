@@ -21,13 +21,13 @@ from tests.support.bundled import CURVED_ROAD, shortened, swarm_session
 
 
 def test_it_writes_what_the_command_writes_and_prints_nothing(tmp_path, capfd):
-    session = open_session(shortened(CURVED_ROAD, tmp_path / "flown", 10))
+    session = open_session(shortened(CURVED_ROAD, tmp_path / "flown", 5))
     done, notes = [], []
     calls = identify_session(
         session, tmp_path / "out", report=lambda now, total: done.append((now, total)), note=notes.append
     )
     assert capfd.readouterr() == ("", "")
-    assert done == [(k + 1, 10) for k in range(10)]
+    assert done == [(k + 1, 5) for k in range(5)]
     assert calls.named >= 5
     assert all("\n" not in text for text in notes)
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"identity.csv", "identity.jsonl", "events.jsonl"}

@@ -117,6 +117,7 @@ def test_names_of_one_view_alone(flight, named, tmp_path):
     assert (tmp_path / "out" / "identity.csv").read_bytes() == (out / "view-2" / "identity.csv").read_bytes()
 
 
+@pytest.mark.slow
 def test_a_replay_goes_from_camera_to_camera(flight):
     first = Replay(open_session(flight))
     try:

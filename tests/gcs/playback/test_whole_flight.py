@@ -23,7 +23,7 @@ from sim.world.scenario import (
     ScenarioTiming,
     Targets,
 )
-from tests.support.bundled import CURVED_ROAD, shortened
+from tests.support.bundled import SWARM, shortened
 
 MESSY = Scenario(
     seed=7,
@@ -71,7 +71,7 @@ def test_ordinary_errors_together_are_named_better_by_the_whole(tmp_path):
 
 @pytest.fixture(scope="module")
 def fold(tmp_path_factory):
-    return folded(shortened(CURVED_ROAD, tmp_path_factory.mktemp("recorded") / "flown", 60))
+    return folded(shortened(SWARM, tmp_path_factory.mktemp("recorded") / "flown", 60))
 
 
 @pytest.fixture

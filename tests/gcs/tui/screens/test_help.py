@@ -10,7 +10,7 @@ from gcs.tui.screens.help import HelpScreen
 from gcs.tui.screens.legend import LEGEND
 from tests.support.fake_station import SMALL, WIDE, FakeStation, running, screen_text, text_of
 
-SIZES = [(60, 20), SMALL, (120, 40), WIDE]
+SIZES = [WIDE, (120, 40), SMALL, (60, 20)]
 
 
 async def help_pages(app, pilot):
