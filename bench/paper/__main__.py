@@ -4,23 +4,31 @@ from __future__ import annotations
 
 from bench.command_line import parser_of, print_results
 from bench.paper.experiments import Count, conditions, evaluate
+from bench.paper.occlusion import Kept, play
 from bench.paper.tables import write_tables
+from bench.paper.times import times
 from bench.rows import write
 from bench.workers import one_threaded
 from gcs.cli.output.progress import progress
+
+FLIGHTS, QUICK_FLIGHTS, WINDOWS = 20, 1, 50
+"""Flights with vehicles hidden at turns, and windows over which a time is taken."""
 
 
 def main() -> None:
     few = "few noise levels, one flight each; under two minutes"
     options = parser_of("paper", "The published experiments", few).parse_args()
-    plan, counts = conditions(options.quick), list[Count]()
+    plan, counts, kept = conditions(options.quick), list[Count](), list[Kept]()
     with progress("paper") as report, one_threaded() as pool:
+        occluded = pool.map(play, range(1, 1 + (QUICK_FLIGHTS if options.quick else FLIGHTS)))
         for done, result in enumerate(pool.map(evaluate, plan), 1):
             counts += result
             report(done, len(plan))
+        kept += [one for flight in occluded for one in flight]
     options.out.mkdir(parents=True, exist_ok=True)
     write(options.out / "results.csv", Count, counts)
-    write_tables(options.out, counts, options.quick)
+    write(options.out / "occlusion.csv", Kept, kept)
+    write_tables(options.out, counts, kept, times(WINDOWS), options.quick)
     print_results(f"{options.out}: {len(counts)} rows", options.out / "results.csv", as_json=options.json)
 
 

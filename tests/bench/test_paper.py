@@ -10,9 +10,12 @@ from bench.latency import PartTiming, crowd, text_of
 from bench.paper.experiments import CONTINUOUS, Condition, Count, conditions, evaluate
 from bench.paper.films import false_box_road, field, film, paper_road
 from bench.paper.methods import METHODS, ConditionNoise
-from bench.paper.tables import percent, pooled, published_at, write_tables
+from bench.paper.occlusion import KEEPERS, ByteTrack, Kept, hidden_at_turns, walk
+from bench.paper.tables import PUBLISHED_MS, percent, pooled, published_at, write_tables
+from bench.paper.times import MethodTime, times
 from bench.paper.windows import windows
 from bench.rows import read, write
+from vision.detect.detections import Detections
 
 QUIET = ConditionNoise(position_m=0.0, topology=0.0)
 
@@ -185,10 +188,69 @@ def test_rows_come_back_from_their_file(tmp_path):
 
 def test_tables_show_published_theirs_and_ours_side_by_side(tmp_path):
     ours = count(method="identifier", named=11, right=11)
-    write_tables(tmp_path, [count(), ours], quick=True)
+    kept = [Kept(keeper="ByteTrack", seed=1, frames=10, hidden=2, switches=2, taken=0)]
+    write_tables(tmp_path, [count(), ours], kept, [MethodTime(method="TTS", cpu_ms=0.5)], quick=True)
     line = next(x for x in (tmp_path / "figure_7.md").read_text().splitlines() if x.startswith("| 1 | 73.32"))
     assert line == "| 1 | 73.32 | 75.00 | 100.00 / 91.67 |"
     assert "| projection | 99.07 / 100.00 |" not in (tmp_path / "table_2.md").read_text()
+    assert "| ByteTrack | 10 | 2 | 2 | 0 |" in (tmp_path / "occlusion.md").read_text()
+    assert "| TTS | 22.52 | 0.50 |" in (tmp_path / "table_1.md").read_text()
+
+
+@pytest.mark.slow
+def test_every_published_time_has_one_of_ours():
+    assert all(one.cpu_ms > 0.0 for one in times(2))
+    assert [one.method for one in times(1)] == list(PUBLISHED_MS)
+
+
+# occlusion
+
+
+def boxes(*centres):
+    x = np.array(centres, float).reshape(-1, 2)
+    same = np.ones(len(x))
+    return Detections(
+        cx=x[:, 0], cy=x[:, 1], w=40 * same, h=24 * same, angle=0 * same, score=0.9 * same, heading=np.nan * same
+    )
+
+
+def test_bytetrack_follows_and_loses_after_a_turn_in_hiding():
+    tracker = ByteTrack()
+    for k in range(6):
+        assert tracker.update(boxes((100 + 5 * k, 100), (300, 300))).track_id.tolist() == [1, 2]
+    for _ in range(12):
+        tracker.update(boxes((300, 300)))
+    seen = [tracker.update(boxes((130, 160), (300, 300))).track_id.tolist() for _ in range(2)]
+    assert seen == [[2], [2, 3]]
+
+
+def test_bytetrack_takes_up_a_lost_track_when_told():
+    tracker = ByteTrack()
+    for _ in range(3):
+        tracker.update(boxes((100, 100)))
+    tracker.update(boxes())
+    again = tracker.update(boxes((160, 160)), lambda lost, centres: np.array([[0, 0]]))
+    assert again.track_id.tolist() == [1] and again.cx.tolist() == [160.0]
+
+
+def test_vehicles_are_hidden_where_they_turn():
+    heading = np.zeros((280, 1))
+    heading[140:150] = np.linspace(0, 1.5, 10)[:, None]
+    heading[150:] = 1.5
+    hidden = hidden_at_turns(heading, 10.0, np.random.default_rng(1))
+    assert hidden[145, 0] and 10 <= hidden.sum() <= 24
+
+
+@pytest.mark.slow
+def test_every_keeper_follows_a_flight():
+    what = walk(short(paper_road("curved", 0.0, 1), 2.0))
+    for track, make in KEEPERS.values():
+        keeper = make(what)
+        step = track(what, keeper)
+        for frame in range(len(what.detections)):
+            tracks = step(frame)
+            keeper.observe(frame, tracks)
+        assert len(tracks) == 6
 
 
 # latency
