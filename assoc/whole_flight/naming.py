@@ -61,8 +61,6 @@ class SegmentNames:
 
     p: FloatArray
     """(S, n + 1) probabilities of each vehicle, the last column "none of ours"; NaN where nothing was compared."""
-    heard: BoolArray
-    """(S, n) whether the vehicle reported while the segment was seen: of others nothing is known here."""
     since_s: FloatArray
     until_s: FloatArray
     """(S,) from when to when each is the likeliest one, seconds from the first frame."""
@@ -128,7 +126,7 @@ def segment_names(segments: Segments, q: IdentifierParams, owner: IntArray) -> S
     # beyond where it was compared a name holds for a while, unless the segment is aside there
     beyond = np.where(compared == reported, _ALONE_S, 0.0)
     since_s, until_s = best.first_s + q.block_s * compared + [[-1.0], [1.0]] * beyond
-    return SegmentNames(p=p, heard=np.any(best.reported, axis=0), since_s=since_s, until_s=until_s)
+    return SegmentNames(p=p, since_s=since_s, until_s=until_s)
 
 
 def _span(blocks: BoolArray) -> IntArray:

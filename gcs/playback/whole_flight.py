@@ -1,10 +1,9 @@
 """Names by the whole of a recording, stretch by stretch: what each box is by all frames and reports about it.
 
 ``assoc.whole_flight`` finds the names, the camera's pose and the errors of the vehicles' positions together. What it
-gives counts 0.8, and 0.2 what is known of each track by itself (``gcs.playback.hindsight``), which alone tells of
-vehicles that were silent: an answer is sure where both are. A stretch in which it expects fewer right names than are
-known already is left as it is: there the errors are of another kind than it knows, as where a camera shakes. So is one
-that film and telemetry do not fit in.
+gives counts 0.8, and 0.2 what is known of each track by itself (``gcs.playback.hindsight``): an answer is sure where
+both are. A stretch in which it expects fewer right names than are known already is left as it is: there the errors are
+of another kind than it knows, as where a camera shakes. So is one that film and telemetry do not fit in.
 """
 
 from __future__ import annotations
@@ -23,7 +22,6 @@ from gcs.snapshot import Snapshot
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 FITS = 0.5
 """Probability from which on film and telemetry count as belonging together."""
@@ -133,7 +131,7 @@ def _chosen(named: list[KnownFrame], segments: Segments, found: SegmentNames, th
             segment = segments.of.get((known.at_us, track))
             p = None if segment is None else found.at(segment, t)
             if p is not None:
-                pooled[track] = _pooled(_with_unheard(p, before, found.heard[segment]), before)
+                pooled[track] = _pooled(p, before)
                 gained += _named_share(pooled[track], threshold)
                 had += _named_share(before, threshold)
         whole.append(replace(known, p=pooled))
@@ -144,12 +142,6 @@ def _named_share(p: FloatArray, threshold: float) -> float:
     """Probability of the name that is given, 0 for none."""
     best = float(np.max(p[:-1], initial=0.0))
     return best if best >= threshold else 0.0
-
-
-def _with_unheard(whole: FloatArray, before: FloatArray, heard: BoolArray) -> FloatArray:
-    """(n + 1,) what the whole flight says, with what is known of the track alone for (n,) vehicles that were silent."""
-    p = np.append(np.where(heard, 0.0, before[:-1]), 0.0)
-    return np.asarray(p + (1.0 - np.sum(p)) * whole)
 
 
 def _pooled(whole: FloatArray, before: FloatArray) -> FloatArray:

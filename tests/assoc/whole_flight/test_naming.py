@@ -154,19 +154,6 @@ def test_a_name_does_not_outlast_its_vehicles_reports_by_much():
     assert names.at(second, 15.0)[1] > 0.9
 
 
-def test_a_vehicle_that_was_silent_while_a_segment_was_seen_is_not_spoken_of():
-    evidence = flown(
-        Fleet(4, seed=6),
-        ids=broken_at_ten_s,
-        seen=lambda t, k: not 7.0 <= t < 10.0,
-        silent=lambda t, j: j == 0 and t > 7.0,
-    )
-    segments = evidence.segments(T0_US, T0_US + 20_000_000, lambda at_us, track: None)
-    names = segment_names(segments, evidence.params, np.full(segments.seen.shape[1], -1))
-    assert names.heard[segments.of[T0_US, 1]].tolist() == [True] * 4
-    assert names.heard[segments.of[T0_US + 15_000_000, 101]].tolist() == [False, True, True, True]
-
-
 def test_of_two_that_report_one_place_neither_is_sure():
     fleet = Fleet(4, seed=7)
     evidence = FlightEvidence(IdentifierParams())

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from assoc.whole_flight.naming import SegmentNames
 from gcs.playback.analysis import Analysis
 from gcs.playback.hindsight import by_hindsight
 from gcs.report.score import match, score
@@ -120,27 +119,6 @@ def test_evidence_of_another_fleet_is_not_used(flown):
     evidence.system_ids = (1, 2)
     alone, whole = by_hindsight(snapshots, mission), by_hindsight(snapshots, mission, evidence)
     assert [s.boxes for s in alone] == [s.boxes for s in whole]
-
-
-@pytest.mark.parametrize("heard", [True, False])
-def test_of_silent_vehicles_each_track_tells_by_itself(flown, monkeypatch, heard):
-    """A whole flight to which every box is none of ours, though with so little doubt that it is taken."""
-    snapshots, mission, evidence = flown
-    monkeypatch.setattr("gcs.playback.whole_flight._LEAST_GAIN", -1.0)
-
-    def nobody(segments, *_):
-        p = np.zeros((segments.seen.shape[1], len(mission.ugv_ids) + 1))
-        p[:, -1] = 1.0
-        since_s, until_s = np.full(len(p), -np.inf), np.full(len(p), np.inf)
-        return SegmentNames(p=p, heard=np.full(p[:, :-1].shape, heard), since_s=since_s, until_s=until_s)
-
-    monkeypatch.setattr("gcs.playback.whole_flight.segment_names", nobody)
-    alone, whole = (
-        [box.system_id for s in by_hindsight(snapshots, mission, *known) for box in s.boxes]
-        for known in ((), (evidence,))
-    )
-    assert np.count_nonzero(alone) > 100
-    assert np.count_nonzero(whole) < 50 if heard else whole == alone
 
 
 def test_names_stay_where_the_arithmetic_fails(flown, monkeypatch):
