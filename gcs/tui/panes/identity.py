@@ -117,19 +117,21 @@ class IdentityPane(Pane):
         if not self.snapshot.analysed:
             return [line([(f" {NOT_ANALYSED}", ink(FAINT))], width)]
         room = width - MARGIN
+        # what is analysed lies before a provisional place, and tells nothing of what was until there
+        named_for = {} if self.snapshot.provisional else self.named_for
         row = next((row for row in self.snapshot.vehicles if row.system_id == self.selected), None)
         box = picked_box(self.snapshot, self.selected, self.picked_track)
         if self._evidence:
             lines, facts = [[(f" {text}", ink(FAINT))] for text in folded(EVIDENCE, room - 2)], _evidence(box)
         elif row is not None and row.role == "ugv":
             lines, facts = _vehicle(self.snapshot, row, box, room), _vehicle_facts(self.snapshot, row, box)
-            facts += _named_fact(self.named_for.get(row.system_id))
+            facts += _named_fact(named_for.get(row.system_id))
         elif row is not None:
             lines, facts = [], _vehicle_facts(self.snapshot, row, None)
         elif self.picked_track:
             lines, facts = _unnamed(self.snapshot, box, room), _box_facts(box) if box else []
         else:
-            lines, facts = [], _fleet_facts(self.snapshot, self.named_for)
+            lines, facts = [], _fleet_facts(self.snapshot, named_for)
         strips = [line(parts, width) for parts in lines[:height]]
         return strips + _columns(facts, width, height - len(strips))
 

@@ -236,6 +236,10 @@ async def test_of_a_provisional_place_nobody_says_never_nor_since_when():
             said = " ".join((text_of(app.query_one(IdentityPane)) + text_of(app.query_one(FleetPane))).split())
             assert words in said and ("never" in said) is not provisional
             assert ("4.7s" in said) is not provisional
+            app.query_one(IdentityPane).named_for = {15: 0.0}
+            for app.selected in (15, 0):
+                said = text_of(app.query_one(IdentityPane))
+                assert ("never yet" in said or "ever named" in said) is not provisional
 
 
 async def test_how_long_a_battery_lasts_is_on_the_card_once_its_vehicle_is_picked():
