@@ -92,8 +92,8 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         text="no heartbeat",
         on_and_off="it is heard on and off",
         meaning=f"nothing received for {SILENT_S:g} s, or no heartbeat for {NO_HEARTBEAT_S:g} s though positions come",
-        advice="its radio or power is gone, it is out of range, or what it sends is refused, which another alarm "
-        "tells; its last position stays on the map",
+        advice="its radio or power is gone, it is out of range, or all it sends is refused; its last position stays on "
+        "the map",
         # what is held comes, and is an alarm of its own
         condition=lambda row, now: _silent(row) and not _is_held(row, now),
     ),
