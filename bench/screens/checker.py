@@ -266,8 +266,11 @@ def _read(screen: Screen, pane: str, snapshot: Snapshot) -> _Read:
     bare = {"UAV" if row.role == "uav" else str(row.system_id): row.system_id for row in snapshot.vehicles}
     names, words = _pattern(tuple(ids)), _pattern(tuple(bare))
     explanation = re.compile(rf"(?<![\w-])({'|'.join(bare)}) = ({'|'.join(map(re.escape, ids))})$")
+    numbered = {f"?{box.number}" for box in snapshot.boxes if box.number and not box.system_id}
     shown, marks, counted, legend, short, strange = Counter[int](), list[tuple[int, str]](), 0, set(), set(), []
     for label in _labels(screen, pane):
+        if label.text in numbered:  # of one without a name, the same in all pictures
+            continue
         if (match := explanation.search(label.text)) and bare[match[1]] == ids[match[2]]:
             legend.add(ids[match[2]])
             continue
