@@ -46,7 +46,7 @@ from gcs.batch.jobs import (
 from gcs.batch.records import read_record, write_record
 from gcs.batch.stores import ResultStore, open_results
 from gcs.errors import BatchError, GcsError, StoreError
-from gcs.export.tables.identity_table import IdentityTable
+from gcs.export.tables.parquet import IdentityTable
 from gcs.playback.identification import identify_session
 from gcs.report.rollcall import RollCall
 from gcs.report.score import score_files

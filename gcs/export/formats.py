@@ -65,14 +65,14 @@ _ALL: Final = (
         suffix=".csv",
         contents="one row for each box of each frame",
         opened_by="spreadsheets, pandas",
-        writer="csv:CsvExport",
+        writer="tables.text:CsvExport",
     ),
     ExportFormat(
         name="jsonl",
         suffix=".jsonl",
         contents="one JSON object for each box of each frame, with the evidence",
         opened_by="jq, pandas, DuckDB",
-        writer="jsonl:JsonlExport",
+        writer="tables.text:JsonlExport",
     ),
     ExportFormat(
         name="parquet",
