@@ -72,6 +72,7 @@ def test_a_recording_of_others_is_named_in_plain_words(named_badly):
     assert NAMES[2] in names, "JSON runs no formulas"
 
 
+@pytest.mark.slow
 def test_an_export_runs_nothing_in_a_spreadsheet(named_badly, tmp_path):
     folder, out, _ = named_badly
     identity = ("--identity", out / "identity.csv")

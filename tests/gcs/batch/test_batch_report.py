@@ -68,6 +68,7 @@ def results(tmp_path_factory):
     return folder / "out"
 
 
+@pytest.mark.slow
 def test_the_page_of_a_batch(results):
     code, stdout, stderr = run_gcs("batch", "report", results)
     assert (code, stdout, stderr) == (0, f"wrote {results}/report.html\n", "")

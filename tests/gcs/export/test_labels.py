@@ -60,7 +60,7 @@ def flight(tmp_path_factory):
     return folder, shown
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["yolo", "dota", "coco"])
 def test_eval_detector_finds_each_exported_box(flight, name):
     folder, shown = flight

@@ -80,6 +80,7 @@ def test_strangers_are_counted_and_never_named(tmp_path):
     assert sorted(each.text for each in webvtt.read(vtt) if each.start == "00:00:00.000") == ["?", "Alpha? 98%"]
 
 
+@pytest.mark.slow
 def test_a_recording_has_its_names_beside_its_vehicles(flight, export_to, tmp_path):
     for suffix in ("ass", "srt", "vtt"):
         export_to(tmp_path / f"a.{suffix}")

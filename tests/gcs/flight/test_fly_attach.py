@@ -98,7 +98,7 @@ def test_leaving_a_lent_screen_leaves_the_flight_and_a_killed_flight_the_termina
     assert b"without a word" in said and b"\x1b[?1049l" in said
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_to_end_ends_a_flight_whose_screens_are_on_another_terminal(begin, tmp_path, number):
     flight = begin(Terminal, tmp_path, "--headless", controls=False)

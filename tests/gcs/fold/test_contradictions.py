@@ -106,6 +106,7 @@ def test_a_name_that_is_lost_by_it_is_not_given_again_and_why_is_told():
     assert (row.standing, row.in_view, row.position_state) == ("misplaced", None, "ok")
 
 
+@pytest.mark.slow
 def test_a_name_under_that_alarm_is_never_confirmed():
     scene, told = lying(15.0)
     standings = {row.standing for each in scene.kept[told:] for row in each.vehicles if row.system_id == UGV}

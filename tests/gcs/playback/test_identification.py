@@ -43,7 +43,7 @@ def test_alarms_are_told_in_words(tmp_path):
     assert told.endswith(" s: video and telemetry do not match: clock, camera, place or recording")
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize("flight_waited", [False, True])
 def test_a_film_that_begins_late_was_waited_for_only_where_the_flight_says_so(tmp_path, flight_waited):
     folder = shortened(CURVED_ROAD, tmp_path / "flown", 5)

@@ -72,6 +72,7 @@ def test_a_mission_of_one_camera_says_which_recordings_it_leaves_aside(flight, t
     assert told == ["view-2: left aside, since the mission has no [[view]] for what is recorded there"]
 
 
+@pytest.mark.slow
 def test_each_view_hears_what_the_others_took_before(flight, monkeypatch):
     heard, told = [], Meeting.told
 

@@ -61,6 +61,7 @@ def flown_until(tmp_path, sessions, words, times):
     return "".join(said), flight.returncode
 
 
+@pytest.mark.slow
 def test_a_flight_starts_and_seals_the_good_session_among_the_bad_ones(tmp_path):
     sessions, outside = tmp_path / "sessions", tmp_path / "outside"
     sessions.mkdir()

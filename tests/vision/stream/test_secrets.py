@@ -142,7 +142,7 @@ def test_what_the_uav_offers_is_told_without_it(tmp_path):
     assert not any(PASSWORD in text for text in told)
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize("given_by", ["mission", "option"])
 def test_a_flight_keeps_it_to_itself(tmp_path, given_by):
     video = f"rtsp://admin:{PASSWORD}@127.0.0.1:{free_port()}/user=x&password={PASSWORD}"
