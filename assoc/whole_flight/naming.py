@@ -41,6 +41,8 @@ _MOVED = np.array([0.01, np.inf, 0.01, 0.01, np.inf, np.inf, 1.0, 0.05, 0.1])
 """Residuals are linearised again when θ moved further than this (as θ)."""
 _MOST_PAIRS = 6000
 """Pairs of segment and vehicle beyond which a stretch is not looked at as a whole: it would take minutes."""
+_ANEW_NATS = 10.0
+"""What is found from no name at all counts if it is worth so much more: the names that are known are evidence, too."""
 _MISSED_PER_S, _PIECE = 0.5, 2.0
 """Cost of a second without a box, and of each segment, nats: a vehicle is missed for some seconds, not for
 many, and is not one object after another.
@@ -106,9 +108,9 @@ def segment_names(segments: Segments, q: IdentifierParams, owner: IntArray) -> S
     """
     if segments.seen.shape[1] * segments.log.n_vehicles > _MOST_PAIRS:
         return None
-    nobody = np.full_like(owner, -1)
-    starts = (owner, segments.theta), (nobody, np.zeros(THETA))
-    best = max((_named(segments, q, *start) for start in starts), key=lambda named: named.worth)
+    best = _named(segments, q, owner, segments.theta)
+    anew = _named(segments, q, np.full_like(owner, -1), np.zeros(THETA))
+    best = anew if anew.worth > best.worth + _ANEW_NATS else best
     rival = _against_others(best.together, segments)
     p = Namings(rival, segments.apart).probabilities()
     # beside "none of ours" only what the score itself says counts
