@@ -36,6 +36,7 @@ HELD_S: Final = 50
 MOST_EVENTS: Final = 20_000
 OUTSIDE_US: Final = 86_400_000_000
 """Events that are farther from all packets and frames are from a clock that was wrong."""
+_NEVER_US: Final = 1 << 62
 _OVER: Final = re.compile(r"over after (\d+) s: (.*)")
 _SEEN: Final = "seen: "
 _SURE: Final = re.compile(r" \(\d+%\)")
@@ -192,17 +193,23 @@ class FlownReports:
     def spans(self) -> list[AlarmSpan]:
         """Every alarm of the flight and every one that only its replay raises, each once, in order of their coming.
 
-        One that both have lasts from the first sign of it in either to the last.
+        One that both have lasts from the first sign of it in either to the last, or until the flight raised it again.
         """
         spans, left = list[AlarmSpan](), {key: list(found) for key, found in self._found_at.items()}
-        for flown in _without_levels(self._alarms):
-            alarm, until_us = self._as_flown(flown, flown.alarm.since_us), flown.until_us
+        flown = _without_levels(self._alarms)
+        ends = dict[str, int]()
+        for one, next_us in zip(flown, _next_of_its_key(flown), strict=True):
+            alarm, until_us = self._as_flown(one, one.alarm.since_us), one.until_us
             for found in list(left.get(alarm.key, ())):
                 if not (found.alarm.since_us <= until_us + SAME_US and alarm.since_us <= found.until_us + SAME_US):
                     continue
-                left[alarm.key].remove(found)
-                since_us = min(alarm.since_us, found.alarm.since_us)
-                alarm, until_us = replace(alarm, since_us=since_us, reported=""), max(until_us, found.until_us)
+                if found.until_us <= next_us:
+                    left[alarm.key].remove(found)
+                # where the flight's ended between, the replay's is two
+                since_us = min(alarm.since_us, max(found.alarm.since_us, ends.get(alarm.key, 0)))
+                alarm = replace(alarm, since_us=since_us, reported="")
+                until_us = min(max(until_us, found.until_us), next_us)
+            ends[alarm.key] = until_us
             spans.append(AlarmSpan(alarm=alarm, until_us=until_us))
         for found in (each for others in left.values() for each in others):
             alarm = self._compared(found.alarm, found.until_us) if self._flown else found.alarm
@@ -320,6 +327,15 @@ def _without_levels(alarms: Iterable[FlownAlarm]) -> list[FlownAlarm]:
             last[flown.alarm.key] = replace(flown)
             joined.append(last[flown.alarm.key])
     return joined
+
+
+def _next_of_its_key(alarms: Sequence[FlownAlarm]) -> list[int]:
+    """When each is raised again, Unix µs; the end of time where it is not."""
+    raised, later = list[int](), dict[str, int]()
+    for flown in reversed(alarms):
+        raised.append(later.get(flown.alarm.key, _NEVER_US))
+        later[flown.alarm.key] = flown.alarm.since_us
+    return raised[::-1]
 
 
 def _key_of_over(on: dict[str, FlownAlarm], event: Event, text: str, lasted_s: int) -> str:

@@ -66,6 +66,26 @@ def test_events_of_both_are_shown_once_and_others_are_marked():
     ]
 
 
+def test_an_alarm_that_the_flight_raised_twice_and_its_replay_once_is_two():
+    key, text = "flapping 0", "the video comes and goes"
+    told = {"kind": "video", "alarm": key, "alarm_level": "alarm"}
+    both = reports(
+        event(2, text, "alarm", **told),
+        event(33, f"over after 31 s: {text}", over=True, **told),
+        event(37, text, "alarm", **told),
+        event(90, f"over after 53 s: {text}", over=True, **told),
+    )
+    for k in range(1, 96):
+        both.add(START_US + k * S, (), [alarm(key, 1, text, kind="video")])
+    spans = [span for span in both.spans() if span.alarm.key == key]
+    begin, end = (
+        [round((us - START_US) / S) for us in each]
+        for each in zip(*[(span.alarm.since_us, span.until_us) for span in spans], strict=True)
+    )
+    assert (begin, end) == ([1, 37], [37, 95])
+    assert all(span.alarm.reported == "" for span in spans)
+
+
 def test_what_is_said_twice_is_shown_twice():
     both = reports(*[event(k, "Mission: 1 WP", kind="text", system_id=11) for k in (1, 2)])
     for k in (1, 2, 3):
