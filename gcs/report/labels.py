@@ -116,9 +116,13 @@ def place_labels(
         if wanted <= explained or last:
             break
         explained |= wanted
+    found = [place for place in legend if place is not None and place.key in wanted]
+    if remainder is not None:  # what there is no room to explain is counted
+        unexplained = wanted - {place.key for place in found}
+        missing += len(unexplained)
+        places = [place for place in places if place.key not in unexplained]
     if missing and remainder is not None:
         counts.append(Place(key=COUNT_KEY, text=f"+{missing}", rect=remainder))
-    found = [place for place in legend if place is not None and place.key in wanted]
     offsets = {
         p.key: (p.form, p.rect[0] - p.anchor[0], p.rect[1] - p.anchor[1])
         for p in (*places, *counts)

@@ -164,6 +164,24 @@ def test_what_finds_no_place_is_counted():
     assert labelling.counts
 
 
+@pytest.mark.parametrize("columns", [12, 16, 24])
+def test_an_id_that_there_is_no_room_to_explain_is_counted(columns):
+    labels = [
+        Label(
+            key=i,
+            anchor=(3 * i % columns, 2 + i % 5, 2, 1),
+            texts=(f"vehicle {i}", f"{i}"),
+            legend=f"{i} = vehicle {i}",
+        )
+        for i in range(10, 30)
+    ]
+    shown = place_labels(labels, grid_of(columns, 9))
+    short = {place.key for place in shown.places if place.form}
+    assert short <= {place.key for place in shown.legend}
+    counted = sum(int(place.text) for place in shown.counts)
+    assert counted > 0 and len(shown.places) + counted == len(labels)
+
+
 @pytest.mark.parametrize("scale", [0.3, 0.5, 1.0, 1.5])
 def test_names_on_the_image_cover_neither_each_other_nor_the_header(scale):
     heaps = [
