@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import Any
 
 import msgspec
@@ -65,14 +66,12 @@ OPTIONAL = frozenset(COLUMNS) - {"time_us", "frame", "stated"}
 """Columns whose values can be unknown."""
 _WITH_EVIDENCE = ("number", "stated", "doubt", "may_be")
 """Columns that JSON leaves out where there is nothing to say."""
-_CSV_PIXELS = dict.fromkeys(BOX[:4], 2)
 
 
 def box_values(snapshot: Snapshot, box: Box) -> dict[str, Any]:
     """Values of a row by column, whole; NaN and None are unknown, and of ``_WITH_EVIDENCE`` what is empty."""
-    values = dict(zip(BOX, (box.cx, box.cy, box.w, box.h, box.angle), strict=True))
-    values |= zip(ENU, box.p_enu.tolist(), strict=True)
-    return values | {
+    east_m, north_m, up_m = box.p_enu.tolist()
+    return {
         "time_us": snapshot.t_us,
         "frame": snapshot.frame,
         "track_id": box.track_id or None,
@@ -88,7 +87,15 @@ def box_values(snapshot: Snapshot, box: Box) -> dict[str, Any]:
         "residual_m": box.residual_m,
         "residual_px": box.residual_px,
         "position_age_s": box.position_age_s,
+        "cx": box.cx,
+        "cy": box.cy,
+        "w": box.w,
+        "h": box.h,
+        "angle": box.angle,
         "heading": box.heading,
+        "east_m": east_m,
+        "north_m": north_m,
+        "up_m": up_m,
         "lat": box.lat_deg,
         "lon": box.lon_deg,
         "place_std_m": box.place_std_m,
@@ -99,17 +106,16 @@ def box_values(snapshot: Snapshot, box: Box) -> dict[str, Any]:
     }
 
 
-def text_cell(name: str, value: Any, digits: int | None = None) -> str:  # noqa: ANN401 - what a column holds
-    """A value as a cell of text; empty is unknown."""
-    column = COLUMNS[name]
-    if column.kind == "double":
-        return f"{value:z.{column.digits if digits is None else digits}f}" if math.isfinite(value) else ""
-    return "" if value is None else str(int(value)) if column.kind == "bool" else str(value)
+def text_cell(value: Any, digits: int | None) -> str:  # noqa: ANN401 - what a column holds
+    """A value as a cell of text, a number that is no count with so many decimal places; empty is unknown."""
+    if digits is not None:
+        return f"{value:z.{digits}f}" if math.isfinite(value) else ""
+    return "" if value is None else str(int(value)) if value is True or value is False else str(value)
 
 
 def csv_row(values: dict[str, Any]) -> str:
     """One line of ``identity.csv``."""
-    return ",".join(text_cell(name, values[name], _CSV_PIXELS.get(name)) for name in IDENTITY.columns)
+    return ",".join([text_cell(values[name], digits) for name, digits in _CSV])
 
 
 def json_row(snapshot: Snapshot, box: Box) -> str:
@@ -118,20 +124,31 @@ def json_row(snapshot: Snapshot, box: Box) -> str:
 
 
 def json_line(values: dict[str, Any]) -> str:
-    """The values of a row as one line of ``identity.jsonl``."""
-    rounded = {
-        # never −0; NaN and infinity are null in JSON
-        name: round(values[name], column.digits) + 0.0 if column.kind == "double" else values[name]
-        for name, column in COLUMNS.items()
-    }
-    row = {name: value for name, value in rounded.items() if name not in (*BOX, *ENU, *_AFTER_BOX, *_WITH_EVIDENCE)}
-    row |= {"box": [rounded[name] for name in BOX], "heading": rounded["heading"]}
-    row |= {"enu_m": [rounded[name] for name in ENU], **{name: rounded[name] for name in _AFTER_BOX[1:]}}
-    row |= {name: rounded[name] for name in _WITH_EVIDENCE if rounded[name]}
+    """The values of a row as one line of ``identity.jsonl``; numbers are never −0, and NaN and infinity are null."""
+    row = {name: values[name] for name in _BEFORE_BOX}
+    for name, digits in _FRACTIONS:
+        row[name] = round(values[name], digits) + 0.0
+    row["box"] = [round(values[name], digits) + 0.0 for name, digits in _BOX]
+    row["heading"] = round(values["heading"], COLUMNS["heading"].digits) + 0.0
+    row["enu_m"] = [round(values[name], digits) + 0.0 for name, digits in _ENU]
+    for name, digits in _AFTER_ENU:
+        row[name] = round(values[name], digits) + 0.0
+    for name in _WITH_EVIDENCE:
+        if values[name]:
+            row[name] = values[name]
     return msgspec.json.encode(row).decode()
 
 
-_AFTER_BOX = ("heading", "place_std_m", "lat", "lon")
+def _digits(*names: str) -> list[tuple[str, int]]:
+    return [(name, COLUMNS[name].digits) for name in names]
+
+
+DIGITS = {name: column.digits if column.kind == "double" else None for name, column in COLUMNS.items()}
+"""Decimal places by column, None for what is no fraction."""
+_BEFORE_BOX = tuple(takewhile(lambda name: name != BOX[0], COLUMNS))
+_FRACTIONS = _digits(*(name for name in _BEFORE_BOX if DIGITS[name]))
+_BOX, _ENU, _AFTER_ENU = _digits(*BOX), _digits(*ENU), _digits("place_std_m", "lat", "lon")
+_CSV = [(name, 2 if name in BOX[:4] else DIGITS[name]) for name in IDENTITY.columns]
 
 
 class EvidenceRow(msgspec.Struct, frozen=True):

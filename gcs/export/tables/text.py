@@ -8,7 +8,7 @@ from typing import Any
 
 from gcs.export.job import ExportJob
 from gcs.export.unfinished import Unfinished
-from gcs.session.box_table import COLUMNS, VERSION, box_values, json_row, text_cell
+from gcs.session.box_table import COLUMNS, DIGITS, VERSION, box_values, json_row, text_cell
 from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
 from infra.plain_text import to_cell
@@ -67,5 +67,5 @@ class JsonlExport:
 
 def _cell(name: str, value: Any) -> str:  # noqa: ANN401 - what a column holds
     """A cell that no spreadsheet takes for a formula."""
-    text = text_cell(name, value)
+    text = text_cell(value, DIGITS[name])
     return to_cell(text) if COLUMNS[name].kind == "string" else text

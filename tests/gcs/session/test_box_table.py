@@ -11,7 +11,7 @@ from gcs.batch.work import write_identity_table
 from gcs.export.formats import format_for
 from gcs.export.job import ExportJob
 from gcs.export.tables.named_boxes import NamedBoxes
-from gcs.session.box_table import BOX, COLUMNS, ENU, VERSION, EvidenceRow, csv_row, text_cell
+from gcs.session.box_table import BOX, COLUMNS, DIGITS, ENU, VERSION, EvidenceRow, csv_row, text_cell
 from gcs.session.identity_log import IdentityLog
 from infra.session_format import IDENTITY
 from tests.support.snapshots import box, snapshot
@@ -61,7 +61,7 @@ def test_every_encoding_has_the_same_values(folder):
         assert told.pop("schema") == str(VERSION)
         assert told.pop("doubt") == ("'=few, reports" if row["doubt"] else "")
         unknown = {name: np.nan for name in told if row[name] is None and COLUMNS[name].kind == "double"}
-        assert told == {name: text_cell(name, unknown.get(name, row[name])) for name in told}
+        assert told == {name: text_cell(unknown.get(name, row[name]), DIGITS[name]) for name in told}
 
 
 def test_every_encoding_has_the_columns_in_their_order_and_their_version(folder):
