@@ -330,7 +330,7 @@ def _without_levels(alarms: Iterable[FlownAlarm]) -> list[FlownAlarm]:
 
 
 def _next_of_its_key(alarms: Sequence[FlownAlarm]) -> list[int]:
-    """When each is raised again, Unix µs; the end of time where it is not."""
+    """Times at which each is raised again, Unix µs; the end of time where it is not."""
     raised, later = list[int](), dict[str, int]()
     for flown in reversed(alarms):
         raised.append(later.get(flown.alarm.key, _NEVER_US))
