@@ -5,6 +5,7 @@ The track is interpolated to the report's sample time; interpolated reports woul
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +37,8 @@ _LEAST_SPREAD_S2 = 1e-3
 """Spread of the times in a block from which a velocity can be fitted, s²."""
 _BOX_DOF = 6.0
 """Degrees of freedom that what is assumed of boxes counts for, beside what they show."""
+_LEAST_BOXES = 3
+"""Boxes of a block from which on they show their noise; a film of two frames a second has two, and takes two blocks."""
 _MOST_BOX_VAR = 1.0
 """Upper limit of what one block shows of a box's variance, m²: a track that changes its vehicle is not noise."""
 _LOG_VAR = 2.0 * np.log(WHITE_STD_M)
@@ -151,7 +154,12 @@ def _by_block(
     place[where] = np.where(total[..., None] > 0.0, sums / count[..., None], np.nan)
     square = np.where(seen, tracks.pixel_m[rows] ** 2, 0.0)
     velocity, scatter = _straight_lines(tracks.t[rows], tracks.p[rows], seen, starts)
-    box[where] = _box_variance(pixel_var * np.add.reduceat(square, starts, axis=0) / count, scatter, total)
+    boxes = total
+    if np.max(total) < _LEAST_BOXES:  # fewer are on a straight line whatever their noise
+        longer = starts[:: math.ceil(_LEAST_BOXES / max(np.max(total), 1.0))]
+        boxes = np.add.reduceat(seen.astype(np.float64), longer, axis=0)
+        scatter = _straight_lines(tracks.t[rows], tracks.p[rows], seen, longer)[1]
+    box[where] = _box_variance(pixel_var * np.add.reduceat(square, starts, axis=0) / count, total > 0.0, scatter, boxes)
     full = np.where(seen[..., None, None], tracks.jacobian[rows], 0.0)
     jacobian[where] = np.add.reduceat(full, starts, axis=0) / count[..., None, None]
     # ∂r/∂δ also holds the track's own motion
@@ -180,7 +188,7 @@ def _straight_lines(t: FloatArray, p: FloatArray, seen: BoolArray, starts: IntAr
     return np.asarray(v), np.maximum(about, 0.0)
 
 
-def _box_variance(assumed: FloatArray, scatter: FloatArray, count: FloatArray) -> FloatArray:
+def _box_variance(assumed: FloatArray, seen: BoolArray, scatter: FloatArray, count: FloatArray) -> FloatArray:
     """(K, T) variance per axis of boxes about their tracks' motion, m².
 
     A track's boxes show it by how they scatter about straight lines; those of all tracks, and what is assumed of a
@@ -188,13 +196,13 @@ def _box_variance(assumed: FloatArray, scatter: FloatArray, count: FloatArray) -
 
     Args:
         assumed: (K, T) by the size of a pixel on the ground, m².
-        scatter: (K, T) sum of squares about a straight line, m².
-        count: (K, T) boxes.
+        seen: (K, T) whether the track has boxes in the block.
+        scatter: (L, T) sum of squares about a straight line, m².
+        count: (L, T) boxes of which that is.
     """
     # two numbers of each axis are fitted
     dof = 2.0 * np.maximum(count - 2.0, 0.0)
     scatter = np.minimum(scatter, _MOST_BOX_VAR * dof)
-    seen = count > 0.0
     everywhere = np.sum(assumed, where=seen) / max(int(np.count_nonzero(seen)), 1)
     usual = (_BOX_DOF * everywhere + np.sum(scatter)) / (_BOX_DOF + np.sum(dof))
     own = (_BOX_DOF * usual + np.sum(scatter, axis=0)) / (_BOX_DOF + np.sum(dof, axis=0))

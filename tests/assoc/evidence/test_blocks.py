@@ -101,6 +101,15 @@ def test_how_much_boxes_scatter_is_seen_from_the_boxes(std):
     assert got.box_var[1:5].min() > min(0.5 * std**2, least) and got.box_var.max() < 1.5 * std**2 + least
 
 
+@pytest.mark.parametrize("every", [5, 10])
+def test_boxes_that_come_once_or_twice_a_second_show_their_noise_too(every):
+    tracks, samples = scene(20)
+    noisy = replace(tracks, p=tracks.p + np.random.default_rng(5).normal(0.0, 0.4, tracks.p.shape))
+    few = {name: getattr(noisy, name)[::every] for name in ("t", "p", "jacobian", "heading", "pixel_m")}
+    seen = blocks(replace(noisy, **few), samples, 20).box_var
+    assert 0.5 * 0.4**2 < np.mean(seen[seen > 0.0]) < 1.5 * 0.4**2
+
+
 def test_a_track_that_leaps_does_not_make_all_boxes_noisy():
     tracks, samples = scene(4)
     leapt = tracks.p.copy()
