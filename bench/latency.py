@@ -1,4 +1,4 @@
-"""What tracking and naming cost a frame: thread CPU time and wall time within the fold, on whole simulated flights.
+"""Thread CPU time and wall time of a frame that tracking and naming take in the fold, on whole simulated flights.
 
 ``python -m bench.latency``. What the published methods take beside their literal forms was measured once:
 ``bench/results/latency/latency.md``.

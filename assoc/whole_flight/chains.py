@@ -117,20 +117,22 @@ def with_whole_chains(
     """
     r = residuals.at(pose.theta, pose.common)
     near = _near(residuals, r, errors)
-    nobody = np.zeros(0, np.int64)
     together = score.copy()
+
+    def value_as(chain: IntArray, vehicle: int) -> float:
+        rows, of = (thinned(every, _MOST_ROWS) for every in residuals.chain_rows(chain, vehicle))
+        return _compared(residuals, r, errors, vehicle, (rows, of), np.zeros(0, np.int64))
+
     for own, *_ in residuals.chains(owner):
         chain = np.flatnonzero(owner == own)
         chain = chain[near[chain, own]]
         if len(chain) < 2:
             continue  # its score says it all
-        as_vehicle = {}
-        for vehicle in np.flatnonzero(near[chain].all(axis=0)).tolist():
-            rows, of = (thinned(of_all, _MOST_ROWS) for of_all in residuals.chain_rows(chain, vehicle))
-            as_vehicle[vehicle] = _compared(residuals, r, errors, vehicle, (rows, of), nobody)
-        for vehicle, value in as_vehicle.items():
-            exchanged = score[chain, own] + value - as_vehicle[own]
-            together[chain, vehicle] = np.maximum(score[chain, vehicle], exchanged)
+        others = np.flatnonzero(near[chain].all(axis=0))
+        whole = np.array([value_as(chain, vehicle) for vehicle in others.tolist()])
+        exchanged = score[chain, own][:, None] + whole - whole[others == own]
+        pairs = np.ix_(chain, others)
+        together[pairs] = np.maximum(score[pairs], exchanged)
     return together
 
 

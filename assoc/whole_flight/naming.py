@@ -158,7 +158,7 @@ def _named(segments: Segments, q: IdentifierParams, owner: IntArray, theta: Floa
         if owner.tobytes() in tried:
             break
         tried.add(owner.tobytes())
-    rows, reported = np.flatnonzero(owner >= 0), residuals.blocks.count > 0
+    reported = residuals.blocks.count > 0
     return _Named(
         owner=owner,
         score=score,
@@ -168,7 +168,7 @@ def _named(segments: Segments, q: IdentifierParams, owner: IntArray, theta: Floa
         theta=pose.theta,
         bias_std=errors.bias_std,
         first_s=residuals.blocks.first * q.block_s,
-        worth=float(np.sum(score[rows, owner[rows]])) - pose.cost,
+        worth=float(np.sum(_worth(score, owner))) - pose.cost,
     )
 
 
@@ -182,16 +182,16 @@ def _best_change(before: IntArray, after: IntArray, score: FloatArray, apart: Bo
         return before
     takes = (before[changed][:, None] == after[changed]) & (before[changed] >= 0)[:, None]
     _, change = connected_components(csr_matrix(takes & apart[np.ix_(changed, changed)]), directed=False)
-    gain = _worth(score, changed, after) - _worth(score, changed, before)
-    best = changed[change == np.argmax(np.bincount(change, gain))]
+    gain = _worth(score, after) - _worth(score, before)
+    best = changed[change == np.argmax(np.bincount(change, gain[changed]))]
     owner = before.copy()
     owner[best] = after[best]
     return owner
 
 
-def _worth(score: FloatArray, segments: IntArray, owner: IntArray) -> FloatArray:
-    """(s,) scores of some segments as their owners, 0 for none of ours."""
-    return np.where(owner[segments] >= 0, score[segments, owner[segments]], 0.0)
+def _worth(score: FloatArray, owner: IntArray) -> FloatArray:
+    """(S,) scores of segments as their owners, 0 for none of ours."""
+    return np.where(owner >= 0, score[np.arange(len(owner)), owner], 0.0)
 
 
 def _against_others(score: FloatArray, segments: Segments) -> FloatArray:

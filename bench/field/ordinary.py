@@ -186,7 +186,7 @@ def pose_free(k: int, rng: np.random.Generator) -> Scenario:
 
 
 def unmodelled(k: int, rng: np.random.Generator) -> Scenario:
-    """What no position filter expects: other correlation times, jumps of the fix, slopes, boxes round two vehicles."""
+    """Errors that no position filter expects: correlation times, jumps of the fix, slopes, boxes round two vehicles."""
     errors = {
         0: gnss(rng, bias=1.5, tau_s=10.0),
         1: gnss(rng, bias=1.5, tau_s=600.0),

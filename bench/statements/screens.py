@@ -108,7 +108,7 @@ def _identity(flown: TrueFlight, moment: Moment, screen: Screen) -> Iterator[tup
 
 
 def _against(flown: TrueFlight, moment: Moment, said: Said, whose: str) -> Iterator[str]:
-    """What speaks against a name: sentences of alarms, a box's doubt, or what a candidate has."""
+    """Reasons against a name: sentences of alarms, a box's doubt, or what a candidate has."""
     reasons = {each.against for box in moment.snapshot.boxes for each in box.candidates}
     if said.text in reasons or said.text in NOTHING:
         return
