@@ -16,6 +16,7 @@ from sim.world.scenario import (
     ScenarioDeclared,
     ScenarioFlight,
     ScenarioTiming,
+    Zoom,
 )
 
 SHAKING = (
@@ -38,6 +39,8 @@ SHAKING_HARD = (
 )
 WRONG_CAMERAS = ("focal × 0.7", "focal × 1.3", "yaw 30°", "offset 2 s", "distortion", "pitch 5°")
 WRONG_CAMERAS_HARD = ("yaw 90°", "yaw 180°", "mirrored", "pitch 15°", "offset 5 s", "focal × 1.3, yaw 30°, -45°")
+ZOOM = ("2 then 1", "1.5 then 1", "2")
+ZOOM_HARD = ("3 then 1", "2 then 1 then 1.6", "2 then 1, -50°")
 UNKNOWN = (
     "70°, nadir, 7",
     "100°, -60°, 9",
@@ -214,6 +217,30 @@ def unknown(k: int, rng: np.random.Generator) -> Scenario:
 def unknown_hard(k: int, rng: np.random.Generator) -> Scenario:
     """The same with larger errors, seen more from the side, wider and longer, or without the UAV's attitude."""
     return _undescribed(UNKNOWN_HARD[k], k, rng, errors=1.5)
+
+
+def zoom(k: int, rng: np.random.Generator) -> Scenario:
+    """A camera that zooms at once and back again, which nothing reports."""
+    return _zooming(ZOOM[k], k, rng)
+
+
+def zoom_hard(k: int, rng: np.random.Generator) -> Scenario:
+    """The same by more, twice, or seen from aside."""
+    return _zooming(ZOOM_HARD[k], k, rng)
+
+
+def _zooming(label: str, k: int, rng: np.random.Generator) -> Scenario:
+    steps, *rest = label.split(", ")
+    factors = [float(step) for step in steps.split(" then ")]
+    at_s = np.cumsum(rng.uniform(6.0, 9.0, len(factors))).tolist()
+    zooms = tuple(Zoom(at_s=at, factor=factor) for at, factor in zip(at_s, factors, strict=True))
+    return session(
+        ground=road(k),
+        camera=ScenarioCamera(pitch_deg=float(rest[0].rstrip("°")) if rest else -90.0, zooms=zooms),
+        flight=ScenarioFlight(height_m=float(rng.uniform(40.0, 60.0))),
+        gnss=gnss(rng),
+        attitude=slight(rng),
+    )
 
 
 def _undescribed(label: str, k: int, rng: np.random.Generator, errors: float) -> Scenario:

@@ -135,6 +135,9 @@ _ALL: tuple[tuple[str, Make, Labels, Make, Labels], ...] = (
     ("late", messy.late, messy.LATE, messy.late_hard, messy.LATE_HARD),
     ("missing", messy.missing, messy.MISSING, messy.missing_hard, messy.MISSING_HARD),
     ("unknown camera", camera.unknown, camera.UNKNOWN, camera.unknown_hard, camera.UNKNOWN_HARD),
+    ("two boxes", messy.two_boxes, messy.TWO_BOXES, messy.two_boxes_hard, messy.TWO_BOXES_HARD),
+    ("bays", messy.bays, messy.BAYS, messy.bays_hard, messy.BAYS_HARD),
+    ("zoom", camera.zoom, camera.ZOOM, camera.zoom_hard, camera.ZOOM_HARD),
 )
 """Name, and how the standard and the hard version are made, with what their kinds are called; the n-th is family n."""
 

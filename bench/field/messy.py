@@ -25,6 +25,11 @@ CROWDED_HARD = ("recall 0.7", "recall 0.7, bursts", "recall 0.7, bias 1.5 m")
 LATE = ("each to 1 s", "UAV 0.5 s", "film 2 s", "film -1 s")
 LATE_HARD = ("each to 1.5 s", "UAV 0.8 s", "film 5 s", "film -3 s, each to 0.7 s")
 
+TWO_BOXES = ("6 m", "4 m", "6 m, -50°")
+TWO_BOXES_HARD = ("6 m, 40 %", "4 m, 40 %", "6 m, -50°, bias 1.5 m")
+BAYS = ("5 m", "3.5 m", "3.5 m, two strangers")
+BAYS_HARD = ("3 m", "3 m, one never found", "3 m, six strangers")
+
 MISSING = ("silent", "frozen", "jump", "lag")
 MISSING_HARD = ("silent, silent", "silent, jump", "frozen, drift", "silent from the start")
 
@@ -105,6 +110,53 @@ def _late(label: str, k: int, rng: np.random.Generator) -> Scenario:
             declared_offset="zero" if "film" in size else "exact",
         ),
         faults=_late_each(ground, 0.2, size["each"], rng) if "each" in size else (),
+    )
+
+
+def two_boxes(k: int, rng: np.random.Generator) -> Scenario:
+    """Long vehicles that are found as front and rear for seconds at a time."""
+    return _two_boxes(k, TWO_BOXES[k], rng)
+
+
+def two_boxes_hard(k: int, rng: np.random.Generator) -> Scenario:
+    """The same for more of the time, or with slow errors, seen from aside."""
+    return _two_boxes(k, TWO_BOXES_HARD[k], rng)
+
+
+def _two_boxes(k: int, label: str, rng: np.random.Generator) -> Scenario:
+    length, *rest = label.split(", ")
+    length_m = float(length.split()[0])
+    return session(
+        ground=road(k, length_m=length_m, width_m=0.38 * length_m, spacing_m=2.0 * length_m),
+        camera=ScenarioCamera(pitch_deg=-50.0 if "-50°" in rest else -90.0),
+        flight=ScenarioFlight(height_m=float(rng.uniform(45.0, 60.0))),
+        gnss=gnss(rng, bias=1.5 if "bias 1.5 m" in rest else 0.8),
+        attitude=slight(rng),
+        detector=ScenarioDetector(parts=0.4 if "40 %" in rest else 0.25, parts_run_s=float(rng.uniform(1.5, 3.5))),
+    )
+
+
+def bays(k: int, rng: np.random.Generator) -> Scenario:
+    """Vehicles that stand side by side in bays for the whole flight."""
+    return _bays(BAYS[k], rng)
+
+
+def bays_hard(k: int, rng: np.random.Generator) -> Scenario:
+    """The same closer together, among others, or with one that no frame shows."""
+    return _bays(BAYS_HARD[k], rng)
+
+
+def _bays(label: str, rng: np.random.Generator) -> Scenario:
+    apart, *rest = label.split(", ")
+    strangers = {"two strangers": 2, "six strangers": 6}.get(rest[0], 0) if rest else 0
+    return session(
+        ground=ScenarioGround(
+            kind="bays", vehicles=7, spacing_m=float(apart.split()[0]), length_m=4.2, width_m=1.8, height_m=1.4
+        ),
+        gnss=gnss(rng, bias=float(rng.uniform(0.4, 0.9))),
+        attitude=slight(rng),
+        detector=ScenarioDetector(never_found=1 if "one never found" in rest else 0),
+        targets=Targets(lookalikes=strangers),
     )
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sim.world.boxes import Boxes, in_image, true_boxes, visible_share
 from sim.world.scenario import Scenario
-from sim.world.view import OCCLUDER, Bodies, CameraView
+from sim.world.view import OCCLUDER, UGV, Bodies, CameraView
 from sim.world.world import World, random_stream
 
 FloatArray = NDArray[np.float64]
@@ -21,6 +21,8 @@ WEAK_SCORES = (0.1, 0.29)
 """Range of scores that are too low to count."""
 SPREAD = 0.1
 """Share by which the distance of merging varies from frame to frame."""
+PARTS_APART = 0.4
+"""Distance between the centres of a vehicle's front and rear, in its lengths; each is half as long as the whole."""
 
 
 def merged_boxes(
@@ -67,6 +69,25 @@ def _corners(box: FloatArray) -> FloatArray:
     return np.asarray(box[:2] + half @ np.array([[c, s], [-s, c]]))
 
 
+def in_parts(values: FloatArray, two: NDArray[np.bool_]) -> FloatArray:
+    """Boxes of front and rear in place of those that are found in two parts.
+
+    Args:
+        values: (m, 7) cx, cy, w, h, angle, score, heading.
+        two: (m,) the rows that are two boxes.
+
+    Returns:
+        (m + k, 7) the k fronts in place of the whole, the rears last.
+    """
+    whole, rear = values.copy(), values[two]
+    ahead = 0.5 * PARTS_APART * rear[:, 2:3] * np.stack([np.cos(rear[:, 4]), np.sin(rear[:, 4])], axis=-1)
+    rear[:, 2] *= 0.5
+    whole[two] = rear
+    whole[two, :2] += ahead
+    rear[:, :2] -= ahead
+    return np.concatenate([whole, rear])
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectedRows:
     """m detections of one frame, in random order."""
@@ -90,7 +111,9 @@ class DetectorModel:
         self._weak = random_stream(world.scenario, "weak")
         self._missed = np.zeros(len(world.roles.role) + len(world.scenario.occlusions), dtype=bool)
         self._looked_at = -np.inf
-        self._bursts = _bursts(world.scenario, len(world.roles.role))
+        n = len(world.roles.role)
+        self._lost = _bursts(world.scenario, n) + _never_found(world.scenario)
+        self._parts = _part_runs(world.scenario, np.flatnonzero(world.roles.kind == UGV).tolist())
 
     def detect(self, t: float) -> DetectedRows:
         """Detections of the frame exposed t seconds after the first."""
@@ -102,7 +125,7 @@ class DetectorModel:
         luck = rng.random((3, n))
         missed = self._misses(t, luck[0])
         weak = missed & (self._weak.random(n) < settings.weak)
-        seen = _visible(view, bodies, boxes) & (~missed | weak) & ~self._hidden(t, n)
+        seen = _visible(view, bodies, boxes) & (~missed | weak) & ~_during(self._lost, t, n)
         clutter = np.concatenate([self._clutter(int(rng.poisson(settings.clutter)), rng), self._weak_clutter()])
         if any(b.start_s <= t < b.stop_s for b in self._world.scenario.blackouts):
             none = np.empty(0, dtype=np.int64)
@@ -111,12 +134,13 @@ class DetectorModel:
         rows[weak, SCORE] = self._weak.uniform(*WEAK_SCORES, int(np.count_nonzero(weak)))
         if settings.merge_lengths > 0.0:
             rows, seen = merged_boxes(rows, seen, settings.merge_lengths, self._merging)
-        rows = rows[seen]
+        found, two = np.flatnonzero(seen), _during(self._parts, t, n)
+        rows, found = in_parts(rows[found], two[found]), np.concatenate([found, found[two[found]]])
         system_id = np.zeros(n, dtype=np.int64)
         system_id[: len(self._world.roles.system_id)] = self._world.roles.system_id
         values = np.concatenate([rows, clutter])
-        ids = np.concatenate([system_id[seen], np.zeros(len(clutter), dtype=np.int64)])
-        body = np.concatenate([np.flatnonzero(seen), np.full(len(clutter), -1)])
+        ids = np.concatenate([system_id[found], np.zeros(len(clutter), dtype=np.int64)])
+        body = np.concatenate([found, np.full(len(clutter), -1)])
         order = rng.permutation(len(values))
         return DetectedRows(values=values[order], system_id=ids[order], body=body[order])
 
@@ -162,12 +186,6 @@ class DetectorModel:
         self._missed, self._looked_at = self._missing.random(len(luck)) < chance, t
         return self._missed
 
-    def _hidden(self, t: float, n: int) -> NDArray[np.bool_]:
-        hidden = np.zeros(n, dtype=bool)
-        for body, start, stop in self._bursts:
-            hidden[body] |= start <= t < stop
-        return hidden
-
 
 def _visible(view: CameraView, bodies: Bodies, boxes: Boxes) -> NDArray[np.bool_]:
     """(n,) whether a body is in the image and not hidden by others."""
@@ -208,7 +226,40 @@ def _score(u: FloatArray, mean: float) -> FloatArray:
     return np.clip(mean + 0.2 * triangle, 0.05, 0.99)
 
 
-def _bursts(scenario: Scenario, n: int) -> list[tuple[int, float, float]]:
+_Span = tuple[int, float, float]
+"""A body, and from when until when something is so of it, seconds."""
+
+
+def _during(spans: list[_Span], t: float, n: int) -> NDArray[np.bool_]:
+    """(n,) the bodies of which it is so at time t."""
+    now = np.zeros(n, dtype=bool)
+    for body, start, stop in spans:
+        now[body] |= start <= t < stop
+    return now
+
+
+def _never_found(scenario: Scenario) -> list[_Span]:
+    """Vehicles of ours that no frame shows."""
+    order = random_stream(scenario, "never found").permutation(scenario.fleet_size).tolist()
+    return [(body, -np.inf, np.inf) for body in order[: scenario.detector.never_found]]
+
+
+def _part_runs(scenario: Scenario, bodies: list[int]) -> list[_Span]:
+    """When vehicles are found in two parts: runs and pauses of random length, by turns."""
+    share, run_s = scenario.detector.parts, scenario.detector.parts_run_s
+    if share == 0.0:
+        return []
+    rng, spans, pause_s = random_stream(scenario, "parts"), list[_Span](), run_s * (1.0 - share) / share
+    for body in bodies:
+        stop = -float(rng.exponential(run_s + pause_s))
+        while stop < scenario.duration_s:
+            start = stop + float(rng.exponential(pause_s))
+            stop = start + float(rng.exponential(run_s))
+            spans.append((body, start, stop))
+    return spans
+
+
+def _bursts(scenario: Scenario, n: int) -> list[_Span]:
     settings = scenario.detector
     rng = random_stream(scenario, "bursts")
     counts = rng.poisson(settings.bursts_per_min * scenario.duration_s / 60.0, n)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ CAR_SIZE, PERSON_SIZE = (4.3, 1.8, 1.5), (0.5, 0.5, 1.7)
 """Length, width and height, metres: a medium car and a person seen from above."""
 WALK_MPS = 1.3
 """A pedestrian's usual pace."""
+BAYS, AISLE_M, REVERSED = 1.3, 6.0, 0.2
+"""Bays a parked vehicle, width of the aisle between two rows, and share of vehicles that backed in; choices."""
 
 
 def slots(formation: str, n: int, spacing_m: float) -> FloatArray:
@@ -122,7 +125,7 @@ def choose_roles(scenario: Scenario, rng: np.random.Generator) -> Roles:
 def simulate_actors(scenario: Scenario, t: FloatArray, rng: np.random.Generator) -> Actors:
     """Move all bodies over the time grid t (T,), which begins no later than 0."""
     roles = choose_roles(scenario, rng)
-    if scenario.ground.kind in ("open", "parked"):
+    if scenario.ground.kind in ("open", "parked", "bays"):
         return Actors(roles=roles, motion=_on_open_ground(scenario, roles, t, rng), scene=Scene())
     path = _path(scenario, float(t[-1]), rng)
     if scenario.ground.kind == "formation":
@@ -250,7 +253,7 @@ def _on_open_ground(scenario: Scenario, roles: Roles, t: FloatArray, rng: np.ran
     centre = np.where(away[:, None], distance * np.stack([np.sin(bearing), np.cos(bearing)], axis=-1), 0.0)
     area = np.broadcast_to(np.array(ground.area_m), (n, 2)).copy()
     still = np.isin(roles.role, ("parked", "still"))
-    if ground.kind == "parked":
+    if ground.kind in ("parked", "bays"):
         still |= np.isin(roles.role, ("filmed", "outside", "lookalike"))
     person = roles.role == "person"
     speed = ground.speed_mps * rng.uniform(0.75, 1.1, n)
@@ -267,4 +270,18 @@ def _on_open_ground(scenario: Scenario, roles: Roles, t: FloatArray, rng: np.ran
         centre=np.where(eight[:, None], 0.5 * xy, centre),
         area=np.where(eight[:, None], np.minimum(area * 0.5, 18.0), area),
     )
-    return drive_open(t, robots, rng)
+    motion = drive_open(t, robots, rng)
+    return _in_bays(motion, scenario, roles, rng) if ground.kind == "bays" else motion
+
+
+def _in_bays(motion: Motion, scenario: Scenario, roles: Roles, rng: np.random.Generator) -> Motion:
+    """The motion with all vehicles of our make that are filmed in bays: two rows with an aisle between them."""
+    ground, parked = scenario.ground, np.flatnonzero(np.isin(roles.role, ("filmed", "lookalike", "parked")))
+    a_row = math.ceil(len(parked) * BAYS / 2.0)
+    bay = rng.permutation(2 * a_row)[: len(parked)]
+    row = bay // a_row
+    xy, heading = motion.xy.copy(), motion.heading.copy()
+    xy[:, parked, 0] = ground.spacing_m * (bay % a_row - 0.5 * (a_row - 1))
+    xy[:, parked, 1] = (row - 0.5) * (ground.length_m + AISLE_M)
+    heading[:, parked] = np.pi * ((row + (rng.random(len(parked)) < REVERSED)) % 2)
+    return replace(motion, xy=xy, heading=heading)

@@ -30,7 +30,8 @@ MOST_REPORTING = 240
 class ScenarioGround:
     """The fleet and the ground it drives on."""
 
-    kind: Literal["straight", "curved", "open", "formation", "parked"] = "curved"
+    kind: Literal["straight", "curved", "open", "formation", "parked", "bays"] = "curved"
+    """In bays all vehicles of our make stand side by side in two rows, with empty bays among them."""
     formation: Literal["line", "column", "wedge", "grid", "triangle"] = "line"
     """Only for ``kind = "formation"``: line is abreast, column one behind the other, triangle has equal sides."""
     station_keeping_m: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.15
@@ -41,7 +42,7 @@ class ScenarioGround:
     """Further vehicles that report but drive beyond the image."""
     speed_mps: Annotated[float, Meta(ge=0.1, le=30.0)] = 3.5
     spacing_m: Annotated[float, Meta(ge=1.0, le=200.0)] = 9.0
-    """Distance between neighbours: along the lane, in the formation, at least between parked vehicles."""
+    """Distance between neighbours: along the lane, in the formation, from bay to bay, at least between parked ones."""
     lanes: Annotated[int, Meta(ge=1, le=8)] = 2
     lane_width_m: float = 3.5
     road_deg: float = 90.0
@@ -100,6 +101,15 @@ MAST_FLIGHT = ScenarioFlight(height_m=25.0, follow=False, sway_m=0.0, tilt_sway_
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Zoom:
+    """A change of the focal length at once."""
+
+    at_s: float
+    factor: Annotated[float, Meta(ge=0.1, le=10.0)]
+    """Focal length from then on, in that at the start."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioCamera:
     """Intrinsics in pixels and mount, as in ``session.toml``."""
 
@@ -116,6 +126,8 @@ class ScenarioCamera:
     yaw_deg: float = 0.0
     crf: int = 23
     """H.264 quality of rendered video: lower is finer and larger."""
+    zooms: tuple[Zoom, ...] = ()
+    """In the order of time; nothing reports them."""
     mirrored: bool = False
     """The image is flipped left to right, which the mission does not say."""
 
@@ -235,6 +247,12 @@ class ScenarioDetector:
     """Losses of one vehicle for a while, per vehicle."""
     burst_min_s: float = 1.0
     burst_max_s: float = 4.0
+    parts: Annotated[float, Meta(ge=0.0, le=0.9)] = 0.0
+    """Share of the time in which a vehicle of our make is found as two boxes, its front and its rear."""
+    parts_run_s: Annotated[float, Meta(ge=0.1, le=60.0)] = 2.5
+    """Mean time for which it stays so."""
+    never_found: Annotated[int, Meta(ge=0, le=200)] = 0
+    """Number of vehicles of ours that are never found."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -112,6 +112,8 @@ class World:
     def view(self, t: float) -> CameraView:
         """The true camera, in axes in which the ground is z = 0: ENU, tipped with the ground where it slopes."""
         view = view_from(self.scenario, self._flight.at(t))
+        factor = next((zoom.factor for zoom in reversed(self.scenario.camera.zooms) if zoom.at_s <= t), 1.0)
+        view = replace(view, fx=factor * view.fx, fy=factor * view.fy)
         if self.scenario.ground.slope_deg == 0.0:
             return view
         R = self._R_enu_ground
@@ -141,7 +143,7 @@ class World:
 
     def _fly(self, t: FloatArray) -> UavMotion:
         scenario = self.scenario
-        if scenario.ground.kind in ("open", "parked"):
+        if scenario.ground.kind in ("open", "parked", "bays"):
             filmed = np.zeros((len(t), 1, 2))
         else:
             filmed = self._actors.motion.xy[:, : scenario.ground.vehicles]
