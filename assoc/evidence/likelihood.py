@@ -35,6 +35,8 @@ NEVER = -1e6
 """Score of a pair that was never compared."""
 _FIRST_LEAST = -30.0
 """Least that a pair's first comparison counts, nats: one outlier must not rule a pair out for good."""
+_LEAST_KNOWN = 0.02
+"""Share of a bias's variance that must have been learnt for anything to be known of it."""
 _NO_REPORT = 2.0
 """A block without reports makes a change of owner this many nats less likely than a look would cost."""
 _MOST_BORNE, _MAY_BE = 0.4, 3.0
@@ -116,6 +118,31 @@ def initial_state(n_tracks: int, n_vehicles: int) -> PairState:
 def bound_variance(state: PairState, bias_std: float) -> PairState:
     """The state with nothing known of a bias meaning the prior: variances at most σ_b²."""
     return replace(state, var=np.minimum(state.var, bias_std**2))
+
+
+def moved_state(state: PairState, shift: FloatArray, bias_std: float) -> PairState:
+    """The state as it would be had all residuals always been a shift further, as under a pose that was always another.
+
+    A bias M that is known to V stands for a mean residual x = M/g, g = 1 − V/σ_b², of which ln N(x; 0, σ_b²/g) is in
+    the score. So M becomes M + g d, and the score changes by ln N(x + d) − ln N(x), N as in :func:`log_density`.
+
+    Args:
+        state: With variances of σ_b² at most.
+        shift: (2,) d, metres.
+        bias_std: σ_b, metres.
+    """
+    prior = bias_std**2
+    known = np.clip(1.0 - state.var / prior, _LEAST_KNOWN, 1.0)
+    mean = to_complex(state.mean)
+    x, d = mean / known, complex(shift[0], shift[1])
+    s, V = prior / known, np.asarray(prior)
+    gain = log_density(squared_magnitude(x + d), s, V) - log_density(squared_magnitude(x), s, V)
+    told = state.seen & (known > _LEAST_KNOWN)
+    return replace(
+        state,
+        score=np.where(told, state.score + np.maximum(gain, _FIRST_LEAST), state.score),
+        mean=to_east_north(np.where(told, mean + known * d, mean)),
+    )
 
 
 def block_constants(blocks: Blocks, noise: Noise) -> tuple[FloatArray, FloatArray]:

@@ -51,6 +51,8 @@ _FORGET_S = 60.0
 """Time constant of the exponential forgetting of the likelihoods that choose σ, seconds."""
 _PARTS = 500
 """New samples are appended as separate parts; beyond this number the parts are concatenated."""
+_STANDS_MPS = 0.5
+"""Speed up to which a vehicle may as well stand, m/s."""
 _STEP_S = 0.15
 """Reports of one vehicle within this time, seconds, are one sample."""
 _WHITE_VAR = WHITE_STD_M**2
@@ -222,6 +224,11 @@ class ReportLog:
         return self.last_p + np.where(np.isfinite(self.last_v), self.last_v, 0.0) * step[:, None], np.where(
             np.isfinite(self.rejected_since) | self.too_uncertain, np.inf, age
         )
+
+    @property
+    def moves(self) -> BoolArray:
+        """(n,) whether each vehicle drives, as far as it is known how fast it is."""
+        return np.asarray(np.hypot(*self.last_v.T) > _STANDS_MPS)
 
     @property
     def believed_t(self) -> FloatArray:

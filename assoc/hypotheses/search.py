@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.evidence.blocks import Blocks, make_blocks, with_extrapolated_block
-from assoc.evidence.likelihood import Noise, PairState, bound_variance, initial_state, run_filter
+from assoc.evidence.likelihood import Noise, PairState, bound_variance, initial_state, moved_state, run_filter
 from assoc.evidence.motion import ReportLog
 from assoc.geometry.ground import EAST, NORTH, OFFSET, THETA, YAW, ground_tracks
 from assoc.geometry.sway import Sway
@@ -113,6 +113,19 @@ class UpdateContext:
             fold=0,
             sway=None,
         )
+
+
+    def moved(self, theta: FloatArray, origin: FloatArray) -> UpdateContext:
+        """The same as if the pose had always been another: what is remembered of residuals is a shift further.
+
+        Else a fleet that was matched one place off would stay there, however much its window speaks for the other.
+
+        Args:
+            theta: (9,) that pose.
+            origin: (9,) the pose that it was remembered with.
+        """
+        shift = (theta - origin)[[EAST, NORTH]]
+        return replace(self, state=moved_state(self.state, shift, self.noise.bias_std))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -279,6 +292,11 @@ def _with_assignment(context: UpdateContext, best: Hypothesis, vehicle: IntArray
         return None
     score, states = scores(context, best.blocks, theta)
     return _evaluated(context, fitted, vehicle, score, states, best.blocks)
+
+
+def is_shifted(theta: FloatArray, origin: FloatArray) -> bool:
+    """Tell whether two poses (9,) differ by more than an estimate wanders: by the place of a neighbour."""
+    return bool(np.hypot(*(theta - origin)[[EAST, NORTH]]) >= _LEAST_SHIFT_M)
 
 
 def shifts(context: UpdateContext, best: Hypothesis, most: int) -> list[FloatArray]:

@@ -26,7 +26,7 @@ from assoc.hypotheses.labels import mixed_marginals, posterior_weights
 from assoc.hypotheses.place_alone import StrangerLimit, limit_by_place, log_odds_among_strangers
 from assoc.hypotheses.pose import is_gross
 from assoc.hypotheses.priors import OffsetPrior, noise_of, prior_of
-from assoc.hypotheses.search import Hypothesis, UpdateContext, keep_best, refine, shifts, swaps, turns
+from assoc.hypotheses.search import Hypothesis, UpdateContext, is_shifted, keep_best, refine, shifts, swaps, turns
 from assoc.hypotheses.sway_fit import fit_sway
 from assoc.identification.clutter import Clutter
 from assoc.identification.conflicts import ConflictMonitor
@@ -449,16 +449,31 @@ class Estimator:
             live = context.columns[: context.live].tolist()
             vehicle = np.array([self._confident.get(column, -1) for column in live], np.int64)
             found = [refine(context, self._thetas[0].copy(), vehicle)]
+            if not np.any(self._log.moves & (context.view > _UNKNOWN_VIEW)):
+                found += self._shifted(context, found[0])
         else:
             starts = self._starts(context, not camera.attitude_known)
             starts += self.gross.starts(context.prior, self.fit, at_once=not self._is_large(context))
-            found = self._expected([refine(context, theta) for theta in starts], context)
-            if self._updates % q.shift_every == 1:
-                most = q.shifts_many if self._is_large(context) else q.shifts
-                found += [refine(context, theta, blocks=found[0].blocks) for theta in shifts(context, found[0], most)]
-                found = self._expected(found, context)
+            found = [refine(self._as_remembered(context, theta), theta) for theta in starts]
+            found = self._expected(found, context)
+            found = self._expected(found + self._shifted(context, found[0]), context)
         found += swaps(context, found[0], q.swaps_locked if self.locked else q.swaps)
         return keep_best(found, q.hypotheses)
+
+    def _shifted(self, context: UpdateContext, best: Hypothesis) -> list[Hypothesis]:
+        """Hypotheses in which the whole fleet is at other vehicles' places, every few updates."""
+        q = self._params.search
+        if self._updates % q.shift_every != 1:
+            return []
+        starts = shifts(context, best, q.shifts_many if self._is_large(context) else q.shifts)
+        return [refine(context.moved(theta, best.theta), theta, blocks=best.blocks) for theta in starts]
+
+    def _as_remembered(self, context: UpdateContext, theta: FloatArray) -> UpdateContext:
+        """The inputs for a start: moved, if it was another place of the fleet in the last update already."""
+        others = self._thetas[1:]
+        if not any(theta is other for other in others) or not is_shifted(theta, self._thetas[0]):
+            return context
+        return context.moved(theta, self._thetas[0])
 
     def _expected(self, found: list[Hypothesis], context: UpdateContext) -> list[Hypothesis]:
         """The best hypotheses; none with a gross error while the fleet is explained without one.
