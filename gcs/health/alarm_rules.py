@@ -72,7 +72,10 @@ class ReportedAlarm:
 
 
 _WORKED_OUT = frozenset(
-    {"unheard", "video", "video clock", "camera heading", "camera pitch", "camera mirrored", "no match", "views differ"}
+    {
+        *("unheard", "video", "video clock", "camera heading", "camera pitch", "camera mirrored"),
+        *("no match", "match not known", "views differ"),
+    }
 )
 """Names of the station's alarms that are worked out."""
 

@@ -32,8 +32,11 @@ TURNED_DEG, TILTED_DEG = 45.0, 8.0
 """Errors of heading and pitch that no compass or gimbal makes: the mission says something else of the camera."""
 TURNED_STD_DEG, TURNED_FOR_S = 4.0, 5.0
 """1σ up to which such an error is known, and how long it must be found: an estimate may leap while little is seen."""
-FIT, NO_FIT_FOR_S = 0.1, 2.0
-"""Below this probability video and telemetry do not belong together; a moment's cover of the camera is no news."""
+FIT, NO_FIT, NO_FIT_FOR_S = 0.9, 0.0025, 2.0
+"""Above the first probability video and telemetry belong together, below the second they do not; a moment's cover of
+the camera is no news. With no evidence it is 0.05."""
+NOT_KNOWN, NOT_KNOWN_FOR_S = 0.5, 10.0
+"""Below this probability nothing is named; for so long that need not be said: who drives is known within 5 s."""
 DIFFER_FOR_S = 2.0
 """A name that one of two cameras corrects is no contradiction."""
 FEW_FPS = 1.0
@@ -78,16 +81,16 @@ def _video_clock(health: Health, now: Snapshot) -> str:
 
 
 def _camera_off(health: Health, error: float, std: float, limit_deg: float) -> bool:
-    return health.fit > 1.0 - FIT and math.degrees(std) < TURNED_STD_DEG and abs(math.degrees(error)) > limit_deg
+    return health.fit > FIT and math.degrees(std) < TURNED_STD_DEG and abs(math.degrees(error)) > limit_deg
 
 
 def _unsure(health: Health, std: float) -> bool:
     """Tell whether it is not known whether the camera still has that error."""
-    return not (health.fit > 1.0 - FIT and math.degrees(std) < TURNED_STD_DEG)
+    return not (health.fit > FIT and math.degrees(std) < TURNED_STD_DEG)
 
 
 def _unmatched(health: Health) -> bool:
-    return health.fit < FIT and not 0.0 < health.fps < FEW_FPS
+    return health.fit < NO_FIT and not 0.0 < health.fps < FEW_FPS
 
 
 def _off(error: float, more: str, less: str) -> str:
@@ -302,6 +305,19 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         condition=lambda health, _: _unmatched(health),
         kept_while=lambda health, _: math.isnan(health.fit),
         lasts_s=NO_FIT_FOR_S,
+    ),
+    AlarmRule(
+        key="match not known",
+        level="warning",
+        kind="video",
+        text="it is not known yet whether video and telemetry match: nothing is named",
+        meaning=f"for {NOT_KNOWN_FOR_S:g} s boxes are not clearly more often where vehicles report to be than chance "
+        "would put them there",
+        advice="wait until vehicles turn or brake, or more of them are in view; if it stays, check what is to be "
+        "checked when video and telemetry do not match",
+        condition=lambda health, _: NO_FIT <= health.fit < NOT_KNOWN,
+        kept_while=lambda health, _: math.isnan(health.fit),
+        lasts_s=NOT_KNOWN_FOR_S,
     ),
     AlarmRule(
         key="views differ",

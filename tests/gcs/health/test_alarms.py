@@ -89,7 +89,8 @@ def test_every_trouble_of_a_vehicle_is_one_alarm_raised_once_and_cleared_once(wa
         (replace(WELL, lag_s=1.5), "lag", "warning"),
         (replace(WELL, behind_s=2.5), "overload", "alarm"),
         (replace(WELL, time_offset_s=0.8, time_offset_std_s=0.02), "video clock", "warning"),
-        (replace(WELL, fit=0.01), "no match", "alarm"),
+        (replace(WELL, fit=0.001), "no match", "alarm"),
+        (replace(WELL, fit=0.05), "match not known", "warning"),
         (replace(WELL, views_differ="Car is Bus by North"), "views differ", "alarm"),
         (replace(TURNED, yaw_offset=-1.6, yaw_offset_std=0.02), "camera heading", "warning"),
         (replace(TURNED, pitch_offset=0.25, pitch_offset_std=0.02), "camera pitch", "warning"),
@@ -109,14 +110,14 @@ def test_every_trouble_of_the_station_is_an_alarm(watch, health, key, level):
 
 
 def test_a_film_is_not_said_to_be_of_something_else_where_hardly_a_frame_is_looked_at(watch):
-    assert watch.see(12, health=replace(WELL, fit=0.01, fps=0.5)) == {}
+    assert watch.see(12, health=replace(WELL, fit=0.001, fps=0.5)) == {}
 
 
 @pytest.mark.parametrize(
     ("found", "key"),
     [
         (replace(SETTLED, time_offset_s=0.8), "video clock"),
-        (replace(SETTLED, fit=0.01), "no match"),
+        (replace(SETTLED, fit=0.001), "no match"),
         (replace(SETTLED, yaw_offset=-1.6), "camera heading"),
         (replace(SETTLED, pitch_offset=0.25), "camera pitch"),
         (replace(SETTLED, mirrored=True), "camera mirrored"),

@@ -398,6 +398,14 @@ def has_the_film_of_another_flight():
     return OtherFilm().run(5, filmed=True).came
 
 
+@raises("match not known", "warning")
+def films_others_while_the_fleet_is_elsewhere():
+    far = [Vehicle(i, shift_m=400.0) for i in (UGV, OTHER)]
+    came = Scene(*far).run(12, filmed=True).came
+    assert ("no match", "alarm") not in came, "no evidence is none against it"
+    return came
+
+
 class Misled:
     """A meeting with another camera that has the same boxes, from a time on each surely as the next vehicle."""
 
