@@ -78,6 +78,8 @@ class Noise:
     """Most that one block may count for or against a pair, nats."""
     in_view_bonus: FloatArray
     """(n,) what each block adds for a vehicle that should be in view, nats: biases wander in ways that no model has."""
+    bears_each: bool = False
+    """Each pair has that for itself, as where no attitude is known: it is the camera's sway that they bear with."""
     place_rate: float = 0.0
     """Share of its evidence that a residual brings in a block where its size alone counts; 0: its course counts."""
 
@@ -234,7 +236,8 @@ def run_filter(
         compared = np.where(has & seen, L, NEVER)
         near = compared >= np.maximum(compared.max(axis=1, keepdims=True, initial=NEVER) - _MAY_BE, NEVER / 2)
         most = np.where(near, gain_later, -np.inf).max(axis=1, keepdims=True, initial=-np.inf)
-        gain_later = gain_later + np.minimum(bonus, np.maximum(_MOST_BORNE - most, 0.0))
+        raised = gain_later if noise.bears_each else most
+        gain_later = gain_later + np.minimum(bonus, np.maximum(_MOST_BORNE - raised, 0.0))
         later = np.minimum(np.maximum(gain_later, -noise.increment_max), noise.increment_max)
         first = np.maximum(log_p - null[b], _FIRST_LEAST)
         if placed is not None:

@@ -75,6 +75,7 @@ def noise_of(
         height=float(camera.p_enu[2]) - camera.ground_z,
         increment_max=q.increment_max,
         in_view_bonus=in_view_bonus,
+        bears_each=not camera.attitude_known,
         place_rate=q.block_s / PLACE_TAU_S if by_place else 0.0,
     )
 

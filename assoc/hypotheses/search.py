@@ -114,7 +114,6 @@ class UpdateContext:
             sway=None,
         )
 
-
     def moved(self, theta: FloatArray, origin: FloatArray) -> UpdateContext:
         """The same as if the pose had always been another: what is remembered of residuals is a shift further.
 

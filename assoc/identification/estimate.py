@@ -449,7 +449,7 @@ class Estimator:
             live = context.columns[: context.live].tolist()
             vehicle = np.array([self._confident.get(column, -1) for column in live], np.int64)
             found = [refine(context, self._thetas[0].copy(), vehicle)]
-            if not np.any(self._log.moves & (context.view > _UNKNOWN_VIEW)):
+            if self._stands(context):
                 found += self._shifted(context, found[0])
         else:
             starts = self._starts(context, not camera.attitude_known)
@@ -465,15 +465,21 @@ class Estimator:
         q = self._params.search
         if self._updates % q.shift_every != 1:
             return []
-        starts = shifts(context, best, q.shifts_many if self._is_large(context) else q.shifts)
-        return [refine(context.moved(theta, best.theta), theta, blocks=best.blocks) for theta in starts]
+        stands, found = self._stands(context), list[Hypothesis]()
+        for theta in shifts(context, best, q.shifts_many if self._is_large(context) else q.shifts):
+            inputs = context.moved(theta, best.theta) if stands else context
+            found.append(refine(inputs, theta, blocks=best.blocks))
+        return found
 
     def _as_remembered(self, context: UpdateContext, theta: FloatArray) -> UpdateContext:
         """The inputs for a start: moved, if it was another place of the fleet in the last update already."""
         others = self._thetas[1:]
-        if not any(theta is other for other in others) or not is_shifted(theta, self._thetas[0]):
-            return context
-        return context.moved(theta, self._thetas[0])
+        shifted = any(theta is other for other in others) and is_shifted(theta, self._thetas[0])
+        return context.moved(theta, self._thetas[0]) if shifted and self._stands(context) else context
+
+    def _stands(self, context: UpdateContext) -> bool:
+        """Tell whether none of the vehicles in view drives: a pose that was wrong has always been wrong by the same."""
+        return not np.any(self._log.moves & (context.view > _UNKNOWN_VIEW))
 
     def _expected(self, found: list[Hypothesis], context: UpdateContext) -> list[Hypothesis]:
         """The best hypotheses; none with a gross error while the fleet is explained without one.
