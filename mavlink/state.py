@@ -57,15 +57,9 @@ class CameraReport:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class UavState:
-    """The UAV at one time."""
+class UavAttitude:
+    """Which way the UAV and its gimbal point at one time."""
 
-    p_enu: Array
-    """(3,) metres, NaN unknown."""
-    v_enu: Array
-    """(3,) m/s."""
-    height_m: float
-    """Above home, NaN unknown."""
     R_enu_body: Array
     """(3, 3), NaN unknown."""
     yaw: float
@@ -74,8 +68,20 @@ class UavState:
     roll: float
     R_enu_gimbal: Array | None
     """(3, 3) gimbal (x along the optical axis, FRD) → ENU, None when not reported in the last second."""
-    position_valid: bool
     attitude_valid: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UavState(UavAttitude):
+    """The UAV at one time."""
+
+    p_enu: Array
+    """(3,) metres, NaN unknown."""
+    v_enu: Array
+    """(3,) m/s."""
+    height_m: float
+    """Above home, NaN unknown."""
+    position_valid: bool
     camera: CameraReport | None
     range_m: float = math.nan
     """To the ground along the body's own vertical axis, by its rangefinder; NaN not reported in the last second."""

@@ -55,11 +55,32 @@ from mavlink.protocol.messages import (
 from mavlink.protocol.modes import is_vehicle, kind_name
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.reception.reception import Arrival
-from mavlink.state import CameraReport, FleetState, Level, Notice, Reports, UavState, VehicleStatus
+from mavlink.state import CameraReport, FleetState, Level, Notice, Reports, UavAttitude, UavState, VehicleStatus
 
 NO_FIX = Fix(*[math.nan] * 10)
 _REPORTING_US = 1_000_000
 """Time after which nothing is waited for any more: it stopped, or comes too rarely to interpolate."""
+
+
+def uav_attitude(uav: Vehicle, gimbals: Gimbals, t_us: int, *, gimbal: bool) -> UavAttitude:
+    """The UAV's attitude at a Unix time, each sample by its own time.
+
+    Args:
+        t_us: when.
+        gimbal: whether the gimbal's is asked for, too.
+    """
+    boot_us = uav.clock.boot_of(t_us)
+    pose = uav.attitudes.at(boot_us)
+    roll, pitch, yaw = pose[:3] if pose else (math.nan, math.nan, math.nan)
+    fresh = pose is not None and (pose.bracketed or pose.age_s <= ATTITUDE_LOST_S)
+    return UavAttitude(
+        R_enu_body=R_ENU_NED @ rotation_from_euler(roll, pitch, yaw),
+        yaw=yaw % (2.0 * math.pi),
+        pitch=pitch,
+        roll=roll,
+        R_enu_gimbal=gimbals.at(boot_us, yaw) if gimbal else None,
+        attitude_valid=fresh and not uav.in_conflict(t_us),
+    )
 
 
 def uav_state(
@@ -71,22 +92,19 @@ def uav_state(
         ground: what it reports of the ground below it.
         t_us: when.
     """
-    boot_us = uav.clock.boot_of(t_us)
-    estimate, pose = uav.positions.at(boot_us), uav.attitudes.at(boot_us)
+    attitude, estimate = uav_attitude(uav, gimbals, t_us, gimbal=True), uav.estimate(t_us)
     fix = estimate.fix if estimate else NO_FIX
-    roll, pitch, yaw = pose[:3] if pose else (math.nan, math.nan, math.nan)
-    fresh = pose is not None and (pose.bracketed or pose.age_s <= ATTITUDE_LOST_S)
     return UavState(
         p_enu=np.array(fix[0:3]),
         v_enu=np.array(fix[3:6]),
         height_m=fix.height_m,
-        R_enu_body=R_ENU_NED @ rotation_from_euler(roll, pitch, yaw),
-        yaw=yaw % (2.0 * math.pi),
-        pitch=pitch,
-        roll=roll,
-        R_enu_gimbal=gimbals.at(boot_us, yaw),
+        R_enu_body=attitude.R_enu_body,
+        yaw=attitude.yaw,
+        pitch=attitude.pitch,
+        roll=attitude.roll,
+        R_enu_gimbal=attitude.R_enu_gimbal,
         position_valid=estimate is not None and estimate.usable and uav.is_trusted(t_us),
-        attitude_valid=fresh and not uav.in_conflict(t_us),
+        attitude_valid=attitude.attitude_valid,
         camera=camera,
         range_m=ground.range_m(t_us),
         terrain_height_m=ground.terrain_height_m(t_us),
@@ -276,7 +294,7 @@ class Fleet:
         ]
         return FleetState(
             t_us=t_us,
-            uav=self.uav_at(t_us),
+            uav=self._uav_at(t_us),
             system_id=self._ids,
             p_enu=rows[:, 0:3],
             v_enu=rows[:, 3:6],
@@ -288,11 +306,16 @@ class Fleet:
             vehicles=(self._uav_status(status_us), *statuses),
         )
 
-    def uav_at(self, t_us: int) -> UavState:
-        """The UAV alone at a Unix time in µs."""
+    def _uav_at(self, t_us: int) -> UavState:
         if self._stand:
             return self._stand.state(self.origin)
         return uav_state(self._uav, self._gimbals, self._camera.report, self._ground_distance, t_us)
+
+    def attitude_at(self, t_us: int, *, gimbal: bool) -> UavAttitude:
+        """The UAV's attitude alone at a Unix time in µs, with that of its gimbal if it is asked for."""
+        if self._stand:
+            return self._stand.state(self.origin)
+        return uav_attitude(self._uav, self._gimbals, t_us, gimbal=gimbal)
 
     def attitude_times(self, after_us: int, until_us: int) -> list[int]:
         """Times at which the UAV's attitude was measured after one Unix time and up to another, µs."""

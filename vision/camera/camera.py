@@ -74,19 +74,24 @@ def camera_pose(
         R_enu_gimbal: (3, 3) attitude that a gimbal reports; a stabilized mount believes it more than its own angles,
             but for its roll: by that the image is turned against the gimbal.
     """
-    position = np.array(p_enu, dtype=np.float64)
+    return CameraPose(
+        R_enu_cam=camera_rotation(mount, R_enu_body, R_enu_gimbal), p_enu=np.array(p_enu, dtype=np.float64)
+    )
+
+
+def camera_rotation(mount: Mount, R_enu_body: ArrayLike, R_enu_gimbal: ArrayLike | None = None) -> Floats:
+    """(3, 3) rotation alone of :func:`camera_pose`, camera vectors into ENU."""
     if R_enu_gimbal is not None and mount.kind == "stabilized":
-        R_enu_gimbal = np.asarray(R_enu_gimbal, dtype=np.float64)
-        return CameraPose(R_enu_cam=R_enu_gimbal @ _turn_x(mount.roll) @ R_GIMBAL_CAM, p_enu=position)
+        return np.asarray(np.asarray(R_enu_gimbal, np.float64) @ _turn_x(mount.roll) @ R_GIMBAL_CAM)
     R_enu_body = np.asarray(R_enu_body, dtype=np.float64)
     base = R_enu_body if mount.kind == "fixed" else R_ENU_NED @ _turn_z(_yaw(R_enu_body))
-    return CameraPose(R_enu_cam=base @ _base_to_gimbal(mount) @ R_GIMBAL_CAM, p_enu=position)
+    return np.asarray(base @ _base_to_camera(mount.roll, mount.pitch, mount.yaw))
 
 
 @lru_cache(maxsize=8)
-def _base_to_gimbal(mount: Mount) -> Floats:
-    """(3, 3) the gimbal's vectors into the frame that the mount's angles refer to: Rz(yaw) · Ry(pitch) · Rx(roll)."""
-    return np.asarray(_turn_z(mount.yaw) @ _turn_y(mount.pitch) @ _turn_x(mount.roll))
+def _base_to_camera(roll: float, pitch: float, yaw: float) -> Floats:
+    """(3, 3) the camera's vectors into the frame that a mount's angles refer to: Rz(yaw) · Ry(pitch) · Rx(roll)."""
+    return np.asarray(_turn_z(yaw) @ _turn_y(pitch) @ _turn_x(roll) @ R_GIMBAL_CAM)
 
 
 def project(intrinsics: Intrinsics, pose: CameraPose, p_enu: ArrayLike) -> tuple[Floats, NDArray[np.bool_]]:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from gcs.mission.mission import Camera, Mission
 from gcs.snapshot import Event
-from mavlink.state import UavState
-from vision.camera.camera import CameraPose, Mount, camera_pose
+from mavlink.state import CameraReport, UavAttitude, UavState
+from vision.camera.camera import CameraPose, Mount, camera_rotation
 
 MOUNT_DOUBT = np.deg2rad(20.0)
 """The gimbal may report to look so far from where the mission's mount has the camera: mounts are set up by eye."""
@@ -62,12 +62,21 @@ class CameraDirection:
             uav: how it hangs in the air.
             p_enu: (3,) where it is, metres.
         """
+        return CameraPose(R_enu_cam=self.rotation(uav, uav.camera), p_enu=p_enu)
+
+    def rotation(self, uav: UavAttitude, report: CameraReport | None) -> NDArray[np.float64]:
+        """The rotation (3, 3) of the camera's pose alone.
+
+        Args:
+            uav: how it hangs in the air.
+            report: what its camera reports.
+        """
         mount = self._mount
-        if self._camera is None and uav.camera is not None:
+        if self._camera is None and report is not None:
             # an image turned clockwise is that of a camera rolled the other way
-            mount = replace(mount, roll=-math.radians(uav.camera.rotation_deg))
+            mount = replace(mount, roll=-math.radians(report.rotation_deg))
         R_enu_body = uav.R_enu_body if uav.attitude_valid else _LEVEL
-        return camera_pose(mount, p_enu, R_enu_body, _gimbal(uav) if self.follows_gimbal else None)
+        return camera_rotation(mount, R_enu_body, _gimbal(uav) if self.follows_gimbal else None)
 
     def check(self, t_us: int, uav: UavState) -> Iterator[Event]:
         """News for the operator about the direction, each once.
@@ -83,7 +92,7 @@ class CameraDirection:
             yield from self._check_turned(t_us, R_enu_gimbal is not None)
         if self.follows_gimbal or self._mount_doubted or R_enu_gimbal is None:
             return
-        R_enu_cam = camera_pose(self._mount, uav.p_enu, uav.R_enu_body).R_enu_cam
+        R_enu_cam = camera_rotation(self._mount, uav.R_enu_body)
         if R_enu_cam[:, 2] @ R_enu_gimbal[:, 0] < np.cos(MOUNT_DOUBT):
             self._mount_doubted = True
             text = 'the gimbal reports another direction than the mission\'s camera; mount = "gimbal" would follow it'
@@ -115,7 +124,7 @@ class CameraDirection:
             yield Event(t_us=t_us, level="alarm", kind="camera", text=text)
 
 
-def _gimbal(uav: UavState) -> NDArray[np.float64] | None:
+def _gimbal(uav: UavAttitude) -> NDArray[np.float64] | None:
     return uav.R_enu_gimbal if uav.attitude_valid else None
 
 

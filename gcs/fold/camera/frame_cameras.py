@@ -24,7 +24,7 @@ from gcs.mission.mission import Camera, Mission
 from gcs.snapshot import Event
 from mavlink.fleet.fleet import Fleet
 from mavlink.geodesy import LocalFrame
-from mavlink.state import FleetState, UavState
+from mavlink.state import FleetState, UavAttitude
 from vision.detect.detections import Detections
 from vision.motion.attitude_fusion import AttitudeFusion
 from vision.motion.fused_evidence import ReportedRotation, SeenTracks
@@ -227,7 +227,7 @@ class FrameCameras:
             motion: how the camera moved since the last frame, by the pixels; None: not known.
             yaw_error: by how much the camera's heading is off, radians clockwise, as far as known.
         """
-        self._reported = self._attitude(state, camera, fleet)
+        self._reported = self._attitude(state, fleet)
         zoomed = not np.array_equal(self._K, camera.intrinsics.K)
         self._K = camera.intrinsics.K
         if motion is not None and not zoomed:
@@ -277,18 +277,21 @@ class FrameCameras:
         )
         return rotation_of(motion, camera.intrinsics, ground)
 
-    def _attitude(self, state: FleetState, camera: FrameCamera, fleet: Fleet) -> ReportedRotation:
+    def _attitude(self, state: FleetState, fleet: Fleet) -> ReportedRotation:
         """Telemetry's rotation at a frame and since the last."""
         t_us, lag_us = state.t_us, self.attitude_lag_us
-        uav = fleet.uav_at(t_us + lag_us) if lag_us else state.uav
+        gimbal, report = self._direction.follows_gimbal, state.uav.camera
+        uav = fleet.attitude_at(t_us + lag_us, gimbal=gimbal) if lag_us else state.uav
         before_us, self._asked_us = self._asked_us, t_us
 
-        def rotation(uav: UavState) -> NDArray[np.float64]:
-            return self._direction.pose(uav, camera.pose.p_enu).R_enu_cam
+        def rotation(uav: UavAttitude) -> NDArray[np.float64]:
+            return self._direction.rotation(uav, report)
 
         sampled_us = fleet.attitude_times(before_us + lag_us, t_us + lag_us) if before_us else []
         wanted_us = fleet.attitude_times(*self._lags.samples_wanted(t_us)) if uav.attitude_valid else []
-        sampled = {sample_us: rotation(fleet.uav_at(sample_us)) for sample_us in {*sampled_us, *wanted_us}}
+        sampled = {
+            sample_us: rotation(fleet.attitude_at(sample_us, gimbal=gimbal)) for sample_us in {*sampled_us, *wanted_us}
+        }
         for sample_us in wanted_us:
             self._lags.add_sample(sample_us, sampled[sample_us])
         if not uav.attitude_valid:
