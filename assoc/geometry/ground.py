@@ -8,7 +8,9 @@ positions are beyond their time stamps.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +19,12 @@ from assoc.history import TrackHistory
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+Number = TypeVar("Number", float, FloatArray)
 
 THETA = 9
 """Length of θ."""
 YAW, YAW_RATE, PITCH, ROLL, EAST, NORTH, HEIGHT, OFFSET, LAG = range(THETA)
+_PLACE = slice(EAST, HEIGHT + 1)
 
 _DEPRESSION_SIN_MIN = 0.05
 """Rays flatter than this (sine of the angle below the horizon) are not projected: they hit the ground too far away."""
@@ -97,26 +101,35 @@ def _positions_at(history: TrackHistory, rows: slice, late_s: float) -> FloatArr
     return np.where(unknown[:, None], np.nan, p + on)
 
 
-def _level_axes(R: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Horizontal right and forward axes of the image, each (F, 3)."""
-    right = R[:, :, 0] * np.array([1.0, 1.0, 0.0])
-    right /= np.maximum(np.linalg.norm(right, axis=1), 1e-9)[:, None]
-    # forward = up × right
-    forward = np.stack([-right[:, 1], right[:, 0], np.zeros(len(R))], axis=1)
-    return right, forward
+def _level_right(R: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """East and north of the image's horizontal right axis, (F,) each; its forward axis is (−north, east)."""
+    east, north = R[:, 0, 0], R[:, 1, 0]
+    norm = np.maximum(np.sqrt(east * east + north * north), 1e-9)
+    return east / norm, north / norm
 
 
 def _rotations(R: FloatArray, yaw: FloatArray, pitch: FloatArray | float, roll: FloatArray | float) -> FloatArray:
     """(F, 3, 3) rotation of the correction, Rz(−yaw) (I + [pitch·right + roll·forward]×): first order in the tilts."""
-    right, forward = _level_axes(R)
-    x, y = pitch * right.T[:2] + roll * forward.T[:2]
-    c, s = np.cos(yaw), np.sin(yaw)
-    turn = np.zeros((len(R), 3, 3))
-    # clockwise by yaw: east' = c·e + s·n, north' = −s·e + c·n; the axis (x, y, 0) is level
-    turn[:, 0, 0], turn[:, 0, 1], turn[:, 0, 2] = c, s, c * y - s * x
-    turn[:, 1, 0], turn[:, 1, 1], turn[:, 1, 2] = -s, c, -s * y - c * x
-    turn[:, 2, 0], turn[:, 2, 1], turn[:, 2, 2] = -y, x, 1.0
+    east, north = _level_right(R)
+    turn = np.empty((len(R), 3, 3))
+    rows = _turned(np.cos(yaw), np.sin(yaw), pitch * east - roll * north, pitch * north + roll * east)
+    for i, row in enumerate(rows):
+        turn[:, i, 0], turn[:, i, 1], turn[:, i, 2] = row
     return turn
+
+
+def _turned(c: Number, s: Number, x: Number, y: Number) -> list[list[Number | float]]:
+    """Rows of Rz(−yaw) (I + [(x, y, 0)]×), from cosine and sine of the yaw: numbers, or arrays for several."""
+    # clockwise by yaw: east' = c·e + s·n, north' = −s·e + c·n; the axis (x, y, 0) is level
+    return [[c, s, c * y - s * x], [-s, c, -s * y - c * x], [-y, x, 1.0]]
+
+
+def _tilt(R_enu_cam: FloatArray, theta: FloatArray) -> tuple[float, float]:
+    """East and north of the level axis about which one frame's camera is tilted under a correction, radians."""
+    east, north = float(R_enu_cam[0, 0]), float(R_enu_cam[1, 0])
+    norm = max(math.sqrt(east * east + north * north), 1e-9)
+    pitch, roll, east, north = float(theta[PITCH]), float(theta[ROLL]), east / norm, north / norm
+    return pitch * east - roll * north, pitch * north + roll * east
 
 
 def _intersect_ground(d: FloatArray, p: FloatArray, z: FloatArray) -> FloatArray:
@@ -138,9 +151,9 @@ def _points(
     yaw, pitch, roll = _yaw(history, rows, theta), theta[PITCH], theta[ROLL]
     if sway is not None:
         yaw, pitch, roll = yaw + sway[:, YAW], pitch + sway[:, PITCH], roll + sway[:, ROLL]
-        p = p + sway[:, [EAST, NORTH, HEIGHT]]
+        p = p + sway[:, _PLACE]
     turned = np.matmul(_rotations(R, yaw, pitch, roll), R)
-    p = p + theta[[EAST, NORTH, HEIGHT]]
+    p = p + theta[_PLACE]
     return _intersect_ground(np.matmul(rays, turned.transpose(0, 2, 1)), p, history.z[rows]), R, p
 
 
@@ -180,9 +193,10 @@ def ground_tracks(
     jacobian[..., YAW_RATE] = jacobian[..., YAW] * (history.t[rows] - history.t[history.n - 1])[:, None, None]
     yaw = _yaw(history, rows, theta)[:, None]
     c, s = np.cos(yaw), np.sin(yaw)
-    for k, axis in zip((PITCH, ROLL), _level_axes(R), strict=True):
-        # the level axis turned clockwise by yaw
-        x, y = c * axis[:, :1] + s * axis[:, 1:2], c * axis[:, 1:2] - s * axis[:, :1]
+    east, north = (part[:, None] for part in _level_right(R))
+    # the level axes turned clockwise by yaw
+    right = c * east + s * north, c * north - s * east
+    for k, (x, y) in ((PITCH, right), (ROLL, (-right[1], right[0]))):
         # the ray turns by a × d, a = (x, y, 0): ∂g = fall ((y, −x) − u (x u_n − y u_e))
         spin = x * u[..., 1] - y * u[..., 0]
         jacobian[..., 0, k], jacobian[..., 1, k] = fall * (y - u[..., 0] * spin), fall * (-x - u[..., 1] * spin)
@@ -212,13 +226,15 @@ def ground_tracks(
 
 def _corrected(R_enu_cam: FloatArray, theta: FloatArray) -> FloatArray:
     """(3, 3) rotation of one frame's camera under a correction."""
-    R = R_enu_cam[None]
-    return np.asarray((_rotations(R, theta[[YAW]], float(theta[PITCH]), float(theta[ROLL])) @ R)[0])
+    yaw = float(theta[YAW])
+    return np.asarray(np.array(_turned(math.cos(yaw), math.sin(yaw), *_tilt(R_enu_cam, theta))) @ R_enu_cam)
 
 
 def _sight_lines(p: FloatArray, p_enu: FloatArray, ground_z: float, theta: FloatArray) -> FloatArray:
     """(n, 3) ENU from the corrected camera to places (n, 2) on the ground, metres."""
-    return np.concatenate([p, np.full((len(p), 1), ground_z)], axis=1) - (p_enu + theta[[EAST, NORTH, HEIGHT]])
+    to = np.empty((len(p), 3))
+    to[:, :2], to[:, 2] = p, ground_z
+    return np.asarray(to - (p_enu + theta[_PLACE]))
 
 
 def angles_to_places(
@@ -261,7 +277,7 @@ def rays_to_ground(
         (m, 2) east and north, metres, NaN where a ray does not descend.
     """
     d = rays @ _corrected(R_enu_cam, theta).T
-    return np.asarray(_intersect_ground(d[None], (p_enu + theta[[EAST, NORTH, HEIGHT]])[None], np.array([ground_z]))[0])
+    return np.asarray(_intersect_ground(d[None], (p_enu + theta[_PLACE])[None], np.array([ground_z]))[0])
 
 
 def ground_to_rays(
@@ -280,9 +296,9 @@ def ground_to_rays(
         (n, 3) camera frame, metres, to first order in pitch and roll.
     """
     d = _sight_lines(p, p_enu, ground_z, theta)
-    R, level = R_enu_cam[None], np.zeros(1)
-    back = _rotations(R, level, -float(theta[PITCH]), -float(theta[ROLL])) @ _rotations(R, -theta[[YAW]], 0.0, 0.0)
-    return np.asarray(d @ back[0].T @ R_enu_cam)
+    (x, y), yaw = _tilt(R_enu_cam, theta), float(theta[YAW])
+    back = np.array(_turned(1.0, 0.0, -x, -y)) @ np.array(_turned(math.cos(yaw), -math.sin(yaw), 0.0, 0.0))
+    return np.asarray(d @ back.T @ R_enu_cam)
 
 
 def place_covariance(level_m: FloatArray, height_m: float) -> FloatArray:
