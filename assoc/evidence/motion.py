@@ -57,6 +57,7 @@ _STEP_S = 0.15
 """Reports of one vehicle within this time, seconds, are one sample."""
 _WHITE_VAR = WHITE_STD_M**2
 """(G,) m²."""
+_LOG_WHITE_VAR = np.log(_WHITE_VAR)
 _FRESH_COV = np.stack([_WHITE_VAR, np.zeros_like(_WHITE_VAR), np.full_like(_WHITE_VAR, _SPEED_STD_MPS**2)], axis=1)
 """(G, 3) covariance pp, pv, vv after a vehicle's first report."""
 _LOG_PRIOR_STD = -0.5 * (np.log(WHITE_STD_M / 0.4) / 1.0) ** 2
@@ -156,16 +157,18 @@ class ReportLog:
         """Without and with the newest sample."""
         self._outliers: dict[tuple[int, float], BoolArray] = {}
         """(G,) for which candidates a sample, by vehicle and time, is an outlier."""
+        self.white_index: int
+        """Index in ``WHITE_STD_M`` of the samples' noise."""
+        self._learn_noise()
 
-    @property
-    def white_index(self) -> int:
-        """Index in ``WHITE_STD_M`` nearest to the mean variance of the samples' noise, given all of them: √E[σ²].
+    def _learn_noise(self) -> None:
+        """Choose the noise nearest to the mean variance of the samples' noise, given all of them: √E[σ²].
 
         Few reports determine σ poorly, and a value that is too small makes the first names too certain.
         """
-        log_p = np.sum(self._now.score, axis=0) + _LOG_PRIOR_STD
-        p = np.exp(log_p - np.max(log_p))
-        return int(np.argmin(np.abs(np.log(WHITE_STD_M**2) - np.log(p @ WHITE_STD_M**2 / np.sum(p)))))
+        log_p = self._now.score.sum(axis=0) + _LOG_PRIOR_STD
+        p = np.exp(log_p - log_p.max())
+        self.white_index = int(np.abs(_LOG_WHITE_VAR - np.log(p @ _WHITE_VAR / p.sum())).argmin())
 
     @property
     def white_std_m(self) -> float:
@@ -257,6 +260,7 @@ class ReportLog:
             _set_rows(past.state, to, _rows(before.state, by))
             _set_rows(past.earlier, to, _rows(before.earlier, by))
             past.score[to], past.t[to] = before.score[by], before.t[by]
+        anew._learn_noise()
         for each in fields(Samples):
             getattr(anew._open, each.name)[to] = getattr(self._open, each.name)[by]
         anew._open.vehicle[:] = np.arange(len(rows))
@@ -339,6 +343,7 @@ class ReportLog:
             found = self._filter(vehicle, sample.t[vehicle], sample.p[vehicle])
             sample.log_null[vehicle], sample.jump_var[vehicle] = found
             self._unfiltered[vehicle] = False
+            self._learn_noise()
             unknown = vehicle[self._speedless[vehicle]]
             self.last_v[unknown] = to_east_north(self._now.state.speed[unknown, self.white_index])
 

@@ -18,7 +18,7 @@ from assoc.evidence.likelihood import (
 )
 from assoc.evidence.motion import ReportLog
 from assoc.geometry.expected_view import chance_in_view
-from assoc.geometry.ground import EAST, HEIGHT, LAG, NORTH, OFFSET, THETA, rays_to_ground
+from assoc.geometry.ground import EAST, HEIGHT, LAG, OFFSET, THETA, rays_to_ground
 from assoc.geometry.sway import FAST_MPS, FREE_TURNS, TURNS, Sway, wander_in_flight, wander_of
 from assoc.history import TrackHistory
 from assoc.hypotheses.bias_memory import BiasMemory, learn_bias_noise
@@ -148,7 +148,7 @@ class Estimator:
         if newest < 0:
             return theta
         theta = theta.copy()
-        theta[[EAST, NORTH, HEIGHT]] += theta[LAG] * self._history.v[newest]
+        theta[EAST : HEIGHT + 1] += theta[LAG] * self._history.v[newest]
         return theta if self._sway is None else np.asarray(theta + self._sway.at(self._history.t[[newest]])[0])
 
     @property
@@ -173,7 +173,7 @@ class Estimator:
     @property
     def time_offset_s(self) -> float:
         """Estimated video time minus telemetry time, seconds."""
-        return float(self.theta[OFFSET])
+        return float(self._thetas[0][OFFSET]) if self._thetas else 0.0
 
     @property
     def locked(self) -> bool:
@@ -336,21 +336,19 @@ class Estimator:
         moved = (q.predicted_speed_std_mps * np.minimum(age, _LONGEST_AGE_S)) ** 2
         return p + mean, var + self._log.white_std_m**2 + q.predicted_floor_m2 + moved
 
-    def distances(
-        self, t: float, observation: Observation, camera: CameraState
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """How far each track is from where each vehicle reports to be.
-
-        Returns:
-            (m, n) metres to the extrapolated report; (m, n) the same less the vehicle's usual error, in standard
-            deviations; (n,) age of the report, seconds.
-        """
+    def reported(self, t: float) -> tuple[FloatArray, FloatArray]:
+        """Where each vehicle reports to be at a time, (n, 2) metres, and (n,) the ages of their reports, seconds."""
         now = t - self.time_offset_s
-        p, age = self._log.extrapolated(now)[0], now - self._log.last_t
-        g = rays_to_ground(observation.ray_cam, camera.R_enu_cam, camera.p_enu, camera.ground_z, self.theta)
+        return self._log.extrapolated(now)[0], now - self._log.last_t
+
+    def places(self, observation: Observation, camera: CameraState) -> FloatArray:
+        """(m, 2) where the boxes of a frame are under the correction, east and north, metres."""
+        return rays_to_ground(observation.ray_cam, camera.R_enu_cam, camera.p_enu, camera.ground_z, self.theta)
+
+    def deviations(self, t: float, places: FloatArray) -> FloatArray:
+        """(m, n) how far places (m, 2) are from where each vehicle's track is expected, in standard deviations."""
         usual, var = self.predicted(t)
-        away = np.linalg.norm(g[:, None] - p[None], axis=2)
-        return away, np.linalg.norm(g[:, None] - usual[None], axis=2) / np.sqrt(var), age
+        return np.asarray(np.linalg.norm(places[:, None] - usual[None], axis=2) / np.sqrt(var))
 
     def _context(self, t: float, live: IntArray, camera: CameraState) -> UpdateContext:
         """The inputs of this update."""

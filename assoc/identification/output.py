@@ -156,11 +156,14 @@ def compose_identities(
     if cache.stale(t, observation.track_id, choice):
         cache.store(t, observation.track_id, choice, np.stack(_masses(t, observation, camera, log, estimator, choice)))
     projection, topology, fused = cache.masses_of(observation.track_id, choice)
-    far = estimator.distances(t, observation, camera)
+    places, (reported, age_s) = estimator.places(observation, camera), estimator.reported(t)
     named = np.flatnonzero(choice >= 0)
     residual, age = np.full((2, m), np.nan)
-    residual[named], age[named] = far[0][named, choice[named]], far[2][choice[named]]
+    off = places[named] - reported[choice[named]]
+    residual[named], age[named] = np.sqrt(np.sum(off * off, axis=1)), age_s[choice[named]]
     if candidates.stale(t, observation.track_id, p):
+        away = np.linalg.norm(places[:, None] - reported[None], axis=2)
+        far = away, estimator.deviations(t, places), age_s
         candidates.store(t, observation.track_id, p, _candidates(system_ids, observation.track_id, p, *far))
     return Identities(
         track_id=observation.track_id.copy(),
