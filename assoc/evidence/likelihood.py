@@ -208,6 +208,7 @@ def run_filter(
     mean_r = to_complex(blocks.mean + (blocks.jacobian @ (theta - blocks.theta))[:, :, None, :])
     variance, constant = block_constants(blocks, noise)
     has_all = blocks.count > 0
+    reported = has_all.any(axis=(1, 2)).tolist()
     decay, prior = noise.decay, noise.bias_std**2
     null, bonus = _first_null(blocks, noise.log_area_at(theta)), noise.in_view_bonus
     # each block as if it were the first of the pair
@@ -224,10 +225,17 @@ def run_filter(
     for b in range(len(mean_r)):
         if b == fold:
             folded = PairState(score=L, mean=to_east_north(M), var=V, seen=seen, inherited=inherited)
-        has = has_all[b]
         # M⁻ = λM, V⁻ = λ²V + (1 − λ²)σ_b² + a jump of the vehicle's own reports
         M, V = decay * M, decay**2 * V + renewed[b]
-        e = mean_r[b] - M
+        # the track may have been another vehicle until now: its evidence, the chance of a change
+        best = np.max(L, axis=1, initial=0.0)[:, None]
+        before = best + log_switch[b][:, None]
+        unheard = before - _NO_REPORT
+        no_report, other = np.where(seen, np.logaddexp(L, unheard), L), seen & (unheard > L)
+        if not reported[b]:
+            L, inherited = no_report, np.where(other, best, inherited)
+            continue
+        has, e = has_all[b], mean_r[b] - M
         s = V + variance[b]
         log_p = constant[b] + log_density(squared_magnitude(e), s, V)
         gain_later = log_p - blocks.log_null[b]
@@ -243,17 +251,14 @@ def run_filter(
         if placed is not None:
             later, first = noise.place_rate * placed[b], np.maximum(placed[b], _FIRST_LEAST)
         stay = np.where(seen, L + later, first)
-        # the track may have been another vehicle until now: its evidence, the chance of a change, a first comparison
-        best = np.max(L, axis=1, initial=0.0)[:, None]
-        before = best + log_switch[b][:, None]
+        # another vehicle begins with a first comparison
         switch = np.where(seen, before + restart[b], NEVER)
         gain = V / s
         M_stay, V_stay = M + gain * e, V - gain * V
         changed = switch > stay
         M = np.where(has, np.where(changed, M_first[b], M_stay), M)
         V = np.where(has, np.where(changed, V_first[b], V_stay), V)
-        no_report = np.where(seen, np.logaddexp(L, before - _NO_REPORT), L)
-        inherited = np.where(np.where(has, changed, seen & (before - _NO_REPORT > L)), best, inherited)
+        inherited = np.where(np.where(has, changed, other), best, inherited)
         L = np.where(has, np.logaddexp(stay, switch), no_report)
         seen = seen | has
     final = PairState(score=L, mean=to_east_north(M), var=V, seen=seen, inherited=inherited)

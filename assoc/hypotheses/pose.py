@@ -160,6 +160,9 @@ def _innovations(
         M, V = decay[..., None, None] * M, decay**2 * V + renewed[b]
         s = V + variance[b]
         e = x[b] - M
+        if not has[b].any():
+            yield e, s, np.broadcast_to(has[b], s.shape)
+            continue
         # a pair that begins only now, after a tracker's swap: its earlier residuals carry no information about the pose
         outlier = has[b] & (np.sum(e[..., 0] ** 2, axis=2) > _OUTLIER * s)
         used = has[b] & ~outlier
