@@ -345,7 +345,8 @@ class ReportLog:
             self._unfiltered[vehicle] = False
             self._learn_noise()
             unknown = vehicle[self._speedless[vehicle]]
-            self.last_v[unknown] = to_east_north(self._now.state.speed[unknown, self.white_index])
+            if len(unknown):
+                self.last_v[unknown] = to_east_north(self._now.state.speed[unknown, self.white_index])
 
     def _close(self, vehicle: IntArray) -> None:
         """Nothing is added any more to the newest samples of some vehicles."""

@@ -16,7 +16,9 @@ def to_complex(p: FloatArray) -> ComplexArray:
 
 def to_east_north(z: ComplexArray) -> FloatArray:
     """(..., 2) east, north of (...) complex numbers."""
-    return np.stack([z.real, z.imag], axis=-1)
+    p = np.empty((*z.shape, 2))
+    p[..., 0], p[..., 1] = z.real, z.imag
+    return p
 
 
 def squared_magnitude(z: ComplexArray) -> FloatArray:

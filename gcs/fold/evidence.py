@@ -74,7 +74,8 @@ def reports_of(reports: Reports, ugv_ids: Sequence[int], view: FrameCamera | Non
     if view is not None:
         # the camera was elsewhere when a report was made
         ago_s = np.clip((state.t_us - reports.t_us) * 1e-6, -LONGEST_AGO_S, LONGEST_AGO_S)
-        camera = view.pose.p_enu - ago_s[:, None] * np.nan_to_num(state.uav.v_enu)
+        v_enu = np.where(np.isfinite(state.uav.v_enu), state.uav.v_enu, 0.0)
+        camera = view.pose.p_enu - ago_s[:, None] * v_enu
         p_enu = view.ground.seen_on_level(p_enu, reports.system_id, camera)
     place = {system_id: k for k, system_id in enumerate(ugv_ids)}
     return VehicleReports(

@@ -137,6 +137,7 @@ class Pipeline:
         self._identifier = Identifier(mission.ugv_ids, self._params)
         self._origin: LocalFrame | None = None
         self._offset_s = 0.0 if auto else float(mission.clock.video_offset_s)
+        self._offset_us = round(self._offset_s * 1e6)
         self._cameras = FrameCameras(mission, sized=sized)
         self._view: FrameCamera | None = None
         self._look: _Look | None = None
@@ -409,7 +410,7 @@ class Pipeline:
 
     def telemetry_time(self, t_us: int) -> int:
         """Telemetry's time, Unix µs, at a time of the video's clock, by the offset that the mission declares."""
-        return t_us - round(self._offset_s * 1e6)
+        return t_us - self._offset_us
 
     def _frame_camera(self, state: FleetState, size: tuple[int, int] | None) -> FrameCamera | None:
         """The camera as the UAV reports it, None without a position or a camera."""
@@ -533,8 +534,9 @@ class Pipeline:
             uav_enu=state.uav.p_enu,
             uav_heading=state.uav.yaw,
             health=with_camera_errors(
-                replace(self._link_rates.with_rates(t_us, health or Health()), looked_share=looked_share),
+                self._link_rates.with_rates(t_us, health or Health()),
                 *(self._identifier, self._offset_s),
+                looked_share=looked_share,
                 guessed=self._cameras.guessed,
                 differ=self.seat.contradictions(self.mission) if self.seat else "",
             ),

@@ -260,7 +260,7 @@ def standing_of(row: VehicleRow, box: Box | None, now: Snapshot, *, lapsed: bool
 
 
 def with_camera_errors(
-    health: Health, identifier: Identifier, offset_s: float, *, guessed: bool, differ: str = ""
+    health: Health, identifier: Identifier, offset_s: float, *, looked_share: float, guessed: bool, differ: str = ""
 ) -> Health:
     """Health with the estimated errors of the camera's clock, heading and pitch, and whether it is mirrored.
 
@@ -268,6 +268,7 @@ def with_camera_errors(
         health: How the program is doing.
         identifier: Knows the errors.
         offset_s: By how much the mission declares the video's clock to be ahead of telemetry's.
+        looked_share: Share of the picture that was looked at.
         guessed: Whether which way the camera looks is a guess, so that nothing follows from a film that does not fit.
         differ: What another camera names differently.
     """
@@ -281,6 +282,7 @@ def with_camera_errors(
         pitch_offset=float(theta[PITCH]),
         pitch_offset_std=float(std[PITCH]),
         mirrored=identifier.mirrored,
+        looked_share=looked_share,
         views_differ=differ,
         fit=math.nan if guessed else identifier.fit_probability,
     )

@@ -35,6 +35,9 @@ _MOST_SATELLITES = 100
 """More are not above any horizon."""
 _UNKNOWN_RSSI = 255
 
+_TELLING = BatteryStatus, SensorHealth, FilterStatus, GpsRaw, SecondGps, Heartbeat, StatusText
+"""Samples that tell of the condition: most others are positions and attitudes."""
+
 Power = TypeVar("Power", BatteryStatus, SensorHealth)
 Source = TypeVar("Source", BatteryStatus, SensorHealth, FilterStatus, GpsRaw | SecondGps)
 
@@ -62,6 +65,8 @@ class ConditionReports:
     def add(self, sample: Sample | None, channel: tuple[int, int]) -> None:
         """Take in one message, of whatever kind, that came over a channel."""
         self.channel = channel
+        if not isinstance(sample, _TELLING):
+            return
         if isinstance(sample, BatteryStatus):
             if sample.function != _PAYLOAD:
                 _keep(self._batteries, (sample.component_id, sample.battery_id), self._checked(sample))

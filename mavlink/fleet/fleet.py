@@ -115,8 +115,10 @@ def uav_state(
 def is_awaited(uav: Vehicle, gimbals: Gimbals, t_us: int) -> bool:
     """Tell whether a position, attitude or gimbal's attitude that belongs to a Unix time is still to come."""
     boot_us = uav.clock.boot_of(t_us)
-    newest = (uav.positions.newest, uav.attitudes.newest, gimbals.newest)
-    return any(sample is not None and 0 < boot_us - sample[0] <= _REPORTING_US for sample in newest)
+    for newest in (uav.positions.newest, uav.attitudes.newest, gimbals.newest):
+        if newest is not None and 0 < boot_us - newest[0] <= _REPORTING_US:
+            return True
+    return False
 
 
 MODEM_MESSAGES = (109, 166)

@@ -136,14 +136,14 @@ class PacketLoss:
         self.sequence = SequenceLoss(half_life)
         self._regular: dict[tuple[int, int], _RegularMessage] = {}
 
-    def add(self, packet: Packet) -> None:
+    def add(self, packet: Packet, message_id: int) -> None:
         """Counts one packet."""
-        self.sequence.add(packet.peer, packet.component_id, packet.seq)
-        message_id = packet.message_id
+        component_id = packet.component_id
+        self.sequence.add(packet.peer, component_id, packet.seq)
         made_ms = packet.t_us // 1000 if message_id == _HEARTBEAT else packet.boot_ms
         if not made_ms:
             return
-        key = packet.component_id, message_id
+        key = component_id, message_id
         regular = self._regular.get(key)
         if regular is not None:
             regular.add(made_ms)

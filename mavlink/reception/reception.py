@@ -193,12 +193,12 @@ class _Channel:
         self.first_copies = 0
         """Packets in a row that no other channel had brought before."""
 
-    def add(self, packet: Packet) -> int:
+    def add(self, packet: Packet, message_id: int) -> int:
         """Counts a packet and returns the run of its sequence number."""
         t_us, component_id, seq = packet.t_us, packet.component_id, packet.seq
         self.packets += 1
         self.rate.add(t_us)
-        self.loss.add(packet)
+        self.loss.add(packet, message_id)
         runs = self.runs.get(component_id)
         if runs is None:
             runs = self.runs[component_id] = _SequenceRuns()
@@ -229,7 +229,7 @@ class Reception:
         dated = message_id in _TIME_STAMPED or packet.signed
         first = self._first_copies.find(packet, dated)
         channel = self._channel_of(packet.link, packet.peer)
-        run = channel.add(packet)
+        run = channel.add(packet, message_id)
         if first is None:
             channel.first_copies += dated
         elif dated or channel.first_copies < _FIRST_COPIES:

@@ -228,7 +228,7 @@ class MessageRates:
             peer.restart(now_s)
             peer.boot_ms = 0
         peer.boot_ms, peer.newest_s = max(peer.boot_ms, booted_ms), now_s
-        peer.loss.add(packet)
+        peer.loss.add(packet, packet.message_id)
         if (stream := peer.streams.get(packet.message_id)) is not None:
             stream.arrivals.append(now_s)
             stream.ever = True

@@ -112,8 +112,8 @@ def _touching(
     """Pairs of some boxes in one line that touch, the nearest first, no box twice; how long they are together, px."""
     if len(rows) < 2:
         return []
-    boxes, length, width = all_boxes.select(rows), all_lengths[rows], all_widths[rows]
-    offset = boxes.centre[None] - boxes.centre[:, None]
+    centre, length, width = all_boxes.centre[rows], all_lengths[rows], all_widths[rows]
+    offset = centre[None] - centre[:, None]
     away = np.hypot(offset[..., 0], offset[..., 1])
     mean = 0.5 * (length[:, None] + length[None])
     i, j = np.nonzero(np.triu(np.abs(away - mean) < GAP * mean, 1))
@@ -122,9 +122,9 @@ def _touching(
     i, j = i[alike], j[alike]
     if not len(i):
         return []
-    line = np.arctan2(offset[i, j, 1], offset[i, j, 0])
+    line, axis = np.arctan2(offset[i, j, 1], offset[i, j, 0]), _axis(all_boxes)[rows]
     # a half may be wider than long: its box's axis is either side
-    turned = np.maximum(*(_between(line, _axis(boxes)[k], length[k] / width[k]) for k in (i, j)))
+    turned = np.maximum(*(_between(line, axis[k], length[k] / width[k]) for k in (i, j)))
     aside = away[i, j] * np.sin(turned)
     good = (turned < TURNED) & (aside < ASIDE * length[i])
     found, taken = [], set[int]()

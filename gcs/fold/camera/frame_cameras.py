@@ -25,6 +25,7 @@ from gcs.snapshot import Event
 from mavlink.fleet.fleet import Fleet
 from mavlink.geodesy import LocalFrame
 from mavlink.state import FleetState, UavAttitude
+from vision.camera.camera import CameraPose
 from vision.detect.detections import Detections
 from vision.motion.attitude_fusion import AttitudeFusion
 from vision.motion.fused_evidence import ReportedRotation, SeenTracks
@@ -355,5 +356,5 @@ def _terrain_of(mission: Mission) -> tuple[TerrainFile | None, str]:
 
 def _turned(camera: FrameCamera, R_enu_cam: NDArray[np.float64]) -> FrameCamera:
     reported = camera.pose.R_enu_cam if camera.R_reported is None else camera.R_reported
-    pose = replace(camera.pose, R_enu_cam=R_enu_cam)
+    pose = CameraPose(R_enu_cam=R_enu_cam, p_enu=camera.pose.p_enu)
     return replace(camera, pose=pose, R_reported=reported, of_image_time=True)

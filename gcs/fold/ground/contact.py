@@ -86,5 +86,5 @@ def _ranges(sine: FloatArray, view: FrameCamera) -> FloatArray:
 
 def _depressions(rays: FloatArray, view: FrameCamera) -> tuple[FloatArray, FloatArray]:
     """(k, 3) the rays at unit length; (k,) sines of how far they point below the horizon."""
-    unit = rays / np.linalg.norm(rays, axis=1)[:, None]
+    unit = rays / np.sqrt(np.sum(rays * rays, axis=1))[:, None]
     return unit, -(unit @ view.pose.R_enu_cam[2])
