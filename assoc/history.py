@@ -66,8 +66,8 @@ class TrackHistory:
         """(R, 3) camera position, ENU, metres."""
         self.v = np.zeros((rows, 3))
         """(R, 3) camera velocity, ENU, m/s, by how its positions went on: some report none, or zeros."""
-        self.speed_mps = 0.0
-        """Largest speed of the camera, m/s, measured over seconds, for which errors of its positions hardly count."""
+        self._speed_mps: float | None = None
+        """Speed of the flight, None until it is asked for after a frame."""
         self.z = np.zeros(rows)
         """(R,) height of the ground, metres."""
         self.px_rad = np.zeros(rows)
@@ -124,10 +124,16 @@ class TrackHistory:
         spread = float(t @ t)
         v = t @ self.p[since : self.n] / spread if spread > _LEAST_SPREAD_S2 else np.zeros(3)
         self.v[(since + self.n) // 2 : self.n] = v * max(0.0, 1.0 - _HOVERS_MPS**2 / max(float(v @ v), 1e-9))
-        self.speed_mps = self._most_flown()
+        self._speed_mps = None
+
+    @property
+    def speed_mps(self) -> float:
+        """Largest speed of the camera, m/s, measured over seconds, for which errors of its positions hardly count."""
+        if self._speed_mps is None:
+            self._speed_mps = self._most_flown()
+        return self._speed_mps
 
     def _most_flown(self) -> float:
-        """The most that the camera flew at in the history, m/s."""
         rows = slice(0, self.n)
         before = np.searchsorted(self.t[rows], self.t[rows] - _FLIGHT_S)
         passed_s = self.t[rows] - self.t[before]

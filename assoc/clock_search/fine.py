@@ -26,7 +26,7 @@ from assoc.history import TrackHistory
 from assoc.hypotheses.marginals import best_assignment
 from assoc.hypotheses.pose import Fitted, PosePrior, fit, whiten
 from assoc.hypotheses.priors import noise_of
-from assoc.hypotheses.search import UpdateContext, residual_blocks, scores
+from assoc.hypotheses.search import UpdateContext, residual_blocks, samples_of_window, scores
 from assoc.params import IdentifierParams
 from assoc.records import CameraState
 
@@ -197,6 +197,7 @@ def _context(history: TrackHistory, path: CameraPath, reports: ReportLog, yaw: f
         replaced=np.zeros(count, np.bool_),
         anchors=np.empty(0, np.int64),
         log=reports,
+        samples=samples_of_window(reports, first, last, q.block_s),
         first_block=first,
         last_block=last,
         block_s=q.block_s,
@@ -258,7 +259,7 @@ def _seen_blocks(
     """
     block_s, first = context.block_s, context.first_block
     count = context.last_block - first + 1
-    samples = context.log.samples(first * block_s, (context.last_block + 1) * block_s)
+    samples = context.samples
     block = np.floor(samples.t / block_s).astype(np.int64) - first
     history, edge = context.history, _WELL_INSIDE * np.array(half_view)
     inside = np.zeros((count, context.log.n_vehicles), np.bool_)

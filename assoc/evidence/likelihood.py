@@ -208,7 +208,7 @@ def run_filter(
     mean_r = to_complex(blocks.mean + (blocks.jacobian @ (theta - blocks.theta))[:, :, None, :])
     variance, constant = block_constants(blocks, noise)
     has_all = blocks.count > 0
-    reported = has_all.any(axis=(1, 2)).tolist()
+    reported = np.asarray(has_all.any(axis=(1, 2)))
     decay, prior = noise.decay, noise.bias_std**2
     null, bonus = _first_null(blocks, noise.log_area_at(theta)), noise.in_view_bonus
     # each block as if it were the first of the pair

@@ -127,7 +127,8 @@ def whiten(blocks: Blocks, tracks: IntArray, vehicles: IntArray, state: PairStat
     V = state.var[tracks, vehicles]
     model = BiasModels(std=np.array([noise.bias_std]), decay=np.array([noise.decay]))
     steps = _innovations(x, has, variance, blocks.jump_var[:, vehicles], M[None], V[None], model)
-    out = np.stack([e[0] * np.where(used, 1.0 / np.sqrt(s), 0.0)[0, :, None, None] for e, s, used in steps])
+    e, s, used = (np.stack(part)[:, 0] for part in zip(*steps, strict=True))
+    out = e * np.where(used, 1.0 / np.sqrt(s), 0.0)[..., None, None]
     return Whitened(e=out[..., 0], jacobian=out[..., 1:], samples=2.0 * np.sum(has, axis=0), theta=blocks.theta)
 
 

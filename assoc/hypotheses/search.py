@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from assoc.evidence.blocks import Blocks, make_blocks, with_extrapolated_block
 from assoc.evidence.likelihood import Noise, PairState, bound_variance, initial_state, moved_state, run_filter
-from assoc.evidence.motion import ReportLog
+from assoc.evidence.motion import ReportLog, Samples
 from assoc.geometry.ground import EAST, NORTH, OFFSET, THETA, YAW, ground_tracks
 from assoc.geometry.sway import Sway
 from assoc.history import TrackHistory
@@ -61,6 +61,8 @@ class UpdateContext:
     anchors: IntArray
     """(T − m,) vehicle of each track that ended."""
     log: ReportLog
+    samples: Samples
+    """Reports of the window, see :func:`samples_of_window`."""
     first_block: int
     """Number of the first block of the window."""
     last_block: int
@@ -101,6 +103,11 @@ class UpdateContext:
         since = self.first_block * self.block_s + theta[OFFSET] - self.gap_max_s
         start = min(self.history.first_row_since(since), self.history.n - 1)
         return start, None if self.sway is None else self.sway.at(self.history.t[start : self.history.n])
+
+    def with_reports(self, log: ReportLog) -> UpdateContext:
+        """The same with other reports."""
+        samples = samples_of_window(log, self.first_block, self.last_block, self.block_s)
+        return replace(self, log=log, samples=samples)
 
     def without_memory(self) -> UpdateContext:
         """The same from the window alone: no ended tracks, nothing remembered from before it, no sway."""
@@ -150,14 +157,18 @@ class Hypothesis:
     blocks: Blocks
 
 
+def samples_of_window(log: ReportLog, first_block: int, last_block: int, block_s: float) -> Samples:
+    """Samples of the blocks from a first one to a last one, ``block_s`` seconds each."""
+    return log.samples(first_block * block_s, (last_block + 1) * block_s)
+
+
 def residual_blocks(context: UpdateContext, theta: FloatArray) -> Blocks:
     """The residuals linearised at θ."""
     start, sway = context.rows_under(theta)
     tracks = ground_tracks(context.history, start, theta, context.columns, sway)
-    samples = context.log.samples(context.first_block * context.block_s, (context.last_block + 1) * context.block_s)
     blocks = make_blocks(
         tracks,
-        samples,
+        context.samples,
         context.log.n_vehicles,
         first=context.first_block,
         last=context.last_block,

@@ -63,7 +63,7 @@ def fit_sway(context: UpdateContext, hypothesis: Hypothesis, prior: SwayPrior) -
         return None
     start, before = context.rows_under(theta)
     tracks = ground_tracks(context.history, start, theta, context.columns[rows], before)
-    samples = context.log.samples(context.first_block * context.block_s, (context.last_block + 1) * context.block_s)
+    samples = context.samples
     report, pair = np.nonzero(samples.vehicle[:, None] == vehicles[None, :])
     t = samples.t[report] + theta[OFFSET]
     p, _, valid = interpolated(tracks, t, pair, context.gap_max_s)

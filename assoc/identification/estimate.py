@@ -26,7 +26,17 @@ from assoc.hypotheses.labels import mixed_marginals, posterior_weights
 from assoc.hypotheses.place_alone import StrangerLimit, limit_by_place, log_odds_among_strangers
 from assoc.hypotheses.pose import is_gross
 from assoc.hypotheses.priors import OffsetPrior, noise_of, prior_of
-from assoc.hypotheses.search import Hypothesis, UpdateContext, is_shifted, keep_best, refine, shifts, swaps, turns
+from assoc.hypotheses.search import (
+    Hypothesis,
+    UpdateContext,
+    is_shifted,
+    keep_best,
+    refine,
+    samples_of_window,
+    shifts,
+    swaps,
+    turns,
+)
 from assoc.hypotheses.sway_fit import fit_sway
 from assoc.identification.clutter import Clutter
 from assoc.identification.conflicts import ConflictMonitor
@@ -370,6 +380,7 @@ class Estimator:
             replaced=replaced_tracks(t, self._history, live, self.theta),
             anchors=np.array([self._anchors[c] for c in ended], np.int64),
             log=self._log,
+            samples=samples_of_window(self._log, self._first_block, last, q.block_s),
             first_block=self._first_block,
             last_block=last,
             block_s=q.block_s,

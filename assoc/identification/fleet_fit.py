@@ -199,7 +199,7 @@ def decoy_evidence(context: UpdateContext, number: int) -> FitEvidence:
     # by rank of the distance, so that the order of the vehicles does not matter
     rank = np.argsort(np.argsort(np.hypot(*(place - centre).T), kind="stable"), kind="stable")
     angle = _GOLDEN_ANGLE * (1.0 + rank + log.n_vehicles * number)
-    decoy = replace(context.without_memory(), log=log.turned(centre, angle))
+    decoy = context.without_memory().with_reports(log.turned(centre, angle))
     found = refine(decoy, np.zeros(THETA))
     fitted = None if context.sway is None else fit_sway(decoy, found, context.sway.prior)
     if fitted is None:

@@ -158,9 +158,9 @@ class NearHorizon:
             camera: The camera.
         """
         seen = observation.gap_s <= 0.0
-        if camera.attitude_known and np.any(seen):
+        if camera.attitude_known and seen.any():
             ray = observation.ray_cam[seen]
-            sine = -(ray @ camera.R_enu_cam[2]) / np.linalg.norm(ray, axis=1)
+            sine = -(ray @ camera.R_enu_cam[2]) / np.sqrt(np.sum(ray * ray, axis=1))
             flat = float(np.mean(sine < _FLAT_SINE))
             weight = float(np.exp((self._looked_s - t) / _LOOK_S))
             self._flat, self._looked_s = weight * self._flat + (1.0 - weight) * flat, t

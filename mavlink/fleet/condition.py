@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable
 from dataclasses import replace
-from typing import TypeVar
+from typing import TypeVar, get_args
 
 from mavlink.protocol.messages import (
     BatteryStatus,
@@ -35,7 +35,8 @@ _MOST_SATELLITES = 100
 """More are not above any horizon."""
 _UNKNOWN_RSSI = 255
 
-_TELLING = BatteryStatus, SensorHealth, FilterStatus, GpsRaw, SecondGps, Heartbeat, StatusText
+_Telling = BatteryStatus | SensorHealth | FilterStatus | GpsRaw | SecondGps | Heartbeat | StatusText
+_TELLING = get_args(_Telling)
 """Samples that tell of the condition: most others are positions and attitudes."""
 
 Power = TypeVar("Power", BatteryStatus, SensorHealth)
@@ -65,8 +66,10 @@ class ConditionReports:
     def add(self, sample: Sample | None, channel: tuple[int, int]) -> None:
         """Take in one message, of whatever kind, that came over a channel."""
         self.channel = channel
-        if not isinstance(sample, _TELLING):
-            return
+        if isinstance(sample, _TELLING):
+            self._keep(sample)
+
+    def _keep(self, sample: _Telling) -> None:
         if isinstance(sample, BatteryStatus):
             if sample.function != _PAYLOAD:
                 _keep(self._batteries, (sample.component_id, sample.battery_id), self._checked(sample))

@@ -287,8 +287,7 @@ class Reception:
         """Share of packets lost lately, over all channels that are in use; NaN unknown."""
         newest_us = max((channel.rate.last_us for channel in self._channels.values()), default=0)
         used = [channel.loss for channel in self._channels.values() if newest_us - channel.rate.last_us < _UNUSED_US]
-        shares = [(loss.sequence.expected, loss.share) for loss in used]
-        known = [(count, share) for count, share in shares if not math.isnan(share)]
+        known = [(loss.sequence.expected, share) for loss in used if not math.isnan(share := loss.share)]
         expected = sum(count for count, _ in known)
         return sum(count * share for count, share in known) / expected if expected else math.nan
 

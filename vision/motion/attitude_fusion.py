@@ -256,9 +256,10 @@ class AttitudeFusion:
     def _see(self, t_us: int, p_enu: FloatArray, ground_z: float, seen: SeenTracks, *, learn: bool) -> int:
         """Correct by the boxes of the vehicles in the state; how many there are."""
         _, place, row = np.intersect1d(self._track_id, seen.track_id, assume_unique=True, return_indices=True)
-        to = np.column_stack([self._x[BASE:].reshape(-1, 4)[place, :2], np.full(len(place), ground_z)]) - p_enu
+        to = np.empty((len(place), 3))
+        to[:, :2], to[:, 2] = self._x[BASE:].reshape(-1, 4)[place, :2] - p_enu[:2], ground_z - p_enu[2]
         d = to @ self._R
-        ahead = d[:, 2] > STEEP * np.linalg.norm(d, axis=1)
+        ahead = d[:, 2] > STEEP * np.sqrt(np.sum(d * d, axis=1))
         place, row, d = place[ahead], row[ahead], d[ahead]
         if not len(place):
             return 0
@@ -286,7 +287,7 @@ class AttitudeFusion:
             gain = np.linalg.solve(S + np.diag(var), PH.T).T
             step = gain @ off.ravel()
             rest = (off.ravel() - H_all @ step).reshape(k, 2)
-            distance = np.linalg.norm(rest, axis=1) / noise
+            distance = np.sqrt(np.sum(rest * rest, axis=1)) / noise
             if distance.max() <= OUTLIER:
                 break
             var = np.repeat((noise * np.maximum(distance / OUTLIER, 1.0) ** 2) ** 2, 2)

@@ -125,8 +125,10 @@ class GroundSurface:
         c_z = camera_enu[..., 2]
         z = self.height_at(p_enu) + self.bumps_under(system_id)
         share = (c_z - self.z) / np.maximum(c_z - z, LEAST_HEIGHT_M)
-        level = camera_enu[..., :2] + (p_enu[:, :2] - camera_enu[..., :2]) * share[:, None]
-        return np.column_stack([level, np.full(len(level), self.z)])
+        level = np.empty((len(p_enu), 3))
+        level[:, :2] = camera_enu[..., :2] + (p_enu[:, :2] - camera_enu[..., :2]) * share[:, None]
+        level[:, 2] = self.z
+        return level
 
     def below_level(self, level_enu: FloatArray, camera_enu: FloatArray) -> FloatArray:
         """Places (k, 3) on the ground that appear at places (k, 3) on the level plane, from a camera at (3,)."""
