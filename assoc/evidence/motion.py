@@ -304,7 +304,7 @@ class ReportLog:
     def _accept(self, vehicle: IntArray, t: FloatArray, reports: VehicleReports, rows: IntArray) -> None:
         """Accept at most one report per vehicle."""
         p = reports.p_enu[rows, :2]
-        good: BoolArray = np.asarray(np.all(np.isfinite(p), axis=1) & (t > self.last_t[vehicle] + _SAME_TIME_S))
+        good: BoolArray = np.asarray(np.isfinite(p).all(axis=1) & (t > self.last_t[vehicle] + _SAME_TIME_S))
         uncertain = reports.std_m[rows] > _UNCERTAIN_M
         self.too_uncertain[vehicle[good]] = uncertain[good]
         good = np.asarray(good & ~uncertain)
@@ -315,7 +315,7 @@ class ReportLog:
         self._whole = None
         self._average(vehicle, t, p, reports.heading[rows])
         reported = reports.v_enu[rows, :2]
-        known = np.all(np.isfinite(reported), axis=1)
+        known: BoolArray = np.asarray(np.isfinite(reported).all(axis=1))
         self.last_v[vehicle] = np.where(known[:, None], reported, self.last_v[vehicle])
         self._speedless[vehicle] = ~known
         self.last_t[vehicle], self.last_p[vehicle] = t, p
@@ -361,7 +361,10 @@ class ReportLog:
 
     def _repeats(self, vehicle: IntArray, t: FloatArray, p: FloatArray, v: FloatArray) -> BoolArray:
         """Repeats without information: of a moving vehicle (frozen receiver), or within a second of a standing one."""
-        same = np.all(p == self.last_p[vehicle], axis=1)
+        same: BoolArray = np.asarray((p == self.last_p[vehicle]).all(axis=1))
+        if not same.any():
+            self.frozen[vehicle] = False
+            return same
         before = self.last_v[vehicle]
         # no speed known: not moving
         moving = (np.hypot(*v.T) > _STANDING_MPS) | (np.hypot(*before.T) > _STANDING_MPS)

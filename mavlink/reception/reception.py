@@ -226,7 +226,8 @@ class Reception:
         Returns:
             How it came; None for a duplicate of one that came before.
         """
-        dated = message_id in _TIME_STAMPED or packet.signed
+        signed = packet.signed
+        dated = signed or message_id in _TIME_STAMPED
         first = self._first_copies.find(packet, dated)
         channel = self._channel_of(packet.link, packet.peer)
         run = channel.add(packet, message_id)
@@ -245,7 +246,7 @@ class Reception:
             self.rejections.note_verified(packet.t_us)
         else:
             self.unsigned += 1
-        if packet.signed:
+        if signed:
             self.rejections.note_signed(packet)  # in a replay too, where only rejections are recorded
         late = channel.late_us > _LATE_US and abs(packet.t_us - channel.late_at_us) < _LATE_REMEMBERED_US
         return Arrival(SenderKey(packet.link, packet.peer, run, packet.component_id), late, channel.lag)
