@@ -78,6 +78,8 @@ class Detections:
     def select(self, index: ArrayLike) -> Detections:
         """Those at ``index``: integers (k,), in that order, or a mask (m,) bool."""
         chosen = np.asarray(index)
+        if chosen.dtype == np.bool_ and chosen.all():
+            return self
         if chosen.size == 0:
             chosen = chosen.astype(np.intp)
         # columns of a checked table need no second check
@@ -88,8 +90,7 @@ class Detections:
 
     def at_least(self, score: float) -> Detections:
         """Those of this score and more."""
-        enough = self.score >= score
-        return self if np.count_nonzero(enough) == len(enough) else self.select(enough)
+        return self.select(self.score >= score)
 
     def useful(self, score: float) -> Detections:
         """All of this score and more, and the best ``MOST_WEAK`` of the others."""
