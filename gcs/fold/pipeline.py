@@ -30,7 +30,7 @@ from gcs.fold.contradictions import Contradictions
 from gcs.fold.evidence import camera_of, observation_of, reports_of
 from gcs.fold.fences import Fences
 from gcs.fold.fleet_changes import FleetChanges
-from gcs.fold.ground.contact import pixel_lengths
+from gcs.fold.ground.contact import pixels_on_ground
 from gcs.fold.meeting import Seat
 from gcs.fold.name_changes import NameChanges
 from gcs.fold.notice_events import NoticeEvents
@@ -421,9 +421,9 @@ class Pipeline:
     def _joined(self, t_us: int, detections: Detections, view: FrameCamera | None) -> Wholes:
         """The boxes of a frame, one for each vehicle where it has two."""
         if view is None:
-            pixel_m = np.ones(len(detections))
+            pixel_m = np.tile(np.eye(2), (len(detections), 1, 1))
         else:
-            pixel_m = pixel_lengths(view.intrinsics.rays(detections.centre), view)
+            pixel_m = pixels_on_ground(view.intrinsics.rays(detections.centre), view)
         return self._parts.joined(t_us, detections, pixel_m, self._score)
 
     def _stitch(self, t_us: int, view: FrameCamera | None) -> Stitch | None:

@@ -60,28 +60,29 @@ class Parts:
         Args:
             t_us: when the frame was taken.
             boxes: (m,) of the frame.
-            pixel_m: (m,) how long a pixel is at each on the ground, m.
+            pixel_m: (m, 2, 2) what a pixel right and down is at each on the ground, m.
             least_score: Weaker boxes are left as they are, and nothing is learnt from them.
         """
         dt = 0.1 if self._t_us is None else min(max(t_us - self._t_us, 0) / 1e6, 1.0)
         self._t_us = t_us
         self._weight *= np.exp(-dt / REMEMBERED_S)
         length, width = np.maximum(boxes.w, boxes.h), np.minimum(boxes.w, boxes.h)
-        strong = np.flatnonzero((boxes.score >= least_score) & np.isfinite(pixel_m) & (length > 0.0))
+        scale = _along(pixel_m, _axis(boxes))
+        strong = np.flatnonzero((boxes.score >= least_score) & np.isfinite(scale) & (length > 0.0))
         touching = _touching(boxes, length, width, strong)
-        now = self._weight + self._counted((length * pixel_m)[strong], dt) if touching else self._weight
-        pairs = [
-            (i, j, whole)
-            for i, j, whole in touching
-            if self._makes_one(now, np.array([whole, length[i], length[j]]) * pixel_m[i])
-        ]
+        now = self._weight + self._counted((length * scale)[strong], dt) if touching else self._weight
+        pairs = []
+        for i, j, whole in touching:
+            line = float(np.arctan2(*(boxes.centre[j] - boxes.centre[i])[::-1]))
+            if self._makes_one(now, np.array([whole, length[i], length[j]]) * _along(pixel_m[i], line)):
+                pairs.append((i, j, whole))
         second = np.full(len(boxes), -1)
         for i, j, whole in pairs:
             second[i], length[i] = j, whole
         begins = np.ones(len(boxes), np.bool_)
         begins[second[second >= 0]] = False
         first, counted = np.flatnonzero(begins), strong[begins[strong]]
-        self._weight += self._counted((length * pixel_m)[counted], dt)
+        self._weight += self._counted((length * scale)[counted], dt)
         whole_boxes = _replaced(boxes, width, pairs) if pairs else boxes
         return Wholes(whole_boxes.select(first) if pairs else boxes, first, second[first])
 
@@ -99,6 +100,12 @@ class Parts:
 def _class_of(length_m: Floats) -> NDArray[np.int64]:
     bounded = np.clip(length_m, SHORTEST_M, LONGEST_M)
     return np.round(np.log(bounded / SHORTEST_M) / BIN).astype(np.int64)
+
+
+def _along(pixel_m: Floats, angle: Floats | float) -> Floats:
+    """(…) metres of a pixel in the direction of an angle (…), rad, of what pixels are on the ground (…, 2, 2), m."""
+    step = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    return np.asarray(np.hypot(*np.moveaxis(np.sum(pixel_m * step[..., None, :], axis=-1), -1, 0)))
 
 
 def _axis(boxes: Detections) -> Floats:

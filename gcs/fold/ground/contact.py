@@ -73,10 +73,27 @@ def ground_places(rays: FloatArray, size_px: FloatArray, view: FrameCamera) -> t
     return places, np.log(np.maximum(size_px * range_m / view.intrinsics.fx, 1e-6))
 
 
-def pixel_lengths(rays: FloatArray, view: FrameCamera) -> FloatArray:
-    """(k,) metres that a pixel is long at rays' (k, 3) places on the ground, across the line of sight."""
-    _, sine = _depressions(rays, view)
-    return _ranges(sine, view) / view.intrinsics.fx
+def pixels_on_ground(rays: FloatArray, view: FrameCamera) -> FloatArray:
+    """What a pixel is on the ground, metres.
+
+    R/f across the line of sight, R/(f sin δ) along it, R the range and δ the depression: seen from aside a vehicle that
+    drives away from the camera is shorter in the picture than one that drives across.
+
+    Args:
+        rays: (k, 3) through the pixels, camera frame.
+        view: the camera.
+
+    Returns:
+        (k, 2, 2) A, so that a step d in the picture is ‖A d‖ on the ground.
+    """
+    unit, sine = _depressions(rays, view)
+    # e, the way in the picture in which the ground comes nearest: straight down, less what of it is along the ray
+    down = -view.pose.R_enu_cam[2] - sine[:, None] * unit
+    nearer = down[:, :2] * unit[:, 2:] - unit[:, :2] * down[:, 2:]
+    nearer /= np.maximum(np.hypot(*nearer.T), np.finfo(float).tiny)[:, None]
+    stretch = 1.0 / np.maximum(sine, LEAST_SINE) - 1.0
+    A = np.eye(2) + (stretch[:, None] * nearer)[:, :, None] * nearer[:, None]
+    return np.asarray((_ranges(sine, view) / view.intrinsics.fx)[:, None, None] * A)
 
 
 def _ranges(sine: FloatArray, view: FrameCamera) -> FloatArray:

@@ -41,7 +41,7 @@ def fleet(n, angle=0.3):
 
 def joined(parts, rows, t_us=0, **more):
     found = boxes(rows, **more)
-    return parts.joined(t_us, found, np.full(len(found), 0.03), 0.3), found
+    return parts.joined(t_us, found, np.tile(0.03 * np.eye(2), (len(found), 1, 1)), 0.3), found
 
 
 @given(angle=st.floats(-3.1, 3.1), share=st.floats(0.38, 0.62), k=st.integers(0, 4))
