@@ -58,7 +58,7 @@ class CameraReport:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UavAttitude:
-    """Which way the UAV and its gimbal point at one time."""
+    """Attitude of the UAV and of its gimbal at one time."""
 
     R_enu_body: Array
     """(3, 3), NaN unknown."""
