@@ -11,7 +11,7 @@ from bench.field.product import identify
 from bench.field.suite import Task, play, tasks_of, write_motion
 from bench.field.summary import Outcome, ece_of, percentile, summarise
 from bench.field.tables import ALL, GOALS, Goal, judge, report, write_reliability, write_sessions
-from gcs.report.score import Matched
+from gcs.report.score import Matched, score
 from sim.session import write_session
 from sim.world.scenario import (
     Gnss,
@@ -50,6 +50,15 @@ def matched(truth, named, frame=None, confidence=None, track=None):
         track=np.ones(len(truth), np.int64) if track is None else np.array(track),
         confidence=np.full(len(truth), np.nan) if confidence is None else np.array(confidence),
     )
+
+
+@pytest.mark.slow
+def test_a_row_of_bays_that_was_matched_one_off_does_not_stay_so(tmp_path):
+    """Among six strangers in bays of 3 m the film tells who is who, but not at once."""
+    write_session(scenario_of(30, True, 2), tmp_path / "session")
+    played = identify(tmp_path / "session", tmp_path / "out", (1920, 1080))
+    assert score(played.afterwards).right > 0.97 and score(played.afterwards).wrong_sure_s < 0.5
+    assert score(played.matched).wrong_sure_s < 30.0, "90 s where it stays"
 
 
 @pytest.mark.slow_but_first

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 from assoc.evidence.blocks import Blocks
-from assoc.evidence.likelihood import NEVER, bound_variance, initial_state, run_filter
+from assoc.evidence.likelihood import NEVER, bound_variance, initial_state, moved_state, run_filter
 from assoc.geometry.ground import THETA
 from tests.support.assoc_scene import BIAS_STD_M, DECAY, blocks_of, noise
 
@@ -137,6 +137,26 @@ def test_a_shift_of_the_camera_is_a_shift_of_the_residuals():
     shifted, _ = run_filter(Blocks(**values), theta, start, noise(), np.full((5, 1), NO_SWITCH))
     np.testing.assert_allclose(shifted.score, followed(moved).score)
     np.testing.assert_allclose(shifted.mean, followed(moved).mean)
+
+
+@settings(max_examples=30)
+@given(seeds, st.floats(-4.0, 4.0), st.floats(-4.0, 4.0))
+def test_what_is_remembered_can_be_moved_as_if_the_pose_had_always_been_another(seed, east, north):
+    """Of a bias that does not wander what was seen is remembered to the last digit but for the wider part of N."""
+    rng = np.random.default_rng(seed)
+    shift, levels = np.array([east, north]), noise(in_view_bonus=np.zeros(1), decay=1.0, floor_var=0.0)
+    samples = [[[rng.normal(0.5, 0.3, (5, 2))]] for _ in range(6)]
+    moved = moved_state(followed(samples, levels), shift, BIAS_STD_M)
+    anew = followed([[[block[0][0] + shift]] for block in samples], levels)
+    np.testing.assert_allclose(moved.mean, anew.mean, atol=1e-9)
+    np.testing.assert_allclose(moved.var, anew.var)
+    assert moved.score[0, 0] == pytest.approx(anew.score[0, 0], abs=0.2 + 0.02 * abs(anew.score[0, 0]))
+
+
+def test_of_a_pair_that_was_never_compared_nothing_is_moved():
+    state = bound_variance(initial_state(2, 3), BIAS_STD_M)
+    moved = moved_state(state, np.array([3.0, -1.0]), BIAS_STD_M)
+    assert np.array_equal(moved.score, state.score) and np.array_equal(moved.mean, state.mean)
 
 
 def test_bearing_with_receivers_that_wander_keeps_a_name_and_makes_none():

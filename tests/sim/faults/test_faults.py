@@ -7,8 +7,19 @@ from sim.errors import ScenarioError
 from sim.telemetry.detections import DetectorModel, merged_boxes
 from sim.telemetry.sensors import Sensors
 from sim.world.actors import slots
+from sim.world.boxes import true_boxes
 from sim.world.presets import nominal
-from sim.world.scenario import Gnss, Scenario, ScenarioDetector, ScenarioFault, ScenarioFlight, ScenarioGround
+from sim.world.scenario import (
+    Gnss,
+    Scenario,
+    ScenarioCamera,
+    ScenarioDetector,
+    ScenarioFault,
+    ScenarioFlight,
+    ScenarioGround,
+    Targets,
+    Zoom,
+)
 from sim.world.scenario_file import load_scenario, save_scenario
 from sim.world.view import ray_ground
 from sim.world.world import World
@@ -17,7 +28,7 @@ T = np.arange(0.0, 20.0, 0.2)
 
 
 def base(**knobs):
-    return dataclasses.replace(nominal(3), duration_s=20.0, **knobs)
+    return dataclasses.replace(nominal(3), **({"duration_s": 20.0} | knobs))
 
 
 def test_a_triangle_formation_has_equal_sides():
@@ -124,14 +135,64 @@ def test_a_detector_that_merges_sees_fewer_and_says_which_body():
     assert counts[1] < counts[0]
 
 
+def test_a_detector_finds_vehicles_in_two_parts_for_a_share_of_the_time():
+    world = World(base(duration_s=60.0, detector=ScenarioDetector(miss=0.0, flip=0.0, pixel_noise=0.1, parts=0.3)))
+    model, counts, off = DetectorModel(world), [], []
+    for k in range(600):
+        rows = model.detect(k / 10)
+        assert np.array_equal(world.roles.system_id[rows.body], rows.system_id)
+        whole = true_boxes(world.view(k / 10), world.bodies(k / 10))
+        for body, count in zip(*np.unique(rows.body[rows.system_id > 0], return_counts=True), strict=True):
+            counts.append(count)
+            if count == 2:
+                front, rear = rows.values[rows.body == body]
+                np.testing.assert_allclose([front[2], rear[2]], 0.5 * whole.w[body], atol=1.0)
+                off.append(np.hypot(*(0.5 * (front + rear)[:2] - (whole.cx[body], whole.cy[body]))))
+    assert set(counts) == {1, 2} and max(off) < 1.0, "both together are where the vehicle is"
+    assert 0.15 < np.mean(np.array(counts) == 2) < 0.45
+
+
+def test_some_vehicles_are_never_found_and_the_others_as_ever():
+    missed, whole = (base(detector=ScenarioDetector(miss=0.0, never_found=n)) for n in (2, 0))
+    seen = [set(), set()]
+    for found, scenario in zip(seen, (missed, whole), strict=True):
+        model = DetectorModel(World(scenario))
+        for k in range(50):
+            found |= set(model.detect(k / 10).system_id.tolist()) - {0}
+    assert seen[0] < seen[1] and len(seen[1] - seen[0]) == 2
+
+
+def test_a_zoom_that_nothing_reports_makes_boxes_larger_from_then_on():
+    camera = ScenarioCamera(zooms=(Zoom(at_s=1.0, factor=2.0), Zoom(at_s=2.0, factor=1.0)))
+    world, plain = World(base(camera=camera)), World(base())
+    for t, factor in ((0.5, 1.0), (1.0, 2.0), (1.9, 2.0), (2.5, 1.0)):
+        assert world.view(t).fx == factor * plain.view(t).fx and world.view(t).fy == factor * plain.view(t).fy
+
+
+def test_parked_in_bays_vehicles_stand_side_by_side_in_two_rows():
+    ground = ScenarioGround(kind="bays", vehicles=6, spacing_m=3.0, length_m=4.2, width_m=1.8)
+    world = World(base(ground=ground, targets=Targets(lookalikes=4, persons=1)))
+    first, last = world.at(0.0), world.at(4.0)
+    stand = world.roles.role != "person"
+    assert np.array_equal(first.xy[stand], last.xy[stand]) and not np.array_equal(first.xy[~stand], last.xy[~stand])
+    rows = np.unique(first.xy[stand, 1].round(6))
+    assert len(rows) == 2 and rows[1] - rows[0] == pytest.approx(4.2 + 6.0)
+    for row in rows:
+        x = np.sort(first.xy[stand & np.isclose(first.xy[:, 1], row), 0])
+        steps = np.diff(x) / 3.0
+        np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)
+        assert (steps > 0.5).all(), "nobody stands in another's bay"
+
+
 def test_the_new_knobs_are_saved_and_loaded(tmp_path):
     scenario = Scenario(
         ground=ScenarioGround(
             kind="formation", formation="triangle", station_keeping_m=0.3, slope_deg=2.0, uphill_deg=40.0
         ),
         flight=ScenarioFlight(roam_m=10.0),
+        camera=ScenarioCamera(zooms=(Zoom(at_s=3.0, factor=2.0),)),
         gnss=Gnss(steps_per_min=1.0),
-        detector=ScenarioDetector(merge_lengths=1.5),
+        detector=ScenarioDetector(merge_lengths=1.5, parts=0.2, never_found=1),
         faults=(ScenarioFault(vehicle=1, kind="spoof", start_s=3.0, other=2),),
     )
     save_scenario(scenario, tmp_path / "s.toml")

@@ -1,5 +1,7 @@
 """Vehicles that are two boxes now and then: the parts are put together, and two vehicles never are."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -100,3 +102,14 @@ def test_weak_boxes_are_left_alone():
     rows = [*fleet(4), *halves(900.0, 500.0, 0.2)]
     wholes, found = joined(Parts(), rows, score=0.2)
     assert wholes.boxes is found
+
+
+def test_a_vehicle_that_drives_away_from_the_camera_is_as_long_as_one_that_drives_across():
+    """Seen from 30° above half as many pixels: only on the ground it is seen to be as long."""
+    ground, half = np.diag([0.03, 0.06]), 0.25 * LENGTH
+    across = [(200.0 + 150.0 * k, 400.0, LENGTH, 0.0) for k in range(4)]
+    found = boxes([*across, *((900.0, 500.0 + side * half / 2, half, np.pi / 2) for side in (-1.0, 1.0))])
+    found = replace(found, h=np.where(np.arange(6) < 4, 11.0, 14.0))
+    for metres, parts in ((ground, 1), (0.03 * np.eye(2), 2)):
+        wholes = Parts().joined(0, found, np.tile(metres, (6, 1, 1)), 0.3)
+        assert len(wholes.boxes) == 4 + parts

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gcs.fold.camera.frame_camera import FrameCamera
-from gcs.fold.ground.contact import box_lengths, contact_rays
+from gcs.fold.ground.contact import box_lengths, contact_rays, pixels_on_ground
 from gcs.fold.ground.surface import GroundSurface
 from sim.world.boxes import true_boxes
 from sim.world.view import Bodies, CameraView
@@ -96,3 +96,21 @@ def test_a_box_is_as_long_as_its_body_wherever_it_is_in_a_view_straight_down():
 def test_from_the_side_a_box_does_not_tell_how_long_its_vehicle_is():
     camera, _, rays, _ = seen(-30.0, 40.0, BODIES["car"])
     assert np.isnan(box_lengths(rays, np.full(len(rays), 100.0), camera)).all()
+
+
+@pytest.mark.parametrize("pitch_deg", [-90.0, -60.0, -30.0])
+def test_a_step_in_the_picture_is_as_long_on_the_ground_as_its_ends_are_apart(pitch_deg):
+    camera, _, _, _ = seen(pitch_deg, 40.0, BODIES["small"])
+    px = np.array([(700.0, 300.0), (960.0, 540.0), (1400.0, 800.0)])
+    A = pixels_on_ground(camera.intrinsics.rays(px), camera)
+
+    def on_ground(uv):
+        rays = camera.intrinsics.rays(uv) @ camera.pose.R_enu_cam.T
+        return camera.pose.p_enu[:2] - 40.0 * rays[:, :2] / rays[:, 2:]
+
+    for step in np.array([(1.0, 0.0), (0.0, 1.0), (0.6, -0.8)]):
+        apart = np.hypot(*(on_ground(px + step) - on_ground(px - step)).T) / 2.0
+        told = np.hypot(*(A @ step).T)
+        # off the middle of the picture a pixel is seen askew, which R/f does not know
+        np.testing.assert_allclose(told, apart, rtol=0.12)
+        assert told[1] == pytest.approx(apart[1], rel=1e-3)
