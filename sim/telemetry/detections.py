@@ -245,7 +245,7 @@ def _never_found(scenario: Scenario) -> list[_Span]:
 
 
 def _part_runs(scenario: Scenario, bodies: list[int]) -> list[_Span]:
-    """When vehicles are found in two parts: runs and pauses of random length, by turns."""
+    """Runs in which vehicles are found in two parts, with pauses between them, all of random length."""
     share, run_s = scenario.detector.parts, scenario.detector.parts_run_s
     if share == 0.0:
         return []

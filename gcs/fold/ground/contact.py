@@ -74,7 +74,7 @@ def ground_places(rays: FloatArray, size_px: FloatArray, view: FrameCamera) -> t
 
 
 def pixels_on_ground(rays: FloatArray, view: FrameCamera) -> FloatArray:
-    """What a pixel is on the ground, metres.
+    """Steps of a pixel right and down as they are on the ground, metres.
 
     R/f across the line of sight, R/(f sin δ) along it, R the range and δ the depression: seen from aside a vehicle that
     drives away from the camera is shorter in the picture than one that drives across.
