@@ -93,6 +93,10 @@ class EventPane(Pane):
         self._shown: list[EventRow] = []
         self._redrawn: tuple[list[EventRow] | None, list[str]] = None, []
         """Rows and vehicles' names that a snapshot last redrew the pane for."""
+        self._kept: dict[tuple[EventRow, bool], list[Strip]] = {}
+        """Rows by what they tell and whether of the picked vehicle: a pick changes few, and is to show soon."""
+        self._kept_for: object = None
+        """Width, focus, names and colours that these are for."""
 
     def filtered(self, events: Sequence[Event]) -> list[Event]:
         """Events of the filter's levels that have the words of the search."""
@@ -178,7 +182,7 @@ class EventPane(Pane):
         if not shown:
             none = f" nothing has “{plain(self.words)}”: esc ends the search" if self.words else " nothing yet"
             return [line([(fitted(none, width), ink(FAINT))], width)]
-        stop = len(shown) - min(self._back, self._room(shown, width, height))
+        stop = len(shown) - (min(self._back, self._room(shown, width, height)) if self._back else 0)
         rows: list[Strip] = []
         alarm = next((row for row in reversed(shown) if row.event.level == "alarm"), None)
         calm = not self._back and not self.has_focus
@@ -210,9 +214,18 @@ class EventPane(Pane):
 
     def _rows_of(self, row: EventRow, width: int) -> list[Strip]:
         """One row; while the log has the focus, as many as the text needs."""
+        names = tuple(each.name for each in self.snapshot.vehicles) if self.snapshot is not None else ()
+        kept_for = width, self.has_focus, names, ink()
+        if kept_for != self._kept_for or len(self._kept) > MOST:
+            self._kept, self._kept_for = {}, kept_for
+        ours = bool(self.selected) and row.event.system_id == self.selected
+        if (row, ours) not in self._kept:
+            self._kept[row, ours] = self._fresh_rows_of(row, width, names, ours=ours)
+        return self._kept[row, ours]
+
+    def _fresh_rows_of(self, row: EventRow, width: int, names: Sequence[str], *, ours: bool) -> list[Strip]:
         event = row.event
         colour = level_colour(event.level)
-        ours = bool(self.selected) and event.system_id == self.selected
         glyph = GLYPHS.get(event.kind, "·")
         parts: list[Part] = [
             (f" {clock(event.t_us)[:-1] if width >= HOUR_FROM else clock(event.t_us)[3:-1]} ", ink(FAINT)),
@@ -228,7 +241,6 @@ class EventPane(Pane):
             ink(BRIGHT if ours else colour),
         )
         if not self.has_focus:
-            names = [each.name for each in self.snapshot.vehicles] if self.snapshot is not None else []
             first, rest = _in_rows(text, room)
             last = cut_between_words(rest or first, max(0, room - len(often)), names) + often
             indent = (" " * width_of(parts), style)

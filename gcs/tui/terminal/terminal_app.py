@@ -22,6 +22,7 @@ from gcs.tui import palette
 from gcs.tui.draw.pixels import depth_of
 from gcs.tui.draw.terminal_kind import has_terminal
 from gcs.tui.terminal.driver import TerminalDriver
+from gcs.tui.terminal.eager_screen import EagerScreen
 from gcs.tui.themes import THEMES, ThemeName, next_theme, textual_theme
 
 MOST_FPS = 12.0
@@ -84,6 +85,10 @@ class TerminalApp(App[None]):
         palette.use_theme(theme)
         for widget in self.screen_stack[0].query("*") if self.screen_stack else ():
             getattr(widget, "redraw", widget.refresh)()
+
+    def get_default_screen(self) -> Screen[None]:
+        """One that does not wait for a clock."""
+        return EagerScreen(id="_default")
 
     def get_driver_class(self) -> type[Driver]:
         """Ours instead of Textual's for terminals and browsers."""

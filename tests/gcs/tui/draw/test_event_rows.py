@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from gcs.snapshot import Event
 from gcs.tui.draw.event_rows import found_events, rows_of
 from gcs.tui.panes.event_log import EventPane
-from tests.support.fake_station import HOSTILE, START_US, FakeStation, polled, running, screen_text, text_of
+from tests.support.fake_station import HOSTILE, START_US, WIDE, FakeStation, polled, running, screen_text, text_of
 
 NAMES = {1: "UAV-1", 11: "UGV-1", 12: "UGV-11"}
 
@@ -112,3 +112,19 @@ async def test_chatter_is_folded_on_the_screen():
         await polled(app, pilot)
         said = text_of(app.query_one(EventPane))
         assert "Reached waypoint #1–12 × 12" in said
+
+
+async def test_a_pick_makes_only_the_rows_of_the_vehicles_anew_that_it_concerns(monkeypatch):
+    async with running(FakeStation(live=True), WIDE) as (app, pilot, _):
+        log = app.query_one(EventPane)
+        await pilot.press("down", "down")
+        before, made = text_of(log), []
+        fresh = log._fresh_rows_of
+        monkeypatch.setattr(log, "_fresh_rows_of", lambda row, *a, **k: made.append(row) or fresh(row, *a, **k))
+        first = app.selected
+        await pilot.press("down")
+        assert app.selected != first
+        assert {row.event.system_id for row in made} <= {first, app.selected}
+        assert text_of(log) == before
+        await pilot.press("t")
+        assert {row.event.system_id for row in made} > {first, app.selected}
