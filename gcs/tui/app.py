@@ -31,6 +31,7 @@ from gcs.tui.pane_area import PaneArea
 from gcs.tui.panes.alarms import AlarmPane, token
 from gcs.tui.panes.banner import Alert, Banner, alert_of, error_line
 from gcs.tui.panes.event_log import EventPane
+from gcs.tui.panes.find_line import FindLine
 from gcs.tui.panes.fleet import FleetPane
 from gcs.tui.panes.identity import IdentityPane
 from gcs.tui.panes.key_hints import KeyHints
@@ -276,6 +277,11 @@ class RollcallApp(ReplayApp):
         if self.snapshot is not None:
             rows = self._fleet.in_order(self.snapshot)
             self._pick(*beside(self.snapshot, rows, (self.selected, self.picked_track), steps))
+
+    def action_find(self) -> None:
+        """Pick a vehicle by its name or id."""
+        if self.snapshot is not None and not self.query(FindLine):
+            self.mount(FindLine(self._fleet, self._hints, (self.selected, self.picked_track)), after=self._hints)
 
     def action_order(self) -> None:
         """The fleet by trouble, or as the mission has it."""

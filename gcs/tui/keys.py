@@ -54,6 +54,9 @@ LOOK: Final = (
     _key("up,k", "pick(-1)", "vehicle", "Vehicle or box without a name above", id="pick.up", shown="↑"),
     _key("down,j", "pick(1)", "vehicle", "Vehicle or box without a name below", id="pick.down", shown="↓"),
     _key(
+        "slash", "find", "find", "Vehicle by its name or id; enter keeps it, esc goes back", id="pick.find", shown="/"
+    ),
+    _key(
         "escape",
         "release",
         "back",
@@ -67,7 +70,6 @@ LOOK: Final = (
     _key("0", "zoom(0)", "fit", "Map: fit everything", id="map.fit"),
     _key("c", "follow", "follow", "Map: follow all, UAV or the selected vehicle", id="map.follow"),
     _key("x", "evidence", "evidence", "Identity: evidence for analysts and back", id="identity.evidence"),
-    _key("slash", "search", "search", "Event log: search; esc ends it", id="events.search", shown="/"),
     _key("l", "level", "level", "Event log: all, warnings, alarms", id="events.level"),
 )
 STATION: Final = (
@@ -124,13 +126,12 @@ LIVE_ACTIONS: Final = frozenset({"preflight", "fleet", "practise"})
 LIVE_HINTS: Final = (
     ("q", "quit"),
     ("?", "help"),
-    ("↑↓", "vehicle"),
+    ("↑↓/", "vehicle"),
     ("z", "zoom"),
     ("Z", "enlarge"),
     ("123", "layout"),
     ("vMfie", "panes"),
     ("l", "level"),
-    ("/", "search"),
     ("+-0", "map"),
     ("c", "follow"),
     ("=", "name"),
@@ -148,14 +149,13 @@ REPLAY_HINTS: Final = (
     ("[]", "speed"),
     ("g", "go to"),
     ("np", "event"),
-    ("↑↓", "vehicle"),
+    ("↑↓/", "vehicle"),
     ("z", "zoom"),
     ("Z", "enlarge"),
     (",.", "frame"),
     ("123", "layout"),
     ("vMfie", "panes"),
     ("l", "level"),
-    ("/", "search"),
     ("+-0", "map"),
     ("c", "follow"),
     ("m", "mark"),
@@ -168,7 +168,7 @@ PANE_HINTS: Final[Mapping[str, tuple[Hint, ...]]] = MappingProxyType(
             *(("←↓↑→", "pan"), ("+-0", "zoom"), ("c", "follow"), ("r", "ruler"), ("T", "trails"), ("h", "home")),
             ("z", "whole screen"),
         ),
-        "fleet": (("↑↓", "vehicle"), ("o", "by trouble"), ("z", "all columns")),
+        "fleet": (("↑↓/", "vehicle"), ("o", "by trouble"), ("z", "all columns")),
         "identity": (("↑↓", "pick"), ("=", "name"), ("x", "evidence"), ("z", "zoom")),
         "alarms": (("↑↓", "alarm"), ("enter", "seen"), ("A", "all seen"), ("z", "zoom")),
         "events": (("↑↓", "scroll"), ("l", "level"), ("/", "search"), ("z", "zoom")),

@@ -28,6 +28,26 @@ def beside(snapshot: Snapshot, vehicles: Iterable[VehicleRow], pick: Pick, steps
     return choice[(choice.index(pick) + steps) % len(choice)]
 
 
+def found(vehicles: Iterable[VehicleRow], words: str) -> VehicleRow | None:
+    """The vehicle that a part of a name or an id means, None for nobody.
+
+    A whole id or name counts most, then how a name begins, how it ends, and what is in it; of equals, the first one.
+
+    Args:
+        vehicles: in the order of the table.
+        words: as typed, at least a letter; case does not matter.
+    """
+    sought = words.casefold()
+
+    def rank(row: VehicleRow) -> int:
+        name = row.name.casefold()
+        fits = (sought in (str(row.system_id), name), name.startswith(sought), name.endswith(sought), sought in name)
+        return fits.index(True)
+
+    meant = [row for row in vehicles if sought == str(row.system_id) or sought in row.name.casefold()]
+    return min(meant, key=rank, default=None)
+
+
 def followed(snapshot: Snapshot, pick: Pick) -> Pick:
     """The pick, as the vehicle once the picked box has a name."""
     box = picked_box(snapshot, 0, pick[1])

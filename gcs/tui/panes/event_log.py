@@ -77,6 +77,7 @@ class EventPane(Pane):
         Binding("down,j", "scroll_by(-1)", "Newer", id="events.down", show=False, tooltip="Scroll the event log down"),
         Binding("pageup", "scroll_by(10)", "Older", id="events.pageup", show=False, tooltip="Scroll ten events up"),
         Binding("pagedown", "scroll_by(-10)", "Newer", id="events.pagedown", show=False, tooltip="Scroll ten down"),
+        Binding("slash", "app.search", "Search", id="events.search", show=False, tooltip="Search; esc ends it"),
     ]
 
     all_events: reactive[tuple[Event, ...]] = reactive((), always_update=True, repaint=False)

@@ -80,13 +80,13 @@ async def test_search_in_flight_and_escape():
     station = FakeStation(live=True)
     async with running(station, size=(120, 40)) as (app, pilot, _):
         log = app.query_one(EventPane)
-        await pilot.press("slash", *"UGV-11", "enter")
+        await pilot.press("e", "slash", *"UGV-11", "enter")
         assert "/UGV-11" in text_of(log) and "UGV-12 confirmed" not in text_of(log)
         assert "EKF3 IMU0 is using GPS" in text_of(log)
         station.said = [*station.said, event("now", 11, at_s=300), event("not now", 12, at_s=301)]
         await polled(app, pilot)
         assert "now" in text_of(log) and "not now" not in text_of(log)
-        await pilot.press("down", "escape")
+        await pilot.press("f", "down", "escape")
         assert "UGV-12 confirmed" in text_of(log) and app.selected, "the search ends first"
         await pilot.press("escape")
         assert not app.selected
@@ -94,6 +94,7 @@ async def test_search_in_flight_and_escape():
 
 async def test_a_search_without_a_hit_says_how_to_end_it_and_takes_any_text():
     async with running(size=(120, 40)) as (app, pilot, _):
+        await pilot.press("e")
         for text in ("[/x]", "\\", "(((", HOSTILE[4]):
             await pilot.press("slash")
             app.screen.query_one("#answer").value = text

@@ -92,7 +92,7 @@ async def test_n_and_p_jump_by_kind(presses, want_s):
 
 async def test_jumps_go_to_what_the_search_shows():
     async with running() as (app, pilot, station):
-        await pilot.press("slash", *"ugv-17", "enter", "home", "n")
+        await pilot.press("e", "slash", *"ugv-17", "enter", "home", "n")
         assert station.timeline.now_us == START_US + 130 * S
         await pilot.press("escape", "home", "n")
         assert station.timeline.now_us == START_US + 2 * S
