@@ -182,7 +182,7 @@ SLACK_S = 0.5
 """Time from a frame to the screen that shows it, s: its way to the station, a turn of the fold, a poll."""
 LEAST_PREFIX = 2
 """Letters by which a cut name is known."""
-LABEL_LETTER = re.compile(r"[\w\-?~%+.,:=±… \0]")
+LABEL_LETTER = re.compile(r"[\w\-?~#%+.,:=±… \0]")
 WORDS = frozenset(
     (
         *("N", "no", "video", "waiting", "for", "first", "frame", "new", "not", "analysed", "yet", "home"),
@@ -266,7 +266,7 @@ def _read(screen: Screen, pane: str, snapshot: Snapshot) -> _Read:
     bare = {"UAV" if row.role == "uav" else str(row.system_id): row.system_id for row in snapshot.vehicles}
     names, words = _pattern(tuple(ids)), _pattern(tuple(bare))
     explanation = re.compile(rf"(?<![\w-])({'|'.join(bare)}) = ({'|'.join(map(re.escape, ids))})$")
-    numbered = {f"?{box.number}" for box in snapshot.boxes if box.number and not box.system_id}
+    numbered = {f"#{box.number}" for box in snapshot.boxes if box.number and not box.system_id}
     shown, marks, counted, legend, short, strange = Counter[int](), list[tuple[int, str]](), 0, set(), set(), []
     for label in _labels(screen, pane):
         if label.text in numbered:  # of one without a name, the same in all pictures

@@ -49,7 +49,7 @@ def _cells(row: RollCallRow) -> tuple[str, ...]:
     return (
         str(row.system_id),
         row.name,
-        f"{row.first_named_s:.1f} s",
+        row.first_named,
         str(row.boxes),
         f"{row.share:.1%}" if row.frames_in_view else "-",
         certainty(row.confidence),

@@ -74,10 +74,15 @@ def is_doubted(snapshot: Snapshot, box: Box) -> bool:
 
 def label_of(snapshot: Snapshot, box: Box) -> str:
     """``UGV-3 97%`` confirmed, ``UGV-3? 61%`` tentative, ``~UGV-3 88%`` coasting, ``?`` unidentified, ``~?`` both,
-    ``?5`` with its number where there are several cameras, ``UGV-3 stated`` by the operator (``? stated``: none of
+    ``#5`` with its number where there are several cameras, ``UGV-3 stated`` by the operator (``? stated``: none of
     ours), ``UGV-3 97% (0.8s)`` held, for want of a newer frame;
     ``!UGV-3 97%`` is a name on which nobody is to act, so marked without colours too."""
-    return _label(snapshot, box, snapshot.name_of(box.system_id) if box.system_id else f"?{box.number or ''}")
+    return _label(snapshot, box, snapshot.name_of(box.system_id) if box.system_id else unnamed(box))
+
+
+def unnamed(box: Box) -> str:
+    """Mark of a box without a name, with the number that it has in all pictures: ``#11``, beside ``11?`` for an id."""
+    return f"#{box.number}" if box.number else "?"
 
 
 def _label(snapshot: Snapshot, box: Box, name: str, *, certain: bool = True) -> str:

@@ -59,6 +59,11 @@ class RollCallRow:
     """Longest time without a position, from the flight's begin to its end."""
 
     @property
+    def first_named(self) -> str:
+        """Time from the first frame that was looked at to its first name, ``14.7 s``; ``–``: never named."""
+        return f"{self.first_named_s:.1f} s" if self.boxes else "–"
+
+    @property
     def remark(self) -> str:
         """Notes for the operator besides the figures, empty for nothing."""
         parts = [] if self.outcome == "named" else [f"{self.outcome}: {self.why}" if self.why else self.outcome]

@@ -32,11 +32,11 @@ def rollcall_table(record: FlightSummary) -> str:
     rows = []
     for row in record.rollcall.rows():
         vehicle = record.vehicles[row.system_id]
-        first, held = (_moment(record, vehicle.first_us), clock(vehicle.named_us * 1e-6)) if row.boxes else ("–", "–")
+        held = clock(vehicle.named_us * 1e-6) if row.boxes else "–"
         rows.append(
             (
                 *(row.name, standing_of(record, row), certainty(row.confidence) or "–", held),
-                *(fixed(100 * row.share, 1, "%"), first, str(row.boxes), str(row.system_id), row.remark),
+                *(fixed(100 * row.share, 1, "%"), row.first_named, str(row.boxes), str(row.system_id), row.remark),
             )
         )
     kinds: Mapping[str, Callable[[str], str | None]] = {"standing": _STANDINGS.get, "of frames in view": bar}
@@ -51,8 +51,8 @@ def vehicle_parts(record: FlightSummary) -> str:
 
 def _part(record: FlightSummary, vehicle: VehicleRecord, row: RollCallRow) -> str:
     rows = [
-        ("named first", _moment(record, vehicle.first_us)),
-        ("confirmed first", _moment(record, vehicle.sure_us)),
+        ("first named at", _moment(record, vehicle.first_us)),
+        ("first confirmed at", _moment(record, vehicle.sure_us)),
         ("confidence", _confidence(vehicle.named)),
         ("from its box to its report", _metres(vehicle.residual_m)),
         ("who else it might have been", _others(vehicle)),

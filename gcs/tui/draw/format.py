@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from typing import Final
 
 from rich.cells import cell_len
 
 from gcs.health.heard import is_heard, refused_because
-from gcs.snapshot import Reported, Snapshot, Standing, VehicleRow
+from gcs.snapshot import Box, Reported, Snapshot, Standing, VehicleRow
 from infra.plain_text import plain
 
 NOT_ANALYSED: Final = "not analysed yet"
@@ -51,7 +53,18 @@ def as_far_as_known(snapshot: Snapshot, text: str) -> str:
     """The same of a provisional place, of which the last seconds before it alone are known: nothing is never there."""
     if not snapshot.provisional:
         return text
-    return "–" if text == "never" else text.replace("never heard", "not heard")
+    return (
+        "–" if text == "never" else text.replace("never heard", "not heard").replace("no position yet", "no position")
+    )
+
+
+def box_as_far_as_known(snapshot: Snapshot, box: Box | None) -> Box | None:
+    """A box with the words about its candidates as ``as_far_as_known`` has them."""
+    if box is None or not snapshot.provisional:
+        return box
+    known = partial(as_far_as_known, snapshot)
+    candidates = (replace(each, against=known(each.against), missing=known(each.missing)) for each in box.candidates)
+    return replace(box, doubt=known(box.doubt), candidates=tuple(candidates))
 
 
 def standing_of_row(row: VehicleRow) -> str:

@@ -17,13 +17,14 @@ from gcs.health.heard import is_heard
 from gcs.health.vehicle_alarms import CONTRADICTED, DOUBTED
 from gcs.missing import may_be
 from gcs.report.box_shapes import drawable
-from gcs.report.overlay import named_count, standing_of
+from gcs.report.overlay import named_count, standing_of, unnamed
 from gcs.snapshot import HELD_SHOWN_S, NAMED, Box, Candidate, Snapshot, Standing, VehicleRow
 from gcs.tui.draw.condition import condition_facts
 from gcs.tui.draw.format import (
     NOT_ANALYSED,
     age,
     as_far_as_known,
+    box_as_far_as_known,
     degrees,
     metres,
     name_or_id,
@@ -120,7 +121,7 @@ class IdentityPane(Pane):
         # what is analysed lies before a provisional place, and tells nothing of what was until there
         named_for = {} if self.snapshot.provisional else self.named_for
         row = next((row for row in self.snapshot.vehicles if row.system_id == self.selected), None)
-        box = picked_box(self.snapshot, self.selected, self.picked_track)
+        box = box_as_far_as_known(self.snapshot, picked_box(self.snapshot, self.selected, self.picked_track))
         if self._evidence:
             lines, facts = [[(f" {text}", ink(FAINT))] for text in folded(EVIDENCE, room - 2)], _evidence(box)
         elif row is not None and row.role == "ugv":
@@ -188,7 +189,8 @@ def _vehicle(snapshot: Snapshot, row: VehicleRow, box: Box | None, width: int) -
     other = _likeliest_box(snapshot, row.system_id)
     if other is not None:
         name = f"track {other[0].track_id}" if not other[0].system_id else plain(snapshot.name_of(other[0].system_id))
-        lines += _text(("likeliest", f"{name}: {_in_words(other[1])}", INK), width)
+        words = as_far_as_known(snapshot, _in_words(other[1]))
+        lines += _text(("likeliest", f"{name}: {words}", INK), width)
     return lines
 
 
@@ -397,7 +399,7 @@ def _doubts(row: VehicleRow, *, keyed: bool) -> list[Fact]:
 
 
 def _box_facts(box: Box) -> list[Fact]:
-    everywhere = f", ?{box.number} in all pictures" if box.number and not box.system_id else ""
+    everywhere = f", {unnamed(box)} in all pictures" if box.number and not box.system_id else ""
     facts: list[Fact] = [("track", f"{box.track_id or '–'}{everywhere}{' coasting' if box.coasting else ''}", INK)]
     if math.isfinite(box.lat_deg) and math.isfinite(box.lon_deg):
         facts.append(("place", f"{box.lat_deg:.5f} {box.lon_deg:.5f}", INK))

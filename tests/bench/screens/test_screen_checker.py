@@ -158,7 +158,7 @@ def test_a_clock_that_goes_back_is_found(shot):
 def test_the_number_of_a_box_without_a_name_is_no_damaged_name(shot, number, damaged):
     snapshot = shot.moment.snapshot
     name = snapshot.name_of(snapshot.boxes[0].system_id)
-    screen = written(shot.screen, *place(shot.screen, "video", name), "?77".ljust(len(f"{name} 99%")))
+    screen = written(shot.screen, *place(shot.screen, "video", name), "#77".ljust(len(f"{name} 99%")))
     boxes = (replace(snapshot.boxes[0], system_id=0, number=number), *snapshot.boxes[1:])
     moment = replace(shot.moment, snapshot=replace(snapshot, boxes=boxes))
     assert ("damaged name on the video" in found(screen, moment)) is damaged

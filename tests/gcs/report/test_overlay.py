@@ -14,6 +14,7 @@ from gcs.report.label_grid import Grid
 from gcs.report.labels import Label, place_labels
 from gcs.report.overlay import (
     STANDING_RGB,
+    box_texts,
     draw,
     image_labels,
     label_of,
@@ -21,6 +22,7 @@ from gcs.report.overlay import (
     rgb_of,
     standing_of,
 )
+from gcs.report.vehicle_names import ShownName
 from gcs.snapshot import Alarm
 from tests.support.fake_station import HOSTILE, make_snapshot
 
@@ -236,3 +238,12 @@ def test_wild_boxes_do_no_harm(numbers):
     cx, cy, w, h, angle, heading = numbers
     box = replace(BOX, cx=cx, cy=cy, w=w, h=h, angle=angle, heading=heading, confidence=angle)
     assert draw(replace(SNAPSHOT, boxes=(box,), image=None), scale=0.25).shape == (180, 320, 3)
+
+
+def test_a_number_of_a_box_without_a_name_and_an_id_in_doubt_share_no_mark():
+    nobody = replace(BOX, system_id=0, number=11)
+    guessed = replace(SNAPSHOT, vehicles=tuple(replace(row, standing="tentative") for row in SNAPSHOT.vehicles))
+    texts = box_texts(guessed, BOX, ShownName(short="11", name="UGV-11", legend=""))
+    assert "11?" in texts and label_of(SNAPSHOT, nobody) == "#11"
+    assert label_of(SNAPSHOT, replace(nobody, number=0)) == "?"
+    assert label_of(SNAPSHOT, replace(nobody, coasting=True)) == "~#11"

@@ -248,3 +248,18 @@ async def test_how_long_a_battery_lasts_is_on_the_card_once_its_vehicle_is_picke
     async with running(FakeStation(snapshot=replace(SNAPSHOT, vehicles=rows)), size=WIDE) as (app, pilot, _):
         await pilot.press("down", "down")
         assert "battery      81% 12.4 V 14m left" in text_of(app.query_one(IdentityPane))
+
+
+@pytest.mark.parametrize(("provisional", "never", "yet"), [(False, True, True), (True, False, False)])
+async def test_of_a_provisional_place_no_candidate_was_never_heard(provisional, never, yet):
+    candidates = (
+        Candidate(system_id=15, confidence=0.5, missing="never heard", against="never heard"),
+        Candidate(system_id=17, confidence=0.2, missing="no position yet", against="no position yet"),
+    )
+    place = replace(changed(candidates=candidates, none_of_ours=0.3), provisional=provisional, alarms=())
+    async with running(FakeStation(snapshot=place), (160, 60)) as (app, pilot, _):
+        app._pick(0, 21)
+        await pilot.pause()
+        said = " ".join(text_of(app.query_one(IdentityPane)).split())
+        assert ("may be UGV-15: never heard" in said) is never and ("no position yet" in said) is yet
+        assert ("may be UGV-15: not heard" in said) is provisional and "no position" in said
