@@ -53,7 +53,7 @@ class FindLine(Horizontal):
         yield self._told
 
     def on_mount(self) -> None:
-        """What is typed goes here."""
+        """Take the keys from the hints."""
         self._focused = self.screen.focused
         self._hints.display = False
         self.query_one(Input).focus()
@@ -71,7 +71,7 @@ class FindLine(Horizontal):
         self.screen.set_focus(self._focused)
 
     def action_leave(self) -> None:
-        """As it was."""
+        """Back to what was picked before."""
         self.post_message(VehiclePicked(*self._before))
         self.screen.set_focus(self._focused)
 
