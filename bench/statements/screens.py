@@ -22,6 +22,7 @@ STANDING = (
     r"(?: \d+%)?"
 )
 ANY = re.compile(".+")
+PLACE = re.compile(r"(?:not known|behind the camera): .+|in .*the picture.*|(?:above|below|left|right).* px outside")
 FACTS = dict.fromkeys(
     (
         *("likeliest", "candidates", "sender", "signed", "refused", "position", "track", "place", "heading", "state"),
@@ -56,9 +57,7 @@ FACTS = dict.fromkeys(
         rf"\S (?:{STANDING}|stated(?:: none of ours)?|no name){AGE}|gone: no longer in the picture|"
         r"not known: no new frame .*"
     ),
-    "should be": re.compile(
-        r"(?:not known|behind the camera): .+|in .*the picture.*|(?:above|below|left|right).* px outside"
-    ),
+    "should be": PLACE,
 }
 """The pane's facts, and what each may say."""
 NOTHING = ("nothing", "nothing names it now")
@@ -99,6 +98,10 @@ def _identity(flown: TrueFlight, moment: Moment, screen: Screen) -> Iterator[tup
         said = _said(moment, f"{whose}: {name} {value}", system_id)
         if name == "against":  # a whole sentence, of an alarm without the name
             yield from ((said, why) for why in _against(flown, moment, replace(said, text=value, system_id=0), whose))
+        elif re.fullmatch(r"UGV-\d+", name):  # of the fleet, one that is not named, and why
+            if not PLACE.fullmatch(value):
+                of_it = replace(said, text=value)
+                yield from ((said, why) for why in _against(flown, moment, of_it, name))
         elif name not in FACTS or FACTS[name].fullmatch(value) is None:
             yield said, "a fact that is not known"
         elif system_id and name in ("heartbeat", "position"):

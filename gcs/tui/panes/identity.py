@@ -14,9 +14,7 @@ from textual.strip import Strip
 
 from gcs.certainty import certainty, named
 from gcs.health.heard import is_heard
-from gcs.health.vehicle_alarms import CONTRADICTED, DOUBTED
 from gcs.missing import may_be
-from gcs.report.box_shapes import drawable
 from gcs.report.overlay import named_count, standing_of, unnamed
 from gcs.snapshot import HELD_SHOWN_S, NAMED, Box, Candidate, Snapshot, Standing, VehicleRow
 from gcs.tui.draw.condition import condition_facts
@@ -51,7 +49,8 @@ from gcs.tui.palette import (
     standing_colour,
 )
 from gcs.tui.panes.advice import what_to_do
-from gcs.tui.panes.alarms import trouble_of
+from gcs.tui.panes.alarms import trouble_of, worst_alarm
+from gcs.tui.panes.expected_place import NEVER_HEARD, expected_place
 from gcs.tui.panes.pane import Pane
 from gcs.tui.picking import picked_box
 from gcs.tui.themes import Colour
@@ -68,10 +67,11 @@ NAME_CELLS = 13
 BAR_CELLS, SHORT_BAR_CELLS = 8, 4
 ROOMY_CELLS = 36
 """Width of a candidate's bar: the short one in a pane narrower than the last."""
-PLACES: Final = (("upper left", "top", "upper right"), ("left", "", "right"), ("lower left", "bottom", "lower right"))
-"""Thirds of the picture, from its top left."""
+WITHOUT_NAME: Final[tuple[Standing, ...]] = ("unidentified", "misplaced", "no position", "out of view")
+"""Standings of vehicles that no box is while there is a picture, first those that should be in it."""
+MOST_WITHOUT_NAME: Final = 6
+"""So many are told of with the reason, the rest is counted."""
 NONE_OF_OURS: Final = "none of ours"
-NEVER_HEARD: Final = "never heard"
 EVIDENCE: Final = (
     "Masses of the published methods, at most 0.5 s old, for analysts: the name is decided by the confidence alone."
 )
@@ -281,49 +281,6 @@ def _likeliest_box(snapshot: Snapshot, system_id: int) -> tuple[Box, Candidate] 
     return max(found, key=lambda pair: pair[1].confidence, default=None)
 
 
-def expected_place(snapshot: Snapshot, row: VehicleRow) -> str:
-    """The expected place of a vehicle without a box, by its report, and whether the picture shows that place."""
-    if why := _not_known(snapshot, row):
-        return f"not known: {why}"
-    if row.expected_px is None:
-        return "behind the camera: the picture does not show it"
-    x, y = row.expected_px
-    across = "left" if x < 0 else "right" if x >= snapshot.width else ""
-    along = "above" if y < 0 else "below" if y >= snapshot.height else ""
-    if across or along:
-        away = math.hypot(max(-x, x - snapshot.width, 0.0), max(-y, y - snapshot.height, 0.0))
-        side = " and ".join(word for word in (along, across) if word) + " of" * bool(across)
-        return f"{side} the picture, {away:.0f} px outside"
-    place = "in the middle of the picture"
-    column, third = min(int(3 * x / snapshot.width), 2), min(int(3 * y / snapshot.height), 2)
-    if (column, third) != (1, 1):
-        place = f"in the picture at the {PLACES[third][column]}"
-    if row.standing == "no new frame":
-        return f"{place}, of which there is no new frame"
-    there = next((box for box in snapshot.boxes if drawable(box) and _covers(box, x, y)), None)
-    if there is None:
-        return f"{place}, where no box is"
-    if there.system_id == row.system_id:
-        return f"{place}, where its box is"
-    return f"{place}, where {snapshot.name_of(there.system_id) if there.system_id else f'track {there.track_id}'} is"
-
-
-def _not_known(snapshot: Snapshot, row: VehicleRow) -> str:
-    """Reason why nobody knows where the picture should show a vehicle, empty for none."""
-    if row.position_state not in ("ok", "stale"):
-        return "it has no usable position" if is_heard(row) else as_far_as_known(snapshot, NEVER_HEARD)
-    if row.system_id in snapshot.conflicts:
-        return CONTRADICTED
-    if row.doubted_for:
-        return DOUBTED
-    return "the camera's pose is unknown" if snapshot.pose == "unknown" else ""
-
-
-def _covers(box: Box, x: float, y: float) -> bool:
-    """Tell whether a place is within a box's length of its middle."""
-    return math.hypot(box.cx - x, box.cy - y) <= max(box.w, box.h)
-
-
 def _named_fact(share: float | None) -> list[Fact]:
     """For how much of the time it was named so far."""
     return [] if share is None else [("named", f"{percent(share)} of the time" if share else "never yet", INK)]
@@ -342,18 +299,38 @@ def _fleet_facts(snapshot: Snapshot, named_for: Mapping[int, float]) -> list[Fac
         for (standing, word), count in sorted(counts.items(), key=lambda each: STANDINGS.index(each[0][0]))
         if standing != "confirmed"
     ]
+    facts += _without_name(snapshot)
     if named_for:
         facts.append(("ever named", f"{sum(map(bool, named_for.values()))} of {total}", INK))
     unnamed = sum(not box.system_id for box in snapshot.boxes)
     facts.append(("boxes", f"{len(snapshot.boxes)}, {unnamed} unnamed", INK))
-    health = snapshot.health
+    facts.append(("", "↑↓ pick a vehicle or a box, / by name", FAINT))
+    health = snapshot.health  # for analysts: what there is no room for
     if health.time_offset_s:
         facts.append(("video clock", f"{health.time_offset_s:+.2f}{_spread(health.time_offset_std_s, 2)} s", INK))
     if math.isfinite(health.yaw_offset):
         spread = _spread(math.degrees(health.yaw_offset_std), 1)
         facts.append(("camera yaw", f"{math.degrees(health.yaw_offset):+.1f}{spread}°", INK))
-    facts.append(("", "↑↓ pick a vehicle or a box", FAINT))
     return facts
+
+
+def _without_name(snapshot: Snapshot) -> list[Fact]:
+    """Each vehicle that is not named, and why: the worst that is wrong with it, else where it should be."""
+
+    def first(row: VehicleRow) -> tuple[bool, int]:
+        return worst_alarm(snapshot, row.system_id) is None, WITHOUT_NAME.index(row.standing)
+
+    rows = [
+        row for row in snapshot.vehicles if row.role == "ugv" and row.standing in WITHOUT_NAME and not row.elsewhere
+    ]
+    facts: list[Fact] = []
+    for row in sorted(rows, key=first)[:MOST_WITHOUT_NAME]:
+        worst = worst_alarm(snapshot, row.system_id)
+        why = plain(trouble_of(worst)) if worst is not None else expected_place(snapshot, row)
+        colour = standing_colour(row.standing) if worst is None else level_colour(worst.level)
+        facts.append((name_or_id(plain(row.name), row.system_id, NAME_CELLS - 1), why, colour))
+    more = len(rows) - len(facts)
+    return [*facts, ("", f"and {more} more", FAINT)] if more else facts
 
 
 def _spread(std: float, digits: int) -> str:

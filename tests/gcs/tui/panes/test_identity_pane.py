@@ -13,8 +13,9 @@ from gcs.tui.draw.format import standing_of_row
 from gcs.tui.draw.mosaic import fit
 from gcs.tui.framing import frame_for
 from gcs.tui.panes.advice import UNHEARD, what_to_do
+from gcs.tui.panes.expected_place import expected_place
 from gcs.tui.panes.fleet import FleetPane
-from gcs.tui.panes.identity import IdentityPane, expected_place
+from gcs.tui.panes.identity import IdentityPane
 from gcs.tui.panes.video import VideoPane
 from mavlink.state import VehicleCondition
 from tests.support.fake_station import WIDE, FakeStation, make_snapshot, polled, running, text_of
@@ -263,3 +264,24 @@ async def test_of_a_provisional_place_no_candidate_was_never_heard(provisional, 
         said = " ".join(text_of(app.query_one(IdentityPane)).split())
         assert ("may be UGV-15: never heard" in said) is never and ("no position yet" in said) is yet
         assert ("may be UGV-15: not heard" in said) is provisional and "no position" in said
+
+
+async def test_while_nothing_is_picked_the_card_tells_who_is_not_named_and_why():
+    silent = Alarm(
+        key="s", level="alarm", kind="vehicle", text="UGV-14: no heartbeat", advice="", since_us=0, system_id=14
+    )
+    lost = {"standing": "no position", "position_state": "lost"}
+    rows = {14: lost, 15: {"standing": "unidentified", "expected_px": (20.0, 20.0)}, 16: {"elsewhere": ("North",)}}
+    vehicles = tuple(replace(row, **rows.get(row.system_id, {})) for row in SNAPSHOT.vehicles)
+    place = replace(SNAPSHOT, vehicles=vehicles, alarms=(silent,))
+    async with running(FakeStation(live=True, snapshot=place), size=(160, 60)) as (app, pilot, station):
+        facts = [" ".join(row.split()) for row in text_of(app.query_one(IdentityPane)).splitlines()]
+        told = [fact for fact in facts if fact.startswith("UGV-")]
+        assert told[0] == "UGV-14 no heartbeat"
+        assert told[1].startswith("UGV-15 in the picture at the upper left, where no")
+        assert not any(fact.startswith(("UGV-11", "UGV-16")) for fact in told), "it is named, it is seen elsewhere"
+        many = tuple(replace(vehicles[1], **lost, system_id=n, name=f"UGV-{n}") for n in range(20, 30))
+        station.snapshot = replace(place, vehicles=(vehicles[0], *many), alarms=())
+        await polled(app, pilot)
+        said = text_of(app.query_one(IdentityPane))
+        assert "UGV-25" in said and "UGV-26" not in said and "and 4 more" in said
