@@ -70,7 +70,7 @@ ROOMY_CELLS = 36
 WITHOUT_NAME: Final[tuple[Standing, ...]] = ("unidentified", "misplaced", "no position", "out of view")
 """Standings of vehicles that no box is while there is a picture, first those that should be in it."""
 MOST_WITHOUT_NAME: Final = 6
-"""So many are told of with the reason, the rest is counted."""
+"""Vehicles told of with the reason; the rest is counted."""
 NONE_OF_OURS: Final = "none of ours"
 EVIDENCE: Final = (
     "Masses of the published methods, at most 0.5 s old, for analysts: the name is decided by the confidence alone."
