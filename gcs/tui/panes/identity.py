@@ -304,7 +304,7 @@ def _fleet_facts(snapshot: Snapshot, named_for: Mapping[int, float]) -> list[Fac
         facts.append(("ever named", f"{sum(map(bool, named_for.values()))} of {total}", INK))
     unnamed = sum(not box.system_id for box in snapshot.boxes)
     facts.append(("boxes", f"{len(snapshot.boxes)}, {unnamed} unnamed", INK))
-    facts.append(("", "↑↓ pick a vehicle or a box, / by name", FAINT))
+    facts.append(("", "↑↓ or / picks a vehicle", FAINT))
     health = snapshot.health  # for analysts: what there is no room for
     if health.time_offset_s:
         facts.append(("video clock", f"{health.time_offset_s:+.2f}{_spread(health.time_offset_std_s, 2)} s", INK))
