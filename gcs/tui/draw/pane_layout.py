@@ -15,6 +15,7 @@ TALLER = 1.3
 """The video is so much higher than its frame where there is room: a part of the frame fills it."""
 FLEET_SHARE = 0.42
 """Share of the width that the table may take beside a view."""
+LEAST_IDENTITY_ROWS = 6
 IDENTITY_ROWS, MORE_IDENTITY_ROWS = 13, 24
 """Rows for who, how sure, what against, where and what to do; on tall screens for what else is known too."""
 TALL = 46
@@ -81,6 +82,8 @@ def arranged(width: int, height: int, state: LayoutState) -> Mapping[str, Rect]:
 def _main(width: int, height: int, state: LayoutState, shown: frozenset[str]) -> dict[str, Rect]:
     """A large view with the log below; table, identity and the other view in a column on the right."""
     views = [pane for pane in (("video", "map") if state.layout == 1 else ("map", "video")) if pane in shown]
+    if views[1:] == ["map"] and "map" not in state.toggled and _hides_vehicles(height, state):
+        views = views[:1]
     texts = [pane for pane in ("alarms", "events") if pane in shown]
     if width < USUAL and views and texts:  # a column of half the width has no room for their words
         rows = min(ALARM_ROWS if "alarms" in texts else EVENT_ROWS, height // 2)
@@ -98,6 +101,11 @@ def _main(width: int, height: int, state: LayoutState, shown: frozenset[str]) ->
         **_column(left, (0, 0, left_width, height), state),
         **_column(right, (left_width + 1, 0, right_width, height), state),
     }
+
+
+def _hides_vehicles(height: int, state: LayoutState) -> bool:
+    """Tell whether a map below the table takes rows of it: of so many vehicles it could not show the names either."""
+    return height - (state.fleet_rows + 1) - LEAST_IDENTITY_ROWS < CHART_ROWS
 
 
 def _beside(width: int, height: int, state: LayoutState, shown: frozenset[str]) -> dict[str, Rect]:
@@ -143,7 +151,7 @@ def _heights(panes: list[str], width: int, height: int, state: LayoutState) -> d
         "video": CHART_ROWS,
         "map": CHART_ROWS,
         "fleet": min(state.fleet_rows + 1, max(4, height // 2)),
-        "identity": 6,
+        "identity": LEAST_IDENTITY_ROWS,
         "events": EVENT_ROWS,
         "alarms": min(ALARM_ROWS, max(EVENT_ROWS, height // 3)),
     }
