@@ -305,7 +305,10 @@ def _fleet_facts(snapshot: Snapshot, named_for: Mapping[int, float]) -> list[Fac
     unnamed = sum(not box.system_id for box in snapshot.boxes)
     facts.append(("boxes", f"{len(snapshot.boxes)}, {unnamed} unnamed", INK))
     facts.append(("", "↑↓ or / picks a vehicle", FAINT))
-    health = snapshot.health  # for analysts: what there is no room for
+    worst = next(iter(snapshot.alarms), None)
+    if worst is not None and worst.advice:
+        facts.append(("do", f"{plain(worst.text)}: {plain(worst.advice)}", level_colour(worst.level)))
+    health = snapshot.health  # for analysts, where there is room
     if health.time_offset_s:
         facts.append(("video clock", f"{health.time_offset_s:+.2f}{_spread(health.time_offset_std_s, 2)} s", INK))
     if math.isfinite(health.yaw_offset):

@@ -268,7 +268,7 @@ async def test_of_a_provisional_place_no_candidate_was_never_heard(provisional, 
 
 async def test_while_nothing_is_picked_the_card_tells_who_is_not_named_and_why():
     silent = Alarm(
-        key="s", level="alarm", kind="vehicle", text="UGV-14: no heartbeat", advice="", since_us=0, system_id=14
+        key="s", level="alarm", kind="vehicle", text="UGV-14: no heartbeat", advice="go there", since_us=0, system_id=14
     )
     lost = {"standing": "no position", "position_state": "lost"}
     rows = {14: lost, 15: {"standing": "unidentified", "expected_px": (20.0, 20.0)}, 16: {"elsewhere": ("North",)}}
@@ -279,6 +279,7 @@ async def test_while_nothing_is_picked_the_card_tells_who_is_not_named_and_why()
         told = [fact for fact in facts if fact.startswith("UGV-")]
         assert told[0] == "UGV-14 no heartbeat"
         assert told[1].startswith("UGV-15 in the picture at the upper left, where no")
+        assert "do UGV-14: no heartbeat: go there" in facts
         assert not any(fact.startswith(("UGV-11", "UGV-16")) for fact in told), "it is named, it is seen elsewhere"
         many = tuple(replace(vehicles[1], **lost, system_id=n, name=f"UGV-{n}") for n in range(20, 30))
         station.snapshot = replace(place, vehicles=(vehicles[0], *many), alarms=())
