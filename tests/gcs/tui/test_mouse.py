@@ -50,7 +50,7 @@ async def test_keys_are_told_where_they_act():
         assert text_of(hints).startswith(" ↑↓ scroll  l level")
         await pilot.press("f")
         await pilot.pause()
-        assert "scroll" not in text_of(log) and "↑↓ vehicle" in text_of(hints)
+        assert "scroll" not in text_of(log) and "↑↓/ vehicle" in text_of(hints)
 
 
 async def test_a_click_on_a_hinted_key_presses_it():
