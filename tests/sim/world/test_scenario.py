@@ -47,7 +47,8 @@ def test_keys_left_out_keep_their_defaults():
         ({"faults": [{"vehicle": 0, "kind": "silent"}]}, "s.toml: [[faults]] number 1: start_s is missing"),
         (
             {"ground": {"kind": "round"}},
-            "[ground]: kind is 'round'; 'bays' or 'curved' or 'formation' or 'open' or 'parked' or 'straight' is needed",
+            "[ground]: kind is 'round'; 'bays' or 'curved' or 'formation' or 'open' or 'parked' or 'straight' "
+            "is needed",
         ),
         ({"seed": "one"}, "s.toml: seed is 'one'; a whole number is needed"),
         ({"seed": True}, "seed is True; a whole number is needed"),
