@@ -234,6 +234,13 @@ def _over(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     return "" if any(cause) else "its cause goes on"
 
 
+def _unnamed(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
+    since_us = said.t_us - round((HOLD_S * said.standing + SLACK_S) * S)
+    shown = [moment.snapshot.boxes for moment in flown.moments if since_us <= moment.snapshot.t_us <= said.t_us]
+    bare = any(not any(box.system_id and not box.stated for box in boxes) for boxes in shown)
+    return "" if bare else "boxes have names"
+
+
 _LOST, _MAY, _STATED = "track {track} is no longer {name}: ", "may be {name}: ", "stated: track {track} is {name}"
 SENTENCES: Mapping[str, Check] = {
     "over after {seconds} s: {text}": _over,
@@ -290,6 +297,7 @@ SENTENCES: Mapping[str, Check] = {
     "{name}: most of its packets are lost": _lossy,
     "{name}: packets with a wrong signature are rejected": _forged,
     "system {id}: {count} packets refused, bad signature ({text})": _forged,
+    "it is not known yet whether video and telemetry match: nothing is named": _unnamed,
     "no video comes": _so,
     "the video has stopped": _stopped,
     "the video comes and goes: {count} times in {within}": _comes_and_goes,
