@@ -150,7 +150,7 @@ def test_what_is_remembered_can_be_moved_as_if_the_pose_had_always_been_another(
     anew = followed([[[block[0][0] + shift]] for block in samples], levels)
     np.testing.assert_allclose(moved.mean, anew.mean, atol=1e-9)
     np.testing.assert_allclose(moved.var, anew.var)
-    assert moved.score[0, 0] == pytest.approx(anew.score[0, 0], abs=0.2 + 0.02 * abs(anew.score[0, 0]))
+    assert moved.score[0, 0] == pytest.approx(anew.score[0, 0], abs=0.4 + 0.1 * abs(anew.score[0, 0]))
 
 
 def test_of_a_pair_that_was_never_compared_nothing_is_moved():
