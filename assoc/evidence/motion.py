@@ -230,8 +230,8 @@ class ReportLog:
 
     @property
     def moves(self) -> BoolArray:
-        """(n,) whether each vehicle drives, as far as it is known how fast it is."""
-        return np.asarray(np.hypot(*self.last_v.T) > _STANDS_MPS)
+        """(n,) whether each vehicle drives, or nobody knows that it stands."""
+        return np.asarray(~(np.hypot(*self.last_v.T) <= _STANDS_MPS))
 
     @property
     def believed_t(self) -> FloatArray:
