@@ -458,7 +458,7 @@ class Estimator:
             live = context.columns[: context.live].tolist()
             vehicle = np.array([self._confident.get(column, -1) for column in live], np.int64)
             found = [refine(context, self._thetas[0].copy(), vehicle)]
-            if self._stands(context):
+            if self._stands():
                 found += self._shifted(context, found[0])
         else:
             starts = self._starts(context, not camera.attitude_known)
@@ -474,7 +474,7 @@ class Estimator:
         q = self._params.search
         if self._updates % q.shift_every != 1:
             return []
-        stands, found = self._stands(context), list[Hypothesis]()
+        stands, found = self._stands(), list[Hypothesis]()
         for theta in shifts(context, best, q.shifts_many if self._is_large(context) else q.shifts):
             inputs = context.moved(theta, best.theta) if stands else context
             found.append(refine(inputs, theta, blocks=best.blocks))
@@ -484,11 +484,11 @@ class Estimator:
         """The inputs for a start: moved, if it was another place of the fleet in the last update already."""
         others = self._thetas[1:]
         shifted = any(theta is other for other in others) and is_shifted(theta, self._thetas[0])
-        return context.moved(theta, self._thetas[0]) if shifted and self._stands(context) else context
+        return context.moved(theta, self._thetas[0]) if shifted and self._stands() else context
 
-    def _stands(self, context: UpdateContext) -> bool:
-        """Tell whether none of the vehicles in view drives: a pose that was wrong has always been wrong by the same."""
-        return not np.any(self._log.moves & (context.view > _UNKNOWN_VIEW))
+    def _stands(self) -> bool:
+        """Tell whether no vehicle drives: a pose that was wrong has always been wrong by the same."""
+        return not np.any(self._log.moves)
 
     def _expected(self, found: list[Hypothesis], context: UpdateContext) -> list[Hypothesis]:
         """The best hypotheses; none with a gross error while the fleet is explained without one.
