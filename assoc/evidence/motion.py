@@ -230,7 +230,7 @@ class ReportLog:
 
     @property
     def moves(self) -> BoolArray:
-        """(n,) whether each vehicle drives, or nobody knows that it stands."""
+        """(n,) True for vehicles that drive, or of which nobody knows that they stand."""
         return np.asarray(~(np.hypot(*self.last_v.T) <= _STANDS_MPS))
 
     @property

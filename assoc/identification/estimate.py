@@ -347,12 +347,12 @@ class Estimator:
         return p + mean, var + self._log.white_std_m**2 + q.predicted_floor_m2 + moved
 
     def reported(self, t: float) -> tuple[FloatArray, FloatArray]:
-        """Where each vehicle reports to be at a time, (n, 2) metres, and (n,) the ages of their reports, seconds."""
+        """Reported places of the vehicles at a time, (n, 2) metres, and ages of the reports, (n,) seconds."""
         now = t - self.time_offset_s
         return self._log.extrapolated(now)[0], now - self._log.last_t
 
     def places(self, observation: Observation, camera: CameraState) -> FloatArray:
-        """(m, 2) where the boxes of a frame are under the correction, east and north, metres."""
+        """Places of a frame's boxes under the correction, (m, 2) east and north, metres."""
         return rays_to_ground(observation.ray_cam, camera.R_enu_cam, camera.p_enu, camera.ground_z, self.theta)
 
     def deviations(self, t: float, places: FloatArray) -> FloatArray:
@@ -465,7 +465,8 @@ class Estimator:
             starts += self.gross.starts(context.prior, self.fit, at_once=not self._is_large(context))
             found = [refine(self._as_remembered(context, theta), theta) for theta in starts]
             found = self._expected(found, context)
-            found = self._expected(found + self._shifted(context, found[0]), context)
+            if shifted := self._shifted(context, found[0]):
+                found = self._expected(found + shifted, context)
         found += swaps(context, found[0], q.swaps_locked if self.locked else q.swaps)
         return keep_best(found, q.hypotheses)
 

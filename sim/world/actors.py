@@ -125,7 +125,7 @@ def choose_roles(scenario: Scenario, rng: np.random.Generator) -> Roles:
 def simulate_actors(scenario: Scenario, t: FloatArray, rng: np.random.Generator) -> Actors:
     """Move all bodies over the time grid t (T,), which begins no later than 0."""
     roles = choose_roles(scenario, rng)
-    if scenario.ground.kind in ("open", "parked", "bays"):
+    if scenario.ground.is_open:
         return Actors(roles=roles, motion=_on_open_ground(scenario, roles, t, rng), scene=Scene())
     path = _path(scenario, float(t[-1]), rng)
     if scenario.ground.kind == "formation":

@@ -67,6 +67,11 @@ class ScenarioGround:
     width_m: float = 1.4
     height_m: float = 0.9
 
+    @property
+    def is_open(self) -> bool:
+        """True on open ground, where bodies stand or drive anywhere and follow no path."""
+        return self.kind in ("open", "parked", "bays")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioFlight:

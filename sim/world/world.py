@@ -143,7 +143,7 @@ class World:
 
     def _fly(self, t: FloatArray) -> UavMotion:
         scenario = self.scenario
-        if scenario.ground.kind in ("open", "parked", "bays"):
+        if scenario.ground.is_open:
             filmed = np.zeros((len(t), 1, 2))
         else:
             filmed = self._actors.motion.xy[:, : scenario.ground.vehicles]

@@ -142,7 +142,7 @@ def test_a_shift_of_the_camera_is_a_shift_of_the_residuals():
 @settings(max_examples=30)
 @given(seeds, st.floats(-4.0, 4.0), st.floats(-4.0, 4.0))
 def test_what_is_remembered_can_be_moved_as_if_the_pose_had_always_been_another(seed, east, north):
-    """Of a bias that does not wander what was seen is remembered to the last digit but for the wider part of N."""
+    """Memory of a bias that does not wander is exact but for the wider part of N."""
     rng = np.random.default_rng(seed)
     shift, levels = np.array([east, north]), noise(in_view_bonus=np.zeros(1), decay=1.0, floor_var=0.0)
     samples = [[[rng.normal(0.5, 0.3, (5, 2))]] for _ in range(6)]

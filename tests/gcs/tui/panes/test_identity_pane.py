@@ -13,9 +13,8 @@ from gcs.tui.draw.format import standing_of_row
 from gcs.tui.draw.mosaic import fit
 from gcs.tui.framing import frame_for
 from gcs.tui.panes.advice import UNHEARD, what_to_do
-from gcs.tui.panes.expected_place import expected_place
 from gcs.tui.panes.fleet import FleetPane
-from gcs.tui.panes.identity import IdentityPane
+from gcs.tui.panes.identity import IdentityPane, expected_place
 from gcs.tui.panes.video import VideoPane
 from mavlink.state import VehicleCondition
 from tests.support.fake_station import WIDE, FakeStation, make_snapshot, polled, running, text_of

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import ClassVar
 
 from textual.app import App, ComposeResult
@@ -9,7 +10,7 @@ from textual.screen import UPDATE_PERIOD, Screen
 from textual.strip import Strip
 from textual.widget import Widget
 
-from gcs.tui.terminal.eager_screen import EagerScreen
+from gcs.tui.terminal.terminal_app import EagerScreen
 
 
 class _Counter(Widget):
@@ -36,7 +37,7 @@ class _Counting(App[None]):
 
 async def test_a_key_shows_without_a_tick_of_the_clock_but_not_twice_in_one_of_its_periods(monkeypatch):
     now_s = [100.0]
-    monkeypatch.setattr("gcs.tui.terminal.eager_screen.monotonic", lambda: now_s[0])
+    monkeypatch.setattr("gcs.tui.terminal.terminal_app.time", SimpleNamespace(monotonic=lambda: now_s[0]))
     app = _Counting()
     async with app.run_test() as pilot:
         await pilot.pause(2 * UPDATE_PERIOD)
