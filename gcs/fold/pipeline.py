@@ -176,9 +176,20 @@ class Pipeline:
             heard_us: whatever came before this Unix time was added.
             most_us: wait no longer, µs.
         """
-        belongs_us = self.telemetry_time(t_us) + self._cameras.attitude_lag_us
-        waited_us = heard_us - max(t_us, belongs_us)
-        return waited_us < most_us and self.fleet.awaits(belongs_us)
+        return heard_us < self.awaits_until(t_us, most_us) and self.fleet.awaits(self._belongs_us(t_us))
+
+    def awaits_until(self, t_us: int, most_us: int) -> int:
+        """Unix µs from which a frame waits no longer for reports of the UAV's pose.
+
+        Args:
+            t_us: when the frame was taken, Unix µs on the video's clock.
+            most_us: wait no longer, µs.
+        """
+        return max(t_us, self._belongs_us(t_us)) + most_us
+
+    def _belongs_us(self, t_us: int) -> int:
+        """Telemetry's time, Unix µs, of the attitude that a frame was taken with."""
+        return self.telemetry_time(t_us) + self._cameras.attitude_lag_us
 
     @property
     def wait_us(self) -> int:

@@ -46,7 +46,16 @@ class PacketsInOrder:
         """Those up to a frame's time, and those until the UAV's pose at that time is known, if it comes."""
         # a frame that is dated before it was taken came later than its date
         yield from self.until(max(t_us, pipeline.telemetry_time(t_us)))
+        uav_id, until_us = pipeline.mission.uav.system_id, pipeline.awaits_until(t_us, PATIENCE_US)
         while self._next is not None and pipeline.awaits_telemetry(t_us, self._next.t_us, most_us=PATIENCE_US):
+            # nobody but the UAV ends the wait
+            yield from self._through(uav_id, until_us)
+
+    def _through(self, system_id: int, until_us: int) -> Iterator[Packet]:
+        """The next ones through the first of a vehicle, if it comes before a time."""
+        found = False
+        while not found and self._next is not None and self._next.t_us < until_us:
+            found = self._next.system_id == system_id
             yield self._next
             self._next = next(self._packets, None)
 
