@@ -10,8 +10,12 @@ a vehicle cannot turn or brake in between. So evidence counts by time and not by
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass, fields, replace
+from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,6 +121,19 @@ _OF_VEHICLES = (
 """Attributes of a log with a row for each vehicle."""
 
 
+class _Report(NamedTuple):
+    """One report of a vehicle."""
+
+    t: float
+    """Seconds."""
+    p: list[float]
+    """East and north, metres."""
+    v: list[float]
+    """Their speed, m/s, NaN unknown."""
+    heading: float
+    std_m: float
+
+
 class ReportLog:
     """Accepted reports of n vehicles and the state of their null model."""
 
@@ -182,18 +199,16 @@ class ReportLog:
             t: (k,) sample times in the identifier's seconds.
             reports: The reports; those not finite, older or repeated are left out.
         """
-        # the filters of all vehicles run together: round k filters the k-th report of each vehicle
-        rounds: list[list[int]] = []
-        counted: dict[int, int] = {}
-        for row in np.argsort(t, kind="stable").tolist():
-            vehicle = int(reports.vehicle[row])
-            k = counted[vehicle] = counted.get(vehicle, -1) + 1
-            if k == len(rounds):
-                rounds.append([])
-            rounds[k].append(row)
-        for rows in rounds:
-            chosen = np.array(rows)
-            self._accept(reports.vehicle[chosen], t[chosen], reports, chosen)
+        order = np.argsort(t, kind="stable")
+        columns = (t, reports.p_enu[:, :2], reports.v_enu[:, :2], reports.heading, reports.std_m)
+        rows = zip(*(column[order].tolist() for column in columns), strict=True)
+        by_vehicle: dict[int, list[_Report]] = {}
+        for vehicle, row in zip(reports.vehicle[order].tolist(), rows, strict=True):
+            by_vehicle.setdefault(vehicle, []).append(_Report(*row))
+        # the filters of all vehicles run together: of each its next sample that ends
+        accepting = [self._accept(vehicle, its) for vehicle, its in by_vehicle.items()]
+        while ending := [vehicle for each in accepting for vehicle in islice(each, 1)]:
+            self._close(np.array(ending))
         self._filter_newest(np.flatnonzero(self._unfiltered))
         if len(self._closed) > _PARTS:
             self._join_closed()
@@ -301,40 +316,43 @@ class ReportLog:
         other.last_t, other.first_t = self.last_t + seconds, self.first_t + seconds
         return other
 
-    def _accept(self, vehicle: IntArray, t: FloatArray, reports: VehicleReports, rows: IntArray) -> None:
-        """Accept at most one report per vehicle."""
-        p = reports.p_enu[rows, :2]
-        good: BoolArray = np.asarray(np.isfinite(p).all(axis=1) & (t > self.last_t[vehicle] + _SAME_TIME_S))
-        uncertain = reports.std_m[rows] > _UNCERTAIN_M
-        self.too_uncertain[vehicle[good]] = uncertain[good]
-        good = np.asarray(good & ~uncertain)
-        good = np.asarray(good & np.logical_not(self._repeats(vehicle, t, p, reports.v_enu[rows, :2])))
-        vehicle, t, p, rows = vehicle[good], t[good], p[good], rows[good]
-        if not len(rows):
-            return
-        self._whole = None
-        self._average(vehicle, t, p, reports.heading[rows])
-        reported = reports.v_enu[rows, :2]
-        known: BoolArray = np.asarray(np.isfinite(reported).all(axis=1))
-        self.last_v[vehicle] = np.where(known[:, None], reported, self.last_v[vehicle])
-        self._speedless[vehicle] = ~known
-        self.last_t[vehicle], self.last_p[vehicle] = t, p
-        self.last_heading[vehicle] = reports.heading[rows]
-        self.first_t[vehicle] = np.minimum(self.first_t[vehicle], t)
+    def _accept(self, vehicle: int, reports: list[_Report]) -> Iterator[int]:
+        """Accept reports of one vehicle in order of time; gives it before each that begins another sample."""
+        for report in reports:
+            if not self._is_news(vehicle, report):
+                continue
+            self._whole = None
+            if not report.t < self._open_since[vehicle] + _STEP_S:
+                yield vehicle
+                self._open_since[vehicle], self._open_count[vehicle] = report.t, 0.0
+            self._average(vehicle, report)
+            known = math.isfinite(report.v[0]) and math.isfinite(report.v[1])
+            if known:
+                self.last_v[vehicle] = report.v
+            self._speedless[vehicle] = not known
+            self.last_t[vehicle], self.last_p[vehicle] = report.t, report.p
+            self.last_heading[vehicle] = report.heading
+            self.first_t[vehicle] = min(self.first_t[vehicle], report.t)
 
-    def _average(self, vehicle: IntArray, t: FloatArray, p: FloatArray, heading: FloatArray) -> None:
-        """Add one report of each of some vehicles to their newest samples, or begin others."""
-        joins = t < self._open_since[vehicle] + _STEP_S
-        begun, sample = vehicle[~joins], self._open
-        self._close(begun)
-        self._open_since[begun], self._open_count[begun] = t[~joins], 0.0
-        count = self._open_count[vehicle] = self._open_count[vehicle] + 1.0
-        # m_k = m_{k−1} + (x_k − m_{k−1})/k
-        first = count == 1.0
-        t = np.where(first, t, sample.t[vehicle] + (t - sample.t[vehicle]) / count)
-        p = np.where(first[:, None], p, sample.p[vehicle] + (p - sample.p[vehicle]) / count[:, None])
-        sample.t[vehicle], sample.p[vehicle], sample.heading[vehicle] = t, p, heading
-        self._unfiltered[vehicle] = True
+    def _is_news(self, vehicle: int, report: _Report) -> bool:
+        """Tell whether a report is a place that is newer, certain enough and no repetition."""
+        repeated = self._repeats(vehicle, report)
+        east, north = report.p
+        if not (math.isfinite(east) and math.isfinite(north) and report.t > self.last_t[vehicle] + _SAME_TIME_S):
+            return False
+        uncertain = self.too_uncertain[vehicle] = report.std_m > _UNCERTAIN_M
+        return not (uncertain or repeated)
+
+    def _average(self, vehicle: int, report: _Report) -> None:
+        """Add a report to the newest sample of its vehicle."""
+        sample, k = self._open, float(self._open_count[vehicle]) + 1.0
+        t, p = report.t, report.p
+        if k > 1.0:
+            # m_k = m_{k−1} + (x_k − m_{k−1})/k
+            before, at = float(sample.t[vehicle]), sample.p[vehicle].tolist()
+            t, p = before + (t - before) / k, [m + (x - m) / k for m, x in zip(at, p, strict=True)]
+        sample.t[vehicle], sample.p[vehicle], sample.heading[vehicle] = t, p, report.heading
+        self._open_count[vehicle], self._unfiltered[vehicle] = k, True
 
     def _filter_newest(self, vehicle: IntArray) -> None:
         """Take the newest samples of some vehicles, to which reports were added, into the null model."""
@@ -359,17 +377,15 @@ class ReportLog:
             _set_rows(before, some, _rows(now, some))
         self._before.score[some], self._before.t[some] = self._now.score[some], self._now.t[some]
 
-    def _repeats(self, vehicle: IntArray, t: FloatArray, p: FloatArray, v: FloatArray) -> BoolArray:
-        """Repeats without information: of a moving vehicle (frozen receiver), or within a second of a standing one."""
-        same: BoolArray = np.asarray((p == self.last_p[vehicle]).all(axis=1))
-        if not same.any():
+    def _repeats(self, vehicle: int, report: _Report) -> bool:
+        """A repetition without information: of a moving vehicle (frozen receiver), or within a second of a standing one."""
+        if report.p != self.last_p[vehicle].tolist():
             self.frozen[vehicle] = False
-            return same
-        before = self.last_v[vehicle]
+            return False
         # no speed known: not moving
-        moving = (np.hypot(*v.T) > _STANDING_MPS) | (np.hypot(*before.T) > _STANDING_MPS)
-        self.frozen[vehicle] = same & (moving | self.frozen[vehicle])
-        return np.asarray(same & (self.frozen[vehicle] | (t - self.last_t[vehicle] < _STANDING_REPEAT_S)))
+        moves = math.hypot(*report.v) > _STANDING_MPS or math.hypot(*self.last_v[vehicle].tolist()) > _STANDING_MPS
+        self.frozen[vehicle] |= moves
+        return bool(self.frozen[vehicle] or report.t - self.last_t[vehicle] < _STANDING_REPEAT_S)
 
     def _filter(self, vehicle: IntArray, t: FloatArray, p: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Step of the null model to the newest samples: (k, G) ln densities and squared jumps, 0 for a first one."""
