@@ -286,6 +286,8 @@ class VehicleClock:
         if not self._started:
             return boot_us
         expected = self._newest + arrival_us - self._newest_arrival
+        if abs(expected - boot_us) < _WRAP_US // 2:
+            return boot_us
         wraps = (expected - boot_us + _WRAP_US // 2) // _WRAP_US
         near = boot_us + wraps * _WRAP_US
         # a reboot is far from what was expected either way: then the count as it came is the smaller surprise

@@ -13,6 +13,8 @@ LOCAL_REACH_M = 50_000.0
 turns by half a degree at 45° of latitude, a fourteenth of what a compass is taken to be off by."""
 FLEET_SPAN_M = 200_000.0
 """Largest plausible distance between vehicles that one station receives and one camera films."""
+_SURELY_NEAR_DEG = 1.0
+"""Places that differ by less in latitude and in longitude are no more than 158 km apart."""
 TOO_FAR = "farther from the others than a radio reaches"
 _CURRENT_US = 5_000_000
 """Age of the positions that are compared, µs; positions are sent at least once a second."""
@@ -50,6 +52,13 @@ class Origin:
         """Distance of a position from the origin, 0 while there is none."""
         frame = self.frame
         return separation_m(frame.lat_deg, frame.lon_deg, sample.lat_deg, sample.lon_deg) if frame else 0.0
+
+    def is_far(self, sample: GlobalPosition) -> bool:
+        """Tell whether a position is farther from the origin than vehicles of one fleet are from each other."""
+        frame = self.frame
+        if frame and max(abs(sample.lat_deg - frame.lat_deg), abs(sample.lon_deg - frame.lon_deg)) < _SURELY_NEAR_DEG:
+            return False
+        return self.distance_m(sample) > FLEET_SPAN_M
 
     def near_majority(self, sample: GlobalPosition) -> bool | None:
         """Tell whether a vehicle is near the majority of those that reported recently; None without such a majority."""

@@ -389,7 +389,7 @@ class Fleet:
         if reason and not reading.fit.fits:
             vehicle.rejections.count(reason)  # a reboot that is not accepted yet begins without a fix
             return notices
-        far = not reason and self._origin.distance_m(sample) > FLEET_SPAN_M
+        far = not reason and self._origin.is_far(sample)
         if not reason and self._is_outlying(vehicle, report, far):
             reason = TOO_FAR
         if reason:
@@ -430,7 +430,7 @@ class Fleet:
             self._origin.set_home_altitude(sample)
         for other, epoch, waiting in self._waiting:
             # boot times from before a reboot are those of another count
-            if epoch == other.clock.epoch and self._origin.distance_m(waiting.sample) <= FLEET_SPAN_M:
+            if epoch == other.clock.epoch and not self._origin.is_far(waiting.sample):
                 self._keep_position(other, waiting)
         self._waiting.clear()
         return True
@@ -452,8 +452,10 @@ class Fleet:
                 notices += self._move_origin(sample)
         elif fix is not None:
             clock = vehicle.clock
-            heading = math.nan if vehicle.doubts.compass_doubted(sample.t_us) else fix.heading
-            fix = fix._replace(std_m=_widened(fix.std_m, vehicle.doubt(sample.t_us)), heading=heading)
+            if (doubt := vehicle.doubt(sample.t_us)) is not None:
+                fix = fix._replace(std_m=_widened(fix.std_m, doubt))
+            if vehicle.doubts.compass_doubted(sample.t_us):
+                fix = fix._replace(heading=math.nan)
             self._evidence.append(_AcceptedPosition(vehicle, boot_us, fix, clock.restarts, clock.unix_of(boot_us)))
         return notices
 

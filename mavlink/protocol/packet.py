@@ -84,7 +84,10 @@ class Packet:
     def boot_ms(self) -> int:
         """Milliseconds since its vehicle was switched on, where the message carries them in a known place; else 0."""
         place = _BOOT_MS_AT.get(self.message_id)
-        return 0 if place is None else int.from_bytes(self.payload[place : place + 4], "little")
+        if place is None:
+            return 0
+        start = 10 if self.raw[0] == MAGIC_V2 else 6
+        return int.from_bytes(self.raw[start + place : start + min(place + 4, self.raw[1])], "little")
 
     @property
     def payload(self) -> bytes:
