@@ -6,7 +6,7 @@ Units and frames: ENU metres, radians, Unix microseconds; image quantities in pi
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
@@ -420,7 +420,7 @@ class Snapshot:
     @property
     def doubted(self) -> frozenset[int]:
         """System ids of vehicles on whose names nobody is to act."""
-        return frozenset(alarm.system_id for alarm in self.alarms if alarm.doubts_name)
+        return doubted_by(self.alarms)
 
     @property
     def boxes_age_s(self) -> float:
@@ -458,3 +458,8 @@ class Snapshot:
             if row.system_id == system_id:
                 return row.name
         return self.names.get(system_id) or (f"UGV-{system_id}" if system_id else "unknown")
+
+
+def doubted_by(alarms: Iterable[Alarm]) -> frozenset[int]:
+    """System ids of vehicles on whose names nobody is to act by these alarms."""
+    return frozenset(alarm.system_id for alarm in alarms if alarm.doubts_name)

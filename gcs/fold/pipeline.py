@@ -43,7 +43,7 @@ from gcs.health.event_throttle import EventThrottle
 from gcs.health.link_rates import LinkRates
 from gcs.mission.mission import Camera, Mission
 from gcs.session.fold_order import NO_FRAME
-from gcs.snapshot import Box, Event, FleetChange, Health, Snapshot, Standing, Statement
+from gcs.snapshot import Box, Event, FleetChange, Health, Snapshot, Standing, Statement, doubted_by
 from mavlink.estimation.gimbal import turns_camera
 from mavlink.fleet.fleet import Fleet
 from mavlink.geodesy import LocalFrame
@@ -140,6 +140,8 @@ class Pipeline:
         self._offset_us = round(self._offset_s * 1e6)
         self._cameras = FrameCameras(mission, sized=sized)
         self._view: FrameCamera | None = None
+        self._state_of: tuple[FrameCamera, CameraState] | None = None
+        """The camera that was last asked about, as the identifier has it."""
         self._look: _Look | None = None
         self._frame, self._frame_us, self._clock_us = NO_FRAME, 0, 0
         self._names = NameChanges(mission)
@@ -498,7 +500,9 @@ class Pipeline:
         return (track - 1) * len(self._films) + self._films.index(camera) + 1
 
     def _camera(self, view: FrameCamera) -> CameraState:
-        return camera_of(view, self._cameras.stabilized)
+        if self._state_of is None or self._state_of[0] is not view:
+            self._state_of = view, camera_of(view, self._cameras.stabilized)
+        return self._state_of[1]
 
     def _snapshot(
         self,
@@ -561,9 +565,9 @@ class Pipeline:
         alarms, changes = self._alarms.update(snapshot)
         events = (*self._events, *self._throttle.overdue(t_us), *changes)
         self._events = []
-        snapshot = replace(snapshot, alarms=alarms, events=events)
         since = partial(self._standing_since.update, t_us)
-        return replace(snapshot, vehicles=with_standings(snapshot, since, lapsed=lapsed))
+        rows = with_standings(snapshot, doubted_by(alarms), since, lapsed=lapsed)
+        return replace(snapshot, alarms=alarms, events=events, vehicles=rows)
 
 
 def _size_of(image: NDArray[np.uint8] | None) -> tuple[int, int] | None:

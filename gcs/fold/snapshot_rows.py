@@ -214,19 +214,20 @@ def vehicle_rows(
 
 
 def with_standings(
-    snapshot: Snapshot, standing_since: Callable[[int, Standing], int], *, lapsed: bool
+    snapshot: Snapshot, doubted: Collection[int], standing_since: Callable[[int, Standing], int], *, lapsed: bool
 ) -> tuple[VehicleRow, ...]:
     """The fleet table with the standing of each vehicle.
 
     Args:
-        snapshot: With its alarms, and rows without standings.
+        snapshot: With rows without standings.
+        doubted: Vehicles on whose names nobody is to act, by its alarms.
         standing_since: Since when a vehicle has had a standing.
         lapsed: The last frame came so long ago that nothing is known of what the camera sees.
     """
     by_name = {box.system_id: box for box in reversed(snapshot.boxes) if box.system_id}
     rows = []
     for row in snapshot.vehicles:
-        standing = standing_of(row, by_name.get(row.system_id), snapshot, lapsed=lapsed)
+        standing = standing_of(row, by_name.get(row.system_id), snapshot.conflicts, doubted, lapsed=lapsed)
         since_us = standing_since(row.system_id, standing)
         rows.append(replace(row, standing=standing, standing_since_us=since_us))
     return tuple(rows)
@@ -236,23 +237,26 @@ def _inside(uv: tuple[float, float], size: tuple[int, int]) -> bool:
     return bool(0 <= uv[0] < size[0] and 0 <= uv[1] < size[1])
 
 
-def standing_of(row: VehicleRow, box: Box | None, now: Snapshot, *, lapsed: bool) -> Standing:
+def standing_of(
+    row: VehicleRow, box: Box | None, conflicts: Collection[int], doubted: Collection[int], *, lapsed: bool
+) -> Standing:
     """Standing of a vehicle: how sure the box with its name is, or why no box has it.
 
     Args:
         row: its own.
         box: The one with its name, None without one.
-        now: The snapshot with its alarms: a name on which nobody is to act is not confirmed.
+        conflicts: Vehicles whose reports contradict the video or one another.
+        doubted: Vehicles on whose names nobody is to act: they are not confirmed.
         lapsed: The last frame came so long ago that nothing is known of what the camera sees.
     """
     if box is not None:
         if box.coasting and not box.in_turn:
             return "coasting"
-        sure = box.confidence >= CONFIRMED and row.system_id not in now.doubted
+        sure = box.confidence >= CONFIRMED and row.system_id not in doubted
         return "confirmed" if sure else "tentative"
     if row.position_state in ("never", "lost", "refused", "contested"):
         return "no position"
-    if row.system_id in now.conflicts or (row.doubted_for and row.role == "ugv"):
+    if row.system_id in conflicts or (row.doubted_for and row.role == "ugv"):
         return "misplaced"
     if row.in_view is False:
         return "out of view"

@@ -233,7 +233,8 @@ def _renamed(known: KnownFrame, mission: Mission, since: Since[int, int]) -> Sna
         for box in snapshot.boxes
     )
     named = {box.system_id: box for box in reversed(new) if box.system_id}
-    rows = [row if row.role == "uav" else _row(row, named.get(row.system_id), snapshot) for row in snapshot.vehicles]
+    accused = snapshot.conflicts, snapshot.doubted
+    rows = [row if row.role == "uav" else _row(row, named.get(row.system_id), *accused) for row in snapshot.vehicles]
     return replace(snapshot, boxes=new, vehicles=tuple(rows))
 
 
@@ -291,9 +292,9 @@ def _part(box: Box, whole: Box | None) -> Box:
     return replace(box, system_id=whole.system_id, confidence=whole.confidence, none_of_ours=whole.none_of_ours)
 
 
-def _row(row: VehicleRow, box: Box | None, now: Snapshot) -> VehicleRow:
+def _row(row: VehicleRow, box: Box | None, conflicts: frozenset[int], doubted: frozenset[int]) -> VehicleRow:
     """The vehicle's line with the box that has its name."""
-    standing = standing_of(row, box, now, lapsed=row.standing == "no new frame")
+    standing = standing_of(row, box, conflicts, doubted, lapsed=row.standing == "no new frame")
     return replace(
         row,
         standing=standing,
