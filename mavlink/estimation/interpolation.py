@@ -299,6 +299,16 @@ class Attitudes:
             False,
         )
 
+    def yaw_at(self, boot_us: int) -> float:
+        """Yaw alone at a time; NaN before the first report and where the last one is lost."""
+        before, after = self._buffer.around(boot_us)
+        if before is None or boot_us - before[0] >= ATTITUDE_LOST_S * 1e6:
+            return math.nan
+        if after is not None and (pose := self.at(boot_us)):
+            return pose.yaw
+        t0, a = before
+        return wrap_pi(a.yaw + a.yaw_rate * ((boot_us - t0) * 1e-6))
+
 
 def _between(a: _Angles, b: _Angles, s: float, dt: float) -> tuple[float, float, float]:
     """Angles a share s of the ``dt`` seconds after a: cubic Hermite where rates were sent and fit, else linear."""

@@ -17,7 +17,7 @@ from mavlink.duplicate_id.sender_path import MAX_LINK_LAG_US
 from mavlink.estimation.clock import ClockFit, ClockReading, VehicleClock
 from mavlink.estimation.clock_health import ClockHealth
 from mavlink.estimation.gimbal import GimbalSample
-from mavlink.estimation.interpolation import ATTITUDE_LOST_S, LOST_S, Attitudes, Fix, PositionEstimate
+from mavlink.estimation.interpolation import LOST_S, Attitudes, Fix, PositionEstimate
 from mavlink.estimation.origin import FLEET_SPAN_M
 from mavlink.estimation.position_quality import Doubt, GpsReceivers, JumpDetector, PositionDoubts, PositionRejections
 from mavlink.estimation.positions import (
@@ -373,9 +373,8 @@ class Vehicle:
             The position in ENU (``frame``, home plane at ``home_alt_m``) if it is new evidence, and notices.
         """
         sample, (sender, *_), reading = report
-        t_us, pose = sample.t_us, self.attitudes.at(reading.boot_us)
-        yaw = pose.yaw if pose is not None and pose.age_s < ATTITUDE_LOST_S else math.nan
-        heading = self.positions.check_heading(sample, yaw)
+        t_us = sample.t_us
+        heading = self.positions.check_heading(sample, self.attitudes.yaw_at(reading.boot_us))
         stds_m = position_stds(self._receivers.of_sender(t_us, sender), self._limits)
         fix, left_out = fix_of(
             *(sample, frame, home_alt_m),
