@@ -378,7 +378,7 @@ class ReportLog:
         self._before.score[some], self._before.t[some] = self._now.score[some], self._now.t[some]
 
     def _repeats(self, vehicle: int, report: _Report) -> bool:
-        """A repetition that tells nothing: of one that moves (frozen receiver), or within a second of one that stands."""
+        """A repetition that tells nothing: of a moving vehicle (frozen), or within a second of a standing one."""
         if report.p != self.last_p[vehicle].tolist():
             self.frozen[vehicle] = False
             return False
