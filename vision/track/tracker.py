@@ -278,8 +278,7 @@ class Tracker:
     def _candidates(self, boxes: Detections, apart: Floats, gate: float) -> Pairs:
         """Pairs within the gate and their cost without the overlap term: −2 ln p, p the likelihood of the centre."""
         params, state = self.params, self._state
-        reach = state.length * (1.0 + params.top_speed * state.gap_s)
-        row, column = np.nonzero(apart < (reach * reach)[:, None])
+        row, column = np.nonzero(apart < self._reach(state)[:, None] ** 2)
         near = state.select(row)
         noise, close = self._noise_of(near.length), params.near * near.length
         offset = boxes.table[:2].take(column, axis=1).T - near.x[:, :2]
@@ -289,6 +288,10 @@ class Tracker:
         pairs = Pairs(row, column, np.minimum(squared, gate) + np.log(det / (variance * variance)))
         inside = (squared < gate) | (apart[row, column] < close * close)
         return pairs if np.count_nonzero(inside) == len(inside) else pairs.where(inside)
+
+    def _reach(self, state: TrackState) -> Floats:
+        """(k,) how far from where it is expected a vehicle can be, px."""
+        return np.asarray(state.length * (1.0 + self.params.top_speed * state.gap_s))
 
     def _rounds(self, boxes: Detections, pairs: Pairs, high: Flags, free: Flags) -> tuple[Indices, Indices]:
         """Rows and columns that belong together: boxes of high score choose first, the others among the tracks left."""
@@ -324,12 +327,16 @@ class Tracker:
         columns = np.flatnonzero(free)
         if not len(columns):
             return free
-        rows = np.flatnonzero(state.unseen & state.confirmed)
+        # until then its own course tells better than a report that errs
+        rows = np.flatnonzero(state.unseen & state.confirmed & (state.missed_s > self._recent_s))
         if not len(rows):
             return free
         pairs = np.asarray(stitch(state.track_id[rows], boxes.centre[columns]), dtype=np.intp).reshape(-1, 2)
         pairs = one_to_one(pairs, len(rows), len(columns))
         i, j = rows[pairs[:, 0]], columns[pairs[:, 1]]
+        # nor does a vehicle leap to where it reports to be
+        within = state.apart(boxes)[i, j] < self._reach(state)[i] ** 2
+        i, j = i[within], j[within]
         size = np.maximum(np.sqrt(boxes.w[j] * boxes.h[j]), 1.0)
         state.restart(i, boxes, j, self._noise_of(size), self.params.first_speed * size)
         return _without(free, j)

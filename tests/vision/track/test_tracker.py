@@ -240,10 +240,24 @@ def test_a_stitch_continues_a_lost_track_elsewhere():
     tracker = Tracker()
     for k in range(10):
         tracker.update(boxes([50.0, 50.0]), k * STEP, stitch=stitch)
+    for k in range(10, 15):
+        tracker.update(Detections.empty(), k * STEP, stitch=stitch)
     assert not asked
-    tracks = tracker.update(boxes([400.0, 400.0]), 15 * STEP, stitch=stitch)
-    assert asked == [([1], [[400.0, 400.0]])]
-    assert (tracks.track_id.tolist(), tracks.hits.tolist(), tracks.cx.tolist()) == ([1], [11], [400.0])
+    tracks = tracker.update(boxes([200.0, 200.0]), 15 * STEP, stitch=stitch)
+    assert asked == [([1], [[200.0, 200.0]])]
+    assert (tracks.track_id.tolist(), tracks.hits.tolist(), tracks.cx.tolist()) == ([1], [11], [200.0])
+
+
+@pytest.mark.parametrize(("steps", "place"), [(2, 120.0), (6, 900.0)])
+def test_a_stitch_is_for_tracks_lost_for_a_while_and_reaches_as_far_as_vehicles_drive(steps, place):
+    tracker = Tracker()
+    for k in range(10):
+        tracker.update(boxes([50.0, 50.0]), k * STEP)
+    for k in range(10, 9 + steps):
+        tracker.update(Detections.empty(), k * STEP)
+    first = np.array([[0, 0]])
+    tracks = tracker.update(boxes([place, place]), (9 + steps) * STEP, stitch=lambda *_: first)
+    assert tracks.track_id.tolist() == [1, 2]
 
 
 def test_a_stitch_may_find_nothing():
