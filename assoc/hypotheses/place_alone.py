@@ -154,11 +154,12 @@ class StrangerLimit:
         name = np.argmax(p, axis=1)
         forgotten = max(t - self._t, 0.0) * _FORGOTTEN_NATS_S
         self._t = t
-        before, self._best = self._best, {}
+        seen = set(tracks.tolist())
+        self._best = {pair: best - forgotten for pair, best in self._best.items() if pair[0] in seen}
         p = p.copy()
         for i in np.flatnonzero(name < p.shape[1] - 1).tolist():
             pair = int(tracks[i]), int(name[i])
-            remembered = before.get(pair, -np.inf) - forgotten
+            remembered = self._best.get(pair, -np.inf)
             best = remembered if np.isinf(odds[i]) else max(float(odds[i]), remembered)
             if np.isfinite(best):
                 self._best[pair] = best

@@ -114,16 +114,19 @@ class ConflictMonitor:
         # shorter jumps are not counted: they are within the distance between neighbours
         jumped = reporting & np.any(best.blocks.jump_var > reach**2, axis=0)
         away = np.hypot(best.final.mean[: context.live, :, 0], best.final.mean[: context.live, :, 1])
+        # who is where it reports to be is nobody's copy, however its reports scatter
+        rows = np.flatnonzero(choice >= 0)
+        rows = rows[away[rows, choice[rows]] <= reach]
         # one that is out of view has no box of its own to miss
         self._note_copies(t, context, best, reporting & (context.view >= _IN_VIEW), elsewhere)
-        for row in np.flatnonzero(choice >= 0).tolist():
+        for row in rows.tolist():
             own = int(choice[row])
-            if not reporting[own] or away[row, own] > reach:
+            if not reporting[own]:
                 continue
             apart = np.hypot(*(place - place[own]).T)
             known = self._copies(own, len(place)) & reporting & (apart < _HYSTERESIS * reach)
             claims = known | ((apart < reach) & jumped)
-            claims[own] = False
+            claims[choice[rows]] = False
             for other in np.flatnonzero(claims).tolist():
                 double = self._observed(t, row, own, other)
                 if double.jumper == _UNKNOWN and jumped[own] != jumped[other]:
