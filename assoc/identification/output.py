@@ -57,12 +57,9 @@ class Beliefs:
         return Beliefs(track_id, p, doubt, self.conflict)
 
     def updated(self, track_id: IntArray, p: FloatArray, doubt: IntArray, conflict: tuple[int, ...]) -> Beliefs:
-        """Replace the beliefs on some tracks; of the others the newest are kept for when they are seen again.
-
-        A vehicle that is one of these tracks now is not one of the others.
-        """
+        """Replace the beliefs on some tracks; of the others the newest are kept for when they are seen again."""
         other = ~np.isin(self.track_id, track_id)
-        pairs = ((track_id, self.track_id), (p, _without_claimed(self.p, p)), (doubt, self.doubt))
+        pairs = ((track_id, self.track_id), (p, self.p), (doubt, self.doubt))
         ids, p, doubt = (np.concatenate([new, old[other]])[:_MOST_REMEMBERED] for new, old in pairs)
         return Beliefs(ids, p, doubt, conflict)
 
@@ -224,14 +221,9 @@ def _candidates(
 def _without_coasting_names(p: FloatArray, gap_s: FloatArray) -> FloatArray:
     """Marginals in which a track that is only predicted loses its name to one that is detected."""
     seen = gap_s <= 0.0
-    return np.where(seen[:, None], p, _without_claimed(p, p[seen]))
-
-
-def _without_claimed(p: FloatArray, seen: FloatArray) -> FloatArray:
-    """Marginals (m, n + 1) less what marginals of other tracks, (k, n + 1), claim."""
-    left = 1.0 - np.max(seen[:, :-1], axis=0, initial=0.0)
+    claimed = np.max(p[seen, :-1], axis=0, initial=0.0)
     p = p.copy()
-    p[:, :-1] = np.where(left < 1.0 - _CLAIMED, np.minimum(p[:, :-1], left), p[:, :-1])
+    p[~seen, :-1] *= np.where(claimed > _CLAIMED, 1.0 - claimed, 1.0)
     p[:, -1] = np.maximum(1.0 - np.sum(p[:, :-1], axis=1), 0.0)
     return p
 
