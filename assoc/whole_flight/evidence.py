@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.evidence.motion import ReportLog
+from assoc.geometry.ground import rays_to_ground
 from assoc.history import TrackHistory
 from assoc.params import IdentifierParams
 from assoc.records import CameraState, Observation, VehicleReports
+from assoc.whole_flight.exchanges import names_since_exchanges
 from assoc.whole_flight.linking import linked
 
 FloatArray = NDArray[np.float64]
@@ -125,9 +127,9 @@ class FlightEvidence:
         q, origin_us = self.params, frames[0].observation.t_us
         span_s, margin_us = 1e-6 * (frames[-1].observation.t_us - origin_us) + _MARGIN_S, round(1e6 * _MARGIN_S)
         history, cuts, of = TrackHistory(span_s, q.frame_step_s, q.gap_max_s), _Cuts(), dict[tuple[int, int], int]()
-        for frame in frames:
+        for frame, names in zip(frames, _names(frames, name, q.close_m), strict=True):
             seen = frame.observation
-            ids = np.array([cuts.piece(track, name(frame.t_us, track)) for track in seen.track_id.tolist()], np.int64)
+            ids = np.array(list(map(cuts.piece, seen.track_id.tolist(), names)), np.int64)
             history.append(1e-6 * (seen.t_us - origin_us), replace(seen, track_id=ids), frame.camera)
             for track, piece in zip(seen.track_id.tolist(), ids.tolist(), strict=True):
                 of[frame.t_us, track] = history.column_of(piece)
@@ -137,10 +139,10 @@ class FlightEvidence:
             if np.min(each.t_us) <= frames[-1].observation.t_us + margin_us:
                 log.add(np.asarray((each.t_us - origin_us) / 1e6), each)
         theta = np.median([frame.theta for frame in frames[len(frames) // 2 :]], axis=0)
-        names = np.full(int(np.count_nonzero(history.track_id)), -1)
-        for piece, known in cuts.names.items():
-            names[history.column_of(piece)] = known
-        column = _join(history, linked(history, theta, names))
+        known = np.full(int(np.count_nonzero(history.track_id)), -1)
+        for piece, vehicle in cuts.names.items():
+            known[history.column_of(piece)] = vehicle
+        column = _join(history, linked(history, theta, known))
         of = {box: int(column[piece]) for box, piece in of.items()}
         seen_in = np.isfinite(history.ray[: history.n, :, 0])
         return Segments(
@@ -153,6 +155,26 @@ class FlightEvidence:
             apart=_apart(seen_in),
             theta=theta,
         )
+
+
+def _names(frames: Sequence[_FrameTaken], name: Callable[[int, int], int | None], close_m: float) -> list[list[int]]:
+    """The vehicles of the boxes of frames as they are known so far, −1 nobody, from each track's exchange on."""
+    tracks = [frame.observation.track_id.tolist() for frame in frames]
+    known = [[name(frame.t_us, track) for track in ids] for frame, ids in zip(frames, tracks, strict=True)]
+    return names_since_exchanges(
+        [1e-6 * (frame.observation.t_us - frames[0].observation.t_us) for frame in frames],
+        tracks,
+        [_places(frame) for frame in frames],
+        [[-1 if vehicle is None else vehicle for vehicle in names] for names in known],
+        close_m,
+    )
+
+
+def _places(frame: _FrameTaken) -> FloatArray:
+    """(m, 2) where the boxes of a frame are on the ground, metres."""
+    camera = frame.camera
+    rays = frame.observation.ray_cam
+    return rays_to_ground(rays, camera.R_enu_cam, camera.p_enu, camera.ground_z, frame.theta)
 
 
 def _apart(seen: BoolArray) -> BoolArray:
@@ -187,14 +209,14 @@ class _Cuts:
         self._name: dict[int, int] = {}
         self._pieces = 0
 
-    def piece(self, track: int, name: int | None) -> int:
-        """Number of the piece that a track is in, from 1 on; one without a name goes on."""
-        changed = name is not None and self._name.get(track, name) != name
-        if name is not None:
+    def piece(self, track: int, name: int) -> int:
+        """Number of the piece that a track is in, from 1 on; one without a name, −1, goes on."""
+        changed = name >= 0 and self._name.get(track, name) != name
+        if name >= 0:
             self._name[track] = name
         if changed or track not in self._piece:
             self._pieces += 1
             self._piece[track] = self._pieces
-        if name is not None:
+        if name >= 0:
             self.names[self._piece[track]] = name
         return self._piece[track]

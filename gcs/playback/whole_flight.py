@@ -92,7 +92,15 @@ def _stretch(
     named = [known for known in waiting if known.at_us <= stop_us]
     if tuple(mission.ugv_ids) != evidence.system_ids or not every[-1].snapshot.health.fit > FITS:
         return named
+    # a name that was given then and lost since tells that the track was exchanged
+    row = {system_id: k for k, system_id in enumerate(mission.ugv_ids)}
     names = {
+        (known.at_us, box.track_id): row[box.system_id]
+        for known in every
+        for box in known.snapshot.boxes
+        if box.track_id in known.p and box.system_id in row
+    }
+    names |= {
         (known.at_us, track): int(np.argmax(p[:-1]))
         for known in every
         for track, p in known.p.items()

@@ -327,14 +327,13 @@ class Tracker:
         columns = np.flatnonzero(free)
         if not len(columns):
             return free
-        # until then its own course tells better than a report that errs
-        rows = np.flatnonzero(state.unseen & state.confirmed & (state.missed_s > self._recent_s))
+        rows = np.flatnonzero(state.unseen & state.confirmed)
         if not len(rows):
             return free
         pairs = np.asarray(stitch(state.track_id[rows], boxes.centre[columns]), dtype=np.intp).reshape(-1, 2)
         pairs = one_to_one(pairs, len(rows), len(columns))
         i, j = rows[pairs[:, 0]], columns[pairs[:, 1]]
-        # nor does a vehicle leap to where it reports to be
+        # a report that errs is no reason to leap to a false box
         within = state.apart(boxes)[i, j] < self._reach(state)[i] ** 2
         i, j = i[within], j[within]
         size = np.maximum(np.sqrt(boxes.w[j] * boxes.h[j]), 1.0)

@@ -249,7 +249,7 @@ def test_a_stitch_continues_a_lost_track_elsewhere():
 
 
 @pytest.mark.parametrize(("steps", "place"), [(2, 120.0), (6, 900.0)])
-def test_a_stitch_is_for_tracks_lost_for_a_while_and_reaches_as_far_as_vehicles_drive(steps, place):
+def test_a_stitch_reaches_no_further_than_vehicles_drive(steps, place):
     tracker = Tracker()
     for k in range(10):
         tracker.update(boxes([50.0, 50.0]), k * STEP)

@@ -1,0 +1,109 @@
+"""When tracks were exchanged, by the names that they got later.
+
+A tracker exchanges two tracks where their vehicles are side by side or in one box; a name changes only once the places
+tell, seconds later. So a change of name is put back to the moment at which the track was nearest to one that had its
+new name before, or has its old one since.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+_LATEST_S = 10.0
+"""Longest time from an exchange to the change of a name, seconds."""
+_UNSEEN_S = 1.0
+"""A track that was not seen is taken to be where it was so long ago, or will be then, seconds."""
+
+
+@dataclass(slots=True)
+class _Course:
+    """The frames in which a track was seen."""
+
+    t: list[float] = field(default_factory=list)
+    place: list[FloatArray] = field(default_factory=list)
+    name: list[int] = field(default_factory=list)
+
+    def has(self, name: int, since_s: float, until_s: float) -> bool:
+        """Tell whether it had a name between two times."""
+        return name in self.name[bisect_left(self.t, since_s) : bisect_left(self.t, until_s)]
+
+    def at(self, t: float) -> FloatArray:
+        """(2,) where it was about then, metres, NaN unknown."""
+        k = bisect_left(self.t, t)
+        near = [i for i in (k - 1, k) if 0 <= i < len(self.t) and abs(self.t[i] - t) <= _UNSEEN_S]
+        return self.place[min(near, key=lambda i: abs(self.t[i] - t))] if near else np.full(2, np.nan)
+
+
+def names_since_exchanges(
+    t: Sequence[float],
+    track_id: Sequence[Sequence[int]],
+    place: Sequence[FloatArray],
+    name: Sequence[Sequence[int]],
+    close_m: float,
+) -> list[list[int]]:
+    """The names of the boxes of all frames, each from when its track was exchanged on.
+
+    Args:
+        t: Time of each frame, seconds.
+        track_id: The tracks of each frame's m boxes.
+        place: (m, 2) of each, where they are on the ground, metres.
+        name: The vehicle of each as it was known then, −1 unknown.
+        close_m: Tracks nearer than this may be exchanged, metres.
+
+    Returns:
+        The vehicles in the same order.
+    """
+    courses: dict[int, _Course] = defaultdict(_Course)
+    for now, ids, places, names in zip(t, track_id, place, name, strict=True):
+        for track, at, vehicle in zip(ids, places, names, strict=True):
+            course = courses[track]
+            course.t.append(now)
+            course.place.append(at)
+            course.name.append(vehicle)
+    told = {track: iter(_put_back(track, courses, close_m)) for track in courses}
+    return [[next(told[track]) for track in ids] for ids in track_id]
+
+
+def _put_back(track: int, courses: dict[int, _Course], close_m: float) -> list[int]:
+    """The names of a track, with each change at its exchange where there was one."""
+    course = courses[track]
+    names = course.name.copy()
+    known = [k for k, vehicle in enumerate(course.name) if vehicle >= 0]
+    changes = [(a, b) for a, b in pairwise(known) if course.name[a] != course.name[b]]
+    ends = [*(b for _, b in changes), len(names)][1:]
+    first = 0
+    for (last, now), end in zip(changes, ends, strict=True):
+        before, after = course.name[last], course.name[now]
+        others = [
+            other
+            for key, other in courses.items()
+            if key != track
+            and (
+                other.has(after, course.t[now] - _LATEST_S, course.t[now])
+                or other.has(before, course.t[now], course.t[now] + _LATEST_S)
+            )
+        ]
+        # a name that does not last is no exchange
+        held_s = course.t[end - 1] - course.t[now] if end < len(names) else np.inf
+        since = max(first, bisect_left(course.t, course.t[now] - min(_LATEST_S, held_s)))
+        away = [_away(course.place[k], course.t[k], others) for k in range(since, now)]
+        if away and min(away) < close_m:
+            exchanged = since + int(np.argmin(away))
+            names[exchanged:now] = [after] * (now - exchanged)
+        first = now
+    return names
+
+
+def _away(place: FloatArray, t: float, others: Sequence[_Course]) -> float:
+    """Distance to the nearest of others at a time, metres, infinite where none is known."""
+    away = [float(np.hypot(*(place - other.at(t)))) for other in others]
+    return min((each for each in away if np.isfinite(each)), default=np.inf)
