@@ -57,6 +57,7 @@ def test_boxes_of_anybodys_detector_get_names(run, tmp_path):
     assert len(re.findall(r": \d{2,} boxes", text)) >= 3, text
 
 
+@pytest.mark.slow
 def test_telemetry_falls_on_the_vehicles(run, tmp_path):
     text = run("project_telemetry.py", CURVED_ROAD, 6, tmp_path / "crosses.png")
     assert "6 vehicles on frame 6" in text

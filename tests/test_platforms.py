@@ -20,7 +20,7 @@ from gcs.session.session import open_session
 session, out = Path(sys.argv[1]), sys.argv[2]
 station = Replay(open_session(session))
 station.play()
-while station.latest() is None or station.latest().frame < 20:
+while station.latest() is None or station.latest().frame < 10:
     time.sleep(0.02)
 station.stop()
 sys.argv = ["gcs", "identify", str(session), "-o", out]
@@ -44,7 +44,7 @@ def python(script, *words):
 
 
 def test_macos_imports_everything_and_replays(tmp_path):
-    code, stdout, stderr = python(MACOS, shortened(SWARM, tmp_path / "session", 30), tmp_path / "out")
+    code, stdout, stderr = python(MACOS, shortened(SWARM, tmp_path / "session", 20), tmp_path / "out")
     assert code == 0, stderr
     assert "2 of 6 vehicles named" in stdout  # no more are in view so soon
 

@@ -82,7 +82,7 @@ def test_columns_of_a_log_go_by_number_and_by_name():
         log.columns("GLOBAL_POSITION")
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("script", "says"),
     [

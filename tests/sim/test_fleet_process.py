@@ -85,6 +85,7 @@ def test_signatures_are_right_wrong_or_missing_as_asked():
     assert [len(d.raw) for d in datagrams if d.label == "12"] != [len(d.raw) for d in datagrams if d.label == "11"]
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     ("words", "reported"),
     [

@@ -83,6 +83,7 @@ SHOWS = {
 }
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("name", TROUBLES)
 def test_a_trouble_shows_in_the_frames_of_its_vehicle_alone_and_ends(name):
     troubles = Troubles(IDS)

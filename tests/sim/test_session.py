@@ -157,6 +157,7 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path):
         write_session(SHORT, tmp_path / "file" / "session")
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(("declared", "said"), [("exact", 0.35), ("zero", 0.0), ("auto", "auto")])
 def test_the_video_offset_is_in_the_stamps_and_declared_as_asked(declared, said, tmp_path):
     scenario = dataclasses.replace(SHORT, timing=ScenarioTiming(video_offset_s=0.35, declared_offset=declared))

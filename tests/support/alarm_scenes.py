@@ -337,7 +337,7 @@ def sensors(health, *, percent=-1, millivolts=65535, enabled=0x1FFFFFFF):
     return message("sys_status", enabled, enabled, health, 0, millivolts, -1, percent, 0, 0, 0, 0, 0, 0)
 
 
-def raised_by(extra, seconds=15, **limits):
+def raised_by(extra, seconds=6, **limits):
     """Alarms of a vehicle that reports this."""
     mission = replace(MISSION, limits=replace(MISSION.limits, **limits))
     return Scene(Vehicle(UGV, extra=extra), mission=mission).run(seconds).came
@@ -360,17 +360,17 @@ def sees_few_satellites():
 
 @raises("reception")
 def loses_its_fix():
-    return raised_by(receiver(satellites=3, fix_type=1))
+    return raised_by(receiver(satellites=3, fix_type=1), 15)
 
 
 @raises("arming", "warning")
 def fails_its_arming_checks():
-    return raised_by(lambda speaker, t_us: [speaker.statustext("PreArm: compass not calibrated", 2)])
+    return raised_by(lambda speaker, t_us: [speaker.statustext("PreArm: compass not calibrated", 2)], 15)
 
 
 @raises("part", "warning")
 def has_a_broken_compass():
-    return raised_by(sensors(0x1FFFFFFF & ~4))
+    return raised_by(sensors(0x1FFFFFFF & ~4), 15)
 
 
 def fenced(north_m):

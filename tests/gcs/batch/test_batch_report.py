@@ -96,6 +96,7 @@ def test_the_page_of_a_batch(results):
     assert run_gcs("batch", "report", results)[0] == 0, "a batch goes on, and so does its page"
 
 
+@pytest.mark.slow
 def test_another_place_for_the_page(results, tmp_path):
     assert run_gcs("batch", "report", results, "-o", tmp_path / "page.html")[0] == 0
     kept = (tmp_path / "page.html").read_bytes()
@@ -108,6 +109,7 @@ def test_another_place_for_the_page(results, tmp_path):
     assert "cannot be written" in stderr
 
 
+@pytest.mark.slow
 def test_the_page_of_a_store(results):
     memory = fsspec.filesystem("memory")
     memory.pipe_file("/reported/flights.parquet", (results / "flights.parquet").read_bytes())

@@ -81,7 +81,7 @@ def test_every_command_has_a_page_of_help(command):
     assert f"gcs {command} [" in page.output
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("shell", "words"),
     [

@@ -281,5 +281,5 @@ def test_logs_where_it_is_asked_to(tmp_path):
     )
     assert code == 0, stderr
     assert "gcs.session.event_log" in log.read_text()
-    code, _, stderr = run_gcs_process("--log-file", tmp_path, "tlog", "info", SWARM)
+    code, _, stderr = run_gcs("--log-file", tmp_path, "tlog", "info", SWARM)
     assert (code, "--log-file" in stderr, "choose another place" in stderr) == (2, True, True)

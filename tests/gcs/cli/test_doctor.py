@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import socket
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner
@@ -16,6 +17,7 @@ from mavlink.protocol.encoder import COPTER, ROVER
 from tests.support.fake_station import FakeStation
 from tests.support.fake_vehicles import FakeVehicle
 from tests.support.ports import free_port
+from vision.detect.detections import Detections
 
 
 @pytest.fixture(autouse=True)
@@ -24,8 +26,10 @@ def quick(monkeypatch):
 
 
 def found(tmp_path, **options):
-    """By name, with the detector measured at one height alone."""
-    return {check.name: check for check in machine.checks(tmp_path / "sessions", gsd_m=0.05, **options)}
+    """By name, with a detector that sees nothing: loading and measuring one takes a second."""
+    blind = SimpleNamespace(detect=lambda image, *, gsd_m=None: Detections.empty())
+    checks = machine.checks(tmp_path / "sessions", gsd_m=0.05, open_detector=lambda: blind, **options)
+    return {check.name: check for check in checks}
 
 
 def test_a_port_in_use_is_told_with_its_owner(tmp_path):

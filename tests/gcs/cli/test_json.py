@@ -51,7 +51,7 @@ def test_every_command_with_json_is_documented():
 
 
 def test_recordings(tmp_path):
-    named = printed("identify", swarm_session(tmp_path, frames=12), "-o", tmp_path / "out")
+    named = printed("identify", swarm_session(tmp_path, frames=3), "-o", tmp_path / "out")
     assert set(named) == documented("identify") - {"packets"}
     assert {(row["system_id"], row["name"]) for row in named["vehicles"]} == {(i, f"UGV-{i}") for i in range(2, 8)}
     score = printed("score", SWARM, tmp_path / "out" / "identity.csv")
@@ -60,7 +60,7 @@ def test_recordings(tmp_path):
 
 @pytest.mark.slow
 def test_batches(tmp_path):
-    code, stdout, _ = run_gcs("batch", "run", swarm_session(tmp_path, frames=12), "-o", tmp_path / "out", "--json")
+    code, stdout, _ = run_gcs("batch", "run", swarm_session(tmp_path, frames=3), "-o", tmp_path / "out", "--json")
     assert code == 0
     flight, sums = map(json.loads, stdout.splitlines())
     assert set(flight) | set(sums) == documented("batch run")
@@ -97,7 +97,7 @@ def test_simulations(monkeypatch):
 
 
 def test_the_demo(tmp_path, monkeypatch):
-    monkeypatch.setattr("gcs.cli.demo.BUNDLED", swarm_session(tmp_path, frames=12))
+    monkeypatch.setattr("gcs.cli.demo.BUNDLED", swarm_session(tmp_path, frames=3))
     monkeypatch.setattr("gcs.cli.demo.identify_into", lambda session, out, detect: identify_into(session, out))
     told = printed("demo")
     assert set(told) == documented("demo")

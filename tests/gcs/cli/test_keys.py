@@ -115,6 +115,7 @@ def test_a_passphrase_from_standard_input_is_in_no_argument_and_no_text(tmp_path
     assert bytes.fromhex(key_path(tmp_path / "k", 7).read_text()) == passphrase_secret(PASSPHRASE)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("again", [PASSPHRASE, "another"])
 def test_a_passphrase_from_the_terminal_is_not_echoed(tmp_path, again):
     master, slave = pty.openpty()

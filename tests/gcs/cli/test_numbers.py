@@ -57,6 +57,9 @@ OPTIONS = [
 ]
 
 
+MORE = ("inf", "-1e300", str(10**30))
+
+
 def test_every_option_that_takes_a_number_is_tried_here():
     numeric = {
         (command, option)
@@ -66,7 +69,7 @@ def test_every_option_that_takes_a_number_is_tried_here():
     assert numeric == {(command, option) for command, _, option in OPTIONS}
 
 
-@pytest.mark.parametrize("value", ["nan", "inf", "-1e300", "-1", str(10**30)])
+@pytest.mark.parametrize("value", ["nan", "-1", *(pytest.param(value, marks=pytest.mark.slow) for value in MORE)])
 @pytest.mark.parametrize(("command", "words", "option"), OPTIONS)
 def test_a_number_that_cannot_be_used(command, words, option, value, tmp_path, monkeypatch):
     if value == "-1" and option in ("--video-start", "--from", "--to"):

@@ -121,6 +121,7 @@ def files_in(folder):
     return sorted((path, path.stat().st_size) for path in folder.rglob("*"))
 
 
+@pytest.mark.slow
 async def test_pictures_are_downloads_and_nothing_is_written(served, flight):
     address, process = served
     own, here = origin_of(address), Path(psutil.Process(process.pid).cwd())

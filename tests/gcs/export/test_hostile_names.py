@@ -159,7 +159,15 @@ def shown(shots):
     ]
 
 
-@pytest.mark.parametrize("form", FORMATS.values(), ids=FORMATS)
+CODED = ("mcap", "mkv", "klv", "rosbag")
+"""With the film, which takes seconds."""
+
+
+@pytest.mark.parametrize(
+    "form",
+    [pytest.param(form, marks=[pytest.mark.slow] * (name in CODED)) for name, form in FORMATS.items()],
+    ids=FORMATS,
+)
 @pytest.mark.parametrize(
     "called",
     [pytest.param("flight", marks=pytest.mark.slow), NAMES[3] + NAMES[-2] + "<&\"'=,"],

@@ -43,14 +43,14 @@ def images(folder):
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory):
-    """Every third of 24 frames, exported to all formats, and the snapshots."""
+    """Every second of 13 frames, exported to all formats, and the snapshots."""
     folder = tmp_path_factory.mktemp("labels")
-    session = open_session(shortened(CURVED_ROAD, folder / "flight", 24))
+    session = open_session(shortened(CURVED_ROAD, folder / "flight", 13))
     analysis = Analysis(session)
     sinks = [FORMATS[name].open(ExportJob(path=folder / name, video=session.video)) for name in LABELS]
     shown = []
     for count, one in enumerate(analysis.snapshots()):
-        if count % 3 == 0:
+        if count % 2 == 0:
             shown.append(replace(one, image=None))
             for sink in sinks:
                 sink.write(one)

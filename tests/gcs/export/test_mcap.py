@@ -99,6 +99,7 @@ def test_a_recording_has_film_boxes_scene_fixes_and_rows(flight, export_to, tmp_
     assert fix.position_covariance[0] > 0.0
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(("codec", "options"), [("libx264", {"x264-params": "bframes=2:b-adapt=0"}), ("mpeg4", {})])
 def test_films_that_cannot_be_shown_as_they_come_are_coded_again(tmp_path, codec, options):
     with av.open(str(tmp_path / "video.mkv"), "w") as film:

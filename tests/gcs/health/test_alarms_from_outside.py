@@ -439,8 +439,11 @@ LONG = (
     *("has_a_slow_clock", "is_filmed_elsewhere", "has_a_camera_that_is_mounted_turned", "is_at_the_edge_of_its_radio"),
     *("has_a_camera_that_looks_down_more_steeply_than_told", "has_a_camera_that_dates_its_frames_late"),
     *("has_another_camera_that_names_others", "has_the_film_of_another_flight", "has_a_mirrored_picture"),
+    *("films_others_while_the_fleet_is_elsewhere", "is_beyond_the_edge_of_its_radio", "is_never_heard"),
+    *("is_flooded_while_its_receiver_hangs", "has_two_cameras_on_one_port", "has_a_camera_with_a_bad_link"),
+    *("hears_no_more", "has_a_camera_that_stops", "is_played_again"),
 )
-"""Flights of a minute, and films in which it takes seconds to be known."""
+"""Flights of many seconds, films in which it takes time to be known, and processes that are waited for."""
 
 
 @pytest.mark.parametrize(

@@ -148,6 +148,7 @@ def assert_not_silent(name, drive, folder, whole):
     assert words(log, whole(name)) or is_right(log, whole(name)), errors(log)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("name", READERS)
 def test_whole(name, whole):
     log = whole(name)
@@ -156,6 +157,7 @@ def test_whole(name, whole):
     assert max(errors(log).values()) < (0.5 if name in ("siyi", "klv") else 0.05)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("name", ALL_TIMES)
 @given(row=st.integers(9, N - 9))
 @few
@@ -169,6 +171,7 @@ def test_all_clocks_begin_again(name, row, folder, whole):
         read_as(name, drive, folder)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("name", ALL_TIMES)
 @given(row=rows, by_s=st.floats(-3600.0, 3600.0).filter(lambda s: abs(s) > 20.0))
 @few
@@ -276,6 +279,7 @@ def test_another_unit(name, unit, folder, whole):
     assert_not_silent(name, drive, folder, whole)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("name", [name for name in FILES if name not in ("rover.bin", "rover.ulg", "rover.tlog")])
 @pytest.mark.parametrize("strange", ["4_7.100096", "٤٧.100096", "infinity", "47.1x"])
 def test_what_is_no_number_costs_its_row(name, strange, folder, whole):
@@ -302,6 +306,7 @@ def test_rows_of_another_component(name, later_us, folder, whole):
     assert_not_silent(name, drive, folder, whole)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("name", ALL_TIMES)
 @given(row=rows, later=st.integers(2, 8))
 @few
@@ -409,6 +414,7 @@ WAYS_OF_READERS = [
 """Every way with each of its readers; one reader a way, another for each, is in the quick tests."""
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(("way", "name"), WAYS_OF_READERS)
 @given(row=rows, by_s=st.floats(0.12, 1.3), back=st.booleans())
 @few

@@ -122,6 +122,7 @@ def test_logs_from_before_2015(flown, tmp_path):
 SIZES = {char: np.dtype(kind).itemsize for char, kind in reader._TYPES.items()}
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("kind", "nfd")
 @pytest.mark.parametrize("name", ["GPS", "POS", "ATT", "XKF1", "PARM", "MNT"])
 def test_columns_of_another_kind_are_not_there(kind, name, flown, tmp_path):

@@ -59,6 +59,7 @@ def interrupted(old, new):
         new.mux(packet)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     ("made", "said"),
     [

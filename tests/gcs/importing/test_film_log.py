@@ -158,6 +158,7 @@ def test_messages_with_hostile_numbers_and_old_ones(flown):
     assert log.notes.skipped == {"messages without a position": 3}
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("suffix", [".mp4", ".mkv"])
 def test_subtitles_of_a_dji_drone_in_the_video(suffix, flown, tmp_path):
     log, _ = read_film_log(with_subtitles(flown, tmp_path / f"cam{suffix}", "keyed"), coarse=False)

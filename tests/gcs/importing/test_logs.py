@@ -202,6 +202,7 @@ ADDED = struct.pack("<BH", 0, 1) + b"vehicle_attitude"
 BOMB = '<!DOCTYPE g [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;">]><gpx><trk><name>&b;</name></trk></gpx>'
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     ("name", "data"),
     [

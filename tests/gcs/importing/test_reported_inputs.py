@@ -28,6 +28,7 @@ def imported(words, session):
     return code, json.loads(told) if code == 0 else {}, refused
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     ("words", "why"),
     [
@@ -49,6 +50,7 @@ def test_what_cannot_be_used_says_why(words, why, tmp_path):
     assert not (tmp_path / "s").exists()
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     ("words", "count", "said"),
     [
@@ -103,6 +105,7 @@ def test_bursts_tell_no_speed_of_a_clock():
     assert code == 0 and "clocks run" not in told
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     ("words", "video", "frames"),
     [
@@ -152,6 +155,7 @@ def test_the_first_frame_of_a_trimmed_film_is_the_one_that_players_show():
     assert min(range(len(whole)), key=lambda k: np.abs(whole[k].astype(int) - cut[0]).mean()) == 14
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     ("folder", "objects"), [("coco_zero", 1), ("coco_backslash", 1), ("visdrone_zero", 2), ("names_comma", 2)]
 )

@@ -84,6 +84,7 @@ ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELEC
 AS_VIEW = "CREATE VIEW tiles AS SELECT zoom_level, tile_column, tile_row, %s AS tile_data FROM kept"
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     "statements",
     [

@@ -254,6 +254,7 @@ def test_a_video_that_says_it_goes_on_far_away_asks_for_no_memory(tmp_path, firs
         assert video.n == 5
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     "text",
     [

@@ -146,6 +146,7 @@ def test_a_flight_without_faults(recorder):
     assert (session.frames, session.detections) == (recorder.folder / "frames.csv", recorder.folder / "detections.csv")
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS])
 def test_a_full_disk_never_stops_the_flight_and_costs_nothing(recorder, disk, code):
     fly(recorder, range(10))

@@ -19,6 +19,7 @@ def test_what_was_read_comes_whole(what):
     assert len(answer.data) == 3_000_000
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     ("what", "why"),
     [

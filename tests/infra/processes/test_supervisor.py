@@ -114,6 +114,7 @@ def test_one_that_dies_is_replaced_and_its_last_words_are_known(own):
     assert owner.until(lambda: owner.failures[1:] == ["died (signal 9)"])
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("what", ["hang", "burn"])
 def test_one_that_hangs_is_replaced_unless_it_is_excused(own, what):
     owner = own()

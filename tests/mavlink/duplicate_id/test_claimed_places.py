@@ -60,6 +60,7 @@ def test_two_places_are_two_senders_within_two_seconds_whatever_their_clocks_say
     assert open_cells <= 26  # of 98: two metres, and what could be a link that is up to ten seconds late
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("order", ORDERS)
 def test_what_could_be_a_late_link_is_told_once_the_paths_meet(order):
     """A link ten seconds late may bring a place fifty metres away; ten seconds later both paths have to be one."""
@@ -72,6 +73,7 @@ def test_what_could_be_a_late_link_is_told_once_the_paths_meet(order):
             assert listener.contested_s <= begins_s + abs(offset_s) + PROMISED_S, (offset_s, distance_m)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("rate_hz", [1.0, 5.0, 10.0])
 def test_two_metres_within_the_noise_of_receivers_are_no_contest(rate_hz):
     other = Claimant(rate_hz=rate_hz, peer=2, seq=100, shift=(1.2, 1.6), begins_s=3.03)

@@ -74,6 +74,7 @@ def test_a_disk_that_hangs_is_waited_for_and_costs_nothing(started, sender, stuc
     assert [notice.text for notice in ingest.notices() if "life" in notice.text] == []
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("torn", ["", "torn"])
 def test_who_dies_while_the_disk_hangs_leaves_nothing_behind_unwritten(started, sender, stuck, tmp_path, torn):
     ingest, port = started()

@@ -177,6 +177,7 @@ def test_who_does_not_read_loses_packets_that_are_counted_and_in_the_log(started
     assert recorded(tmp_path) == frames
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux's socket filters")
 def test_a_flood_of_strangers_costs_no_known_vehicle_a_packet(started, sender, tmp_path):
     ingest, port = started(system_ids=range(1, 21))

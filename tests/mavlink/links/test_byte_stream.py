@@ -151,6 +151,7 @@ def serial(started):
 LINKS = [tcp_in, tcp_out, pytest.param(serial, marks=PTY)]
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("link", LINKS)
 def test_three_bytes_of_noise_hide_nothing_on_a_link_that_then_falls_silent(link, started, tmp_path):
     frames = some_frames(3)
@@ -161,6 +162,7 @@ def test_three_bytes_of_noise_hide_nothing_on_a_link_that_then_falls_silent(link
     assert recorded(tmp_path) == frames
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("link", LINKS)
 def test_three_bytes_of_noise_hide_nothing_when_the_other_end_closes(link, started, tmp_path):
     frames = some_frames(3)
@@ -176,6 +178,7 @@ def test_three_bytes_of_noise_hide_nothing_when_the_other_end_closes(link, start
     assert recorded(tmp_path) == frames
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("link", LINKS)
 def test_what_noise_hides_is_recorded_when_the_flight_ends(link, started, tmp_path):
     frames = some_frames(3)

@@ -50,6 +50,7 @@ def test_a_filter_loses_nothing(passed):
     assert loss(sent(30), lambda message_id: message_id in passed) <= 0.02
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("share", [0.1, 0.4, 0.7])
 @pytest.mark.parametrize("passed", [REGULAR | {HUD}, REGULAR])
 @pytest.mark.parametrize("versions", [(2,), (1, 2)])

@@ -297,6 +297,7 @@ def test_a_table_of_the_format_before_is_read(tmp_path):
     store.close()
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("torn", range(1, 32))
 def test_a_row_that_was_cut_short_by_the_kill_costs_one_frame_at_most(tmp_path, torn):
     store = StreamStore(tmp_path, period_s=30)

@@ -54,6 +54,7 @@ def with_tail(path, tail, end=b""):
     return path
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("tail", TAILS.values(), ids=TAILS.keys())
 def test_a_tail_of_nothing_costs_no_memory_and_no_record(tmp_path, monkeypatch, whole, tail):
     path = with_tail(tmp_path / "long.tlog", tail, end=LOG[: whole.offset[300] - 8])

@@ -273,6 +273,7 @@ while True:
 """
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("seed", range(5))
 def test_a_kill_loses_nothing_that_was_accepted(tmp_path, seed):
     path = tmp_path / "telemetry.tlog"

@@ -73,6 +73,7 @@ def test_the_team_moves_and_the_parked_report_no_heading(tmp_path):
         made_of(tracks, times, motions, chosen=(99,))
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("pitch", [-90.0, -50.0, -30.0])
 def test_a_camera_is_guessed_from_sizes(pitch, tmp_path):
     world, _ = film_of(tilted(pitch))

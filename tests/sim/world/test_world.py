@@ -57,6 +57,7 @@ def test_nobody_runs_through_anybody(kind):
     assert [(t, overlaps(world_of(kind), t)) for t in np.arange(0.0, 30.0, 0.5) if overlaps(world_of(kind), t)] == []
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("kind", KINDS)
 def test_motion_is_that_of_vehicles(kind):
     world = world_of(kind)
@@ -106,6 +107,7 @@ def test_the_same_seed_gives_the_same_world_and_another_does_not(kind):
     assert not np.array_equal(world.at(17.3).xy, other.at(17.3).xy)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("scenario", [nominal(), curved_road()], ids=lambda s: s.name)
 def test_presets_keep_the_filmed_in_the_image_and_the_others_out(scenario):
     world, filmed = World(scenario), scenario.ground.vehicles

@@ -159,6 +159,7 @@ def test_attitude_that_is_far_off_in_time_is_searched_for(lag_s, tau_s):
     assert quick(fused[-40:])[:2].max() < 0.2
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     "options",
     [

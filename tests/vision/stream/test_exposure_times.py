@@ -145,6 +145,7 @@ def send_at(sock, port, pieces, first_s, also=()):
                 sock.sendto(said, ("127.0.0.1", control))
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(("options", "words"), [({"sei": True}, "SEI"), ({"metadata": True}, "KLV")])
 def test_transport_streams_with_time_stamps_or_metadata(options, words):
     port, began = free_port(), []
@@ -160,6 +161,7 @@ def test_transport_streams_with_time_stamps_or_metadata(options, words):
     assert_taken(rows, began[0])
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("shared", [True, False], ids=["on one port", "on the next port"])
 def test_rtp_with_sender_reports(shared):
     port = free_port() & ~1

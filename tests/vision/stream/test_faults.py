@@ -82,6 +82,7 @@ def test_a_sender_that_returns_at_any_moment_is_recorded_within_a_group_of_frame
     assert all(numbers[k] <= 100 + GOP for k in starts[1:])
 
 
+@pytest.mark.slow
 def test_a_silent_sender_is_told_and_taken_back(tmp_path):
     with Watched(tmp_path) as watched:
         with Sender(watched.port, coded(CLIP)[:500]) as sender:
@@ -163,6 +164,7 @@ def test_damage_on_the_way_is_counted_and_never_raises(tmp_path):
     assert {number for _, number in film} >= set(range(120, 125))  # the next whole group of pictures
 
 
+@pytest.mark.slow
 def test_strangers_on_the_port_do_not_disturb(tmp_path):
     stop = threading.Event()
 
@@ -242,6 +244,7 @@ def test_times_are_those_of_the_time_stamps_when_the_pace_varies(tmp_path):
     assert offset_s.min() > -0.05 and np.median(offset_s) < 0.3  # a busy machine notes late that it sent
 
 
+@pytest.mark.slow
 def test_time_stamps_that_begin_anew_on_the_same_port_go_on_in_order(tmp_path):
     """An encoder that restarts behind the same radio: no other sender, no pause, time stamps from zero."""
     with Watched(tmp_path) as watched:

@@ -26,6 +26,7 @@ def crossing(seed, step_s, speed=90.0):
             yield places, boxes(places + jitter)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("step_s", [0.1, 0.17, 0.25])
 def test_vehicles_that_cross_in_one_box_keep_their_ids(step_s, seed):

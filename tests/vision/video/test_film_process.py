@@ -19,6 +19,7 @@ from vision.video.recording_parts import read_parts
 from vision.video.video import VideoFile
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     ("trouble", "told"), [(signal.SIGKILL, "FFmpeg ended: signal 9"), (signal.SIGSTOP, "FFmpeg takes longer than 1 s")]
 )
@@ -89,6 +90,7 @@ def test_an_error_of_its_own_is_told(tmp_path):
         film.read(99)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(("index", "most_s"), [(4, 60), (5, 460), (2, 460)])
 def test_only_to_go_to_a_frame_may_take_long(tmp_path, monkeypatch, index, most_s):
     film = FilmReader(write_clip(tmp_path / "clip.mp4", steady(40)))

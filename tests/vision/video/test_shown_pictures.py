@@ -15,6 +15,7 @@ from vision.video.video import VideoFile
 FRAMES = 60
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(("gop", "copied"), [(12, 12 * 3), (250, 0)])
 def test_a_trimmed_film_begins_with_the_frame_that_players_show_first(gop, copied, tmp_path):
     clip = write_clip(tmp_path / "clip.mp4", steady(FRAMES), gop=gop)
@@ -52,6 +53,7 @@ def test_pictures_are_turned_as_the_container_asks(turned, tmp_path):
         assert film.size == (video.width, video.height)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(
     ("aspect", "size"), [("4:3", (213, HEIGHT)), ("1:2", (WIDTH, 2 * HEIGHT)), ("1:1", (WIDTH, HEIGHT))]
 )

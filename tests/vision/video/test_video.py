@@ -69,6 +69,7 @@ def test_given_times_are_used(tmp_path):
         assert video.fps == pytest.approx(30.0, rel=1e-3)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize(("rows", "n", "mismatch"), [(25, 20, 5), (15, 15, -5)])
 def test_the_shorter_of_times_and_frames_counts(tmp_path, rows, n, mismatch):
     with VideoFile.open(write_clip(tmp_path / "clip.mp4", steady(20)), np.arange(rows) * 40_000) as video:
@@ -78,6 +79,7 @@ def test_the_shorter_of_times_and_frames_counts(tmp_path, rows, n, mismatch):
             video.read(n)
 
 
+@pytest.mark.slow_but_first
 @pytest.mark.parametrize("kind", ["mkv", "ts"])
 def test_a_file_cut_short_plays_what_is_there(tmp_path, kind):
     path = write_clip(tmp_path / f"clip.{kind}", steady(100))
