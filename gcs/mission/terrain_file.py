@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pyproj import Transformer
 from pyproj.exceptions import ProjError
-from scipy.ndimage import map_coordinates
 
 from gcs.errors import ConfigError
 from gcs.mission.tiff_grid import read_tiff
@@ -77,6 +76,8 @@ class TerrainFile:
 
     def elevations(self, lat_deg: ArrayLike, lon_deg: ArrayLike) -> NDArray[np.float64]:
         """Elevations (k,) at places (k,), metres, in the file's own datum; NaN where it has none."""
+        from scipy.ndimage import map_coordinates  # a tenth of the start of a flight, and few have such a file
+
         lon, lat = np.atleast_1d(np.asarray(lon_deg, np.float64)), np.atleast_1d(np.asarray(lat_deg, np.float64))
         x, y = self._to_grid.transform(lon, lat)
         at = np.stack([(self._y0 - np.asarray(y)) / self._cell[1], (np.asarray(x) - self._x0) / self._cell[0]])
