@@ -66,6 +66,7 @@ def feed(port):
     return stop
 
 
+@pytest.mark.slow
 def test_outputs_of_a_mission_are_told_at_the_start(tmp_path, outlet):
     code, stderr, came = fly(tmp_path, "mission.toml", outlet)
     assert code == 0 and came

@@ -91,6 +91,7 @@ def test_each_name_is_shown_from_its_frame_to_the_next(tmp_path):
     assert [line.plaintext for line in read[:2]] == ["Alpha? 98%", "UGV-3? 98%"]
 
 
+@pytest.mark.slow
 def test_a_recording_that_went_on_in_another_file_is_one_film(tmp_path):
     video = film(tmp_path / "video.mkv")
     with av.open(str(film(tmp_path / "more.mp4"))) as more, av.open(str(tmp_path / "video.1.mkv"), "w") as rest:

@@ -153,8 +153,6 @@ def test_every_packet_and_frame_is_kept(field, tmp_path):
     same_again(field.session, tmp_path / "again")
     notes = tomllib.loads((field.session / "session.toml").read_text())["session"]
     assert notes["keys"] == {} and notes["models"] == fingerprints(DetectorChoice())
-    (field.session / "folds.csv").unlink()
-    assert share_named_alike(field.session, tmp_path / "by time") > 0.9
     events = [json.loads(line) for line in (field.session / "events.jsonl").read_text().splitlines()]
     well = [event["time_us"] for event in events if event["text"] == "video ok"]
     assert well and well[0] >= times.times_us[0], "the video was called well before any of it had come"
@@ -171,14 +169,6 @@ def same_again(session, out):
     live, again = looked_again(session, out)
     assert again == live
     assert sum(json.loads(row)["system_id"] is not None for row in live) > 0.5 * len(live)
-
-
-def share_named_alike(session, out):
-    """Of the boxes named live: those that an older recording of the same, which says nothing of sizes, names alike."""
-    identify_into(open_session(session), out)
-    rows = [map(json.loads, (folder / "identity.jsonl").read_text().splitlines()) for folder in (session, out)]
-    live, again = ({(row["frame"], *row["box"]): row["system_id"] for row in found} for found in rows)
-    return sum(again.get(box) == name for box, name in live.items()) / len(live)
 
 
 def oldest(flight, package):

@@ -73,6 +73,7 @@ def test_a_provider_that_is_not_installed_is_told(see):
         see('[detector]\nproviders = ["NoSuchExecutionProvider"]\n')
 
 
+@pytest.mark.slow
 def test_weak_boxes_are_found_too_and_cost_no_look_for_their_fronts(see):
     """With a higher score to count from, the second box does not."""
     assert see('[detector]\nmodel = "yolo.onnx"\nscore = 0.85\n').score.round(2).tolist() == [0.9, 0.8]

@@ -140,6 +140,7 @@ def test_a_camera_that_nothing_describes_is_found(tmp_path, across_deg, pitch_de
     assert score.right > 0.95 and score.precision > 0.99
 
 
+@pytest.mark.slow
 def test_a_fleet_that_stands_shows_no_camera(tmp_path):
     scenario = Scenario(seed=5, duration_s=16.0, fps=2.0)
     scenario = replace(scenario, ground=replace(scenario.ground, kind="parked"))

@@ -170,7 +170,7 @@ def test_too_many_for_the_ground_is_refused():
         World(Scenario(ground=ScenarioGround(kind="parked", vehicles=60, area_m=(20.0, 10.0))))
 
 
-@pytest.mark.slow_but_first
+@pytest.mark.slow
 @pytest.mark.parametrize("tau_s", [0.15, 0.4])
 def test_a_fixed_camera_wobbles_smoothly_by_what_was_asked(tau_s):
     flight = ScenarioFlight(wobble_deg=2.5, wobble_tau_s=tau_s, tilt_sway_deg=0.0, yaw_sway_deg=0.0)

@@ -77,6 +77,7 @@ def test_a_lorry_among_cars_does_not_move_it(renderer, detector):
     assert 1 / 1.2 < found.px / car_px(60.0) < 1.2
 
 
+@pytest.mark.slow
 def test_empty_ground_tells_nothing(renderer, detector):
     for height in (30.0, 110.0):
         assert finish(detector.examine(renderer.draw(camera(height), traffic(0, persons=6), 3))) is None

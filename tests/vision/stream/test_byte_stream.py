@@ -167,6 +167,7 @@ def push(port, until_s=6.0):
         container.mux(stream.encode(None))
 
 
+@pytest.mark.slow
 def test_what_is_pushed_by_rtmp_is_recorded_one_after_the_other(tmp_path):
     rows, port = [], free_port(socket.SOCK_STREAM)
     with VideoStream(

@@ -226,6 +226,7 @@ def test_a_recording_is_never_overwritten(tmp_path):
     assert path.read_bytes() == b"precious"
 
 
+@pytest.mark.slow
 def test_after_a_kill_the_recording_plays_to_a_second_before(tmp_path):
     encode(tmp_path / "clip.mp4", 200)
     code = (
