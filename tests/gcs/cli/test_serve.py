@@ -49,8 +49,8 @@ async def status(address, **headers):
         return response.status
 
 
-async def test_its_own_page_shows_the_screens(served):
-    address, process = served
+async def test_its_own_page_has_keys_and_asks_nobody_else(served):
+    address, _ = served
     assert re.fullmatch(r"http://127\.0\.0\.1:\d+/[\w-]{32}/", address)
     async with aiohttp.ClientSession() as browser:
         async with browser.get(address) as page:
@@ -64,15 +64,17 @@ async def test_its_own_page_shows_the_screens(served):
         assert socket == f"ws{address[4:]}ws"
         script = re.search(r'<script src="(.*?)"', text)[1]
         assert await status(script) == 200
-        screens = b""
-        url = f"{socket}?width=120&height=40"
-        async with browser.ws_connect(url, headers={"Origin": origin_of(address)}) as connection:
-            while b"UGV-1" not in screens:
-                message = await connection.receive(timeout=60)
-                assert message.type in (aiohttp.WSMsgType.BINARY, aiohttp.WSMsgType.TEXT), message
-                screens += message.data if message.type == aiohttp.WSMsgType.BINARY else b""
-            children = psutil.Process(process.pid).children(recursive=True)
-            assert children
+
+
+@pytest.mark.slow
+async def test_screens_end_with_their_page(served):
+    address, process = served
+    socket = f"ws{address[4:]}ws?width=120&height=40"
+    headers = {"Origin": origin_of(address)}
+    async with aiohttp.ClientSession() as client, client.ws_connect(socket, headers=headers) as connection:
+        await Browser(connection).read_until(b"UGV-1")
+        children = psutil.Process(process.pid).children(recursive=True)
+        assert children
     assert until(lambda: not any(child.is_running() and child.status() != "zombie" for child in children))
 
 
@@ -121,7 +123,6 @@ def files_in(folder):
     return sorted((path, path.stat().st_size) for path in folder.rglob("*"))
 
 
-@pytest.mark.slow
 async def test_pictures_are_downloads_and_nothing_is_written(served, flight):
     address, process = served
     own, here = origin_of(address), Path(psutil.Process(process.pid).cwd())

@@ -153,7 +153,6 @@ def test_what_goes_to_a_file_stays_there_when_the_terminal_is_gone(begin, tmp_pa
     assert b"packets received" not in (tmp_path / "errors.txt").read_bytes()
 
 
-@pytest.mark.slow
 def test_signals_to_end_that_come_while_the_recording_is_sealed_interrupt_nothing(tmp_path, monkeypatch, capsys):
     def stopped(flight, stop=Flight.stop):
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
