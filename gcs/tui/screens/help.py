@@ -9,6 +9,7 @@ from typing import ClassVar, Final
 from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
+from textual.geometry import Size
 from textual.screen import ModalScreen
 from textual.strip import Strip
 from textual.widget import Widget
@@ -68,13 +69,18 @@ class HelpPage(Widget):
         """
         super().__init__(id="help")
         self._blocks = blocks
+        self._pages: list[list[list[list[Part]]]] = []
+        self._pages_size: Size | None = None
         self._at = 0
 
     @property
     def pages(self) -> list[list[list[list[Part]]]]:
-        """Pages for the size as it is now."""
-        columns = max(1, min(2, self.size.width // COLUMN_CELLS))
-        return pages(self._blocks, columns, self.size.width // columns - 3, max(2, self.size.height - 2))
+        """Pages for the size as it is now, folded once: each row asks for them."""
+        if self._pages_size != self.size:
+            columns = max(1, min(2, self.size.width // COLUMN_CELLS))
+            width, height = self.size.width // columns - 3, max(2, self.size.height - 2)
+            self._pages, self._pages_size = pages(self._blocks, columns, width, height), self.size
+        return self._pages
 
     def turn(self, steps: int) -> None:
         """To another page; after the last comes the first."""
