@@ -1,5 +1,6 @@
 """Sockets and receiving processes that end with their test, and property tests that judge alike on every machine."""
 
+import gc
 import os
 import socket
 
@@ -16,6 +17,9 @@ from tests.support.receiving import HOST
 settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("same", settings.get_profile("search"), derandomize=True, database=None)
 settings.load_profile("same")
+
+# Thousands of tests are held all the time: walking through them takes half a second, so rarely, as the command does.
+gc.set_threshold(50_000, 20, 100)
 
 # Neither does the terminal that the tests are run from: screens have the same colours and sizes everywhere.
 for _name in (*VARIABLES, "FORCE_COLOR"):
