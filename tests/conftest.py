@@ -13,9 +13,9 @@ from tests.support.ports import free_port
 from tests.support.receiving import HOST
 
 # A busy machine is slow, not wrong: no example is timed. Neither does luck decide: the examples are the same in every
-# run, and `--hypothesis-profile=search` looks for others.
+# run, and few; `--hypothesis-profile=search` looks for others.
 settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.register_profile("same", settings.get_profile("search"), derandomize=True, database=None)
+settings.register_profile("same", settings.get_profile("search"), derandomize=True, database=None, max_examples=40)
 settings.load_profile("same")
 
 # Thousands of tests are held all the time: walking through them takes half a second, so rarely, as the command does.

@@ -441,7 +441,8 @@ LONG = (
     *("has_another_camera_that_names_others", "has_the_film_of_another_flight", "has_a_mirrored_picture"),
     *("films_others_while_the_fleet_is_elsewhere", "is_beyond_the_edge_of_its_radio", "is_never_heard"),
     *("is_flooded_while_its_receiver_hangs", "has_two_cameras_on_one_port", "has_a_camera_with_a_bad_link"),
-    *("hears_no_more", "has_a_camera_that_stops", "is_played_again"),
+    *("hears_no_more", "has_a_camera_that_stops", "is_played_again", "never_has_a_position", "loses_its_fix"),
+    *("fails_its_arming_checks", "has_a_broken_compass"),
 )
 """Flights of many seconds, films in which it takes time to be known, and processes that are waited for."""
 
