@@ -125,7 +125,8 @@ def _read(path: Path) -> list[Row]:
         return [(row[0], row[1], int(row[2]), row[3], int(row[4])) for row in list(csv.reader(file))[1:]]
 
 
-def _size(text: str) -> Size:
+def size_of(text: str) -> Size:
+    """Columns and rows of ``80x24``."""
     columns, _, rows = text.partition("x")
     return int(columns), int(rows)
 
@@ -133,7 +134,7 @@ def _size(text: str) -> Size:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--flights", nargs="*", help="some of the flights, by name")
-    parser.add_argument("--sizes", nargs="*", type=_size, default=SIZES, help="columns and rows, 80x24")
+    parser.add_argument("--sizes", nargs="*", type=size_of, default=SIZES, help="columns and rows, 80x24")
     parser.add_argument("--every", type=int, default=1, help="look at each nth poll of the screen (%(default)s)")
     parser.add_argument("--examples", type=int, default=0, help="print so many of each violation")
     parser.add_argument("--before", type=Path, help="rows of an earlier run, to be set beside these")

@@ -23,6 +23,7 @@ from gcs.session.recorder import Recorder
 from gcs.snapshot import Event, Health, LinkHealth, Snapshot
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Packet
+from sim.render.film import Film
 from sim.telemetry.detections import DetectorModel
 from sim.telemetry.vehicle_telemetry import TELEMETRY_FROM_S, fleet_telemetry
 from sim.world.scenario import UAV_ID, Scenario, ScenarioFault, ScenarioGround
@@ -75,6 +76,8 @@ class Script:
     faults: tuple[ScenarioFault, ...] = ()
     ground: str = "curved"
     poll_us: int = POLL_US
+    filmed: bool = False
+    """Frames are rendered, else all alike: names need no picture."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -244,6 +247,7 @@ def _scenario(script: Script) -> Scenario:
         camera=CAMERA,
         ground=ground,
         faults=script.faults,
+        scenery="dressed" if script.filmed else "bare",
     )
 
 
@@ -290,7 +294,7 @@ def _texts(script: Script, world: World) -> Iterator[_ScriptedPacket]:
 
 def _frames(script: Script, world: World) -> Iterator[tuple[int, Frame, Detections]]:
     """Arrival, Unix µs, of each frame, the frame, and what is detected in it."""
-    image = _image()
+    film, blank = Film(world) if script.filmed else None, _image()
     model = DetectorModel(world)
     index = 0
     for k in range(round(script.seconds * script.fps)):
@@ -299,6 +303,7 @@ def _frames(script: Script, world: World) -> Iterator[tuple[int, Frame, Detectio
         if any(_within(span, at_s) for span in script.no_frames):
             continue
         taken_us = world.scenario.start_us + round(at_s * S)
+        image = film.image(at_s, k) if film else blank
         yield (
             taken_us + round(script.latency_s * S),
             Frame(index=index, t_us=taken_us, image=image),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -52,6 +53,12 @@ def colour(look: tuple[str, ...], place: str, default: Rgb) -> Rgb:
     return default
 
 
+@cache
+def fonts_of() -> dict[bool, ImageFont.FreeTypeFont]:
+    """The font, and for True its bold letters."""
+    return {bold: ImageFont.truetype(f"DejaVuSansMono{'-Bold' * bold}.ttf", LETTER_PX) for bold in (False, True)}
+
+
 def draw(cells: list[list[Cell]], fonts: dict[bool, ImageFont.FreeTypeFont]) -> Image.Image:
     """A screen as a picture."""
     across, down = CELL
@@ -82,7 +89,7 @@ def main() -> None:
     options = parser.parse_args()
     header, *events = map(json.loads, options.cast.read_text(encoding="utf-8").splitlines())
     terminal = TerminalScreen(header["width"], header["height"])
-    fonts = {bold: ImageFont.truetype(f"DejaVuSansMono{'-Bold' * bold}.ttf", LETTER_PX) for bold in (False, True)}
+    fonts = fonts_of()
     frames: list[Image.Image] = []
     times_s: list[float] = []
     for at_s, _, data in events:
