@@ -21,7 +21,7 @@ Clocks = dict[str, float]
 CLOCKS = {
     "clock": re.compile(r"\b(\d\d):(\d\d):(\d\d)(?:\.\d)?Z"),
     "elapsed": re.compile(r"\bREC(?:ORDING)? (?:(\d+):)?(\d\d):(\d\d)\b"),
-    "frame": re.compile(r"#()()(\d+)\b"),
+    "frame": re.compile(r"\bframe ()()(\d+)\b"),
 }
 AGE = re.compile(r"(\d+(?:\.\d)?)(s|m|h)$")
 UNITS_S = {"s": 1.0, "m": 60.0, "h": 3600.0}

@@ -55,9 +55,7 @@ def _script(name: str, **parts: object) -> Script:
 SCENES: Final = {
     "quiet": Scene(script=_script("quiet")),
     "lying": Scene(
-        script=_script(
-            "lying", faults=(ScenarioFault(vehicle=1, kind="jump", start_s=9.0, stop_s=99.0, size=40.0),)
-        )
+        script=_script("lying", faults=(ScenarioFault(vehicle=1, kind="jump", start_s=9.0, stop_s=99.0, size=40.0),))
     ),
     "no video": Scene(script=_script("no video", no_frames=((8.0, 99.0),))),
     "40 vehicles": Scene(script=_script("40 vehicles", vehicles=40, ground="open", silent={20: (6.0, 99.0)})),
@@ -68,7 +66,7 @@ SCENES: Final = {
 class _ShownApp(RollcallApp):
     """The app in a terminal of so many colours."""
 
-    CSS_PATH = Path(gcs.tui.__file__).with_name("app.tcss")
+    CSS_PATH = str(Path(gcs.tui.__file__).with_name("app.tcss"))
 
     def __init__(self, station: Station, theme: ThemeName, depth: Depth) -> None:
         self._depth = depth
@@ -115,7 +113,9 @@ def _sgr(place: str, colour: Color | None, default: tuple[int, int, int]) -> str
     return f"{place};2;{red};{green};{blue}"
 
 
-async def picture_of(scene: Scene, moment: Moment, size: tuple[int, int], theme: ThemeName, depth: Depth) -> Image.Image:
+async def picture_of(
+    scene: Scene, moment: Moment, size: tuple[int, int], theme: ThemeName, depth: Depth
+) -> Image.Image:
     """One screen."""
     station = ReplayedStation(moment) if scene.replayed else ScriptedStation(moment)
     app = _ShownApp(station, theme, depth)

@@ -8,7 +8,7 @@ from typing import Final
 from rich.color import Color
 from rich.style import Style
 
-from gcs.snapshot import Standing
+from gcs.snapshot import Snapshot, Standing
 from gcs.tui.draw.xterm_palette import nearest, nearest_of_sixteen
 from gcs.tui.themes import DARK, THEMES, Colour, Depth, Theme
 from mavlink.state import Level
@@ -100,6 +100,20 @@ def pack(colour: Colour, theme: Theme | None = None) -> int:
 def standing_colour(standing: Standing) -> Colour:
     """Colour of how sure an identity is."""
     return Colour(standing)
+
+
+def vehicle_colours(snapshot: Snapshot) -> dict[int, Colour]:
+    """Colour of each vehicle, by system id: the UAV's own, an alarm's where nobody is to act on its name, else its
+    standing's."""
+    doubted = snapshot.doubted
+    return {
+        row.system_id: ACCENT
+        if row.role == "uav"
+        else ALARM
+        if row.system_id in doubted
+        else standing_colour(row.standing)
+        for row in snapshot.vehicles
+    }
 
 
 def count_colour(named: int, total: int) -> Colour:

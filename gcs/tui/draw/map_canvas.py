@@ -33,7 +33,7 @@ from gcs.tui.draw.map_lines import (
     ruler_texts,
 )
 from gcs.tui.draw.mosaic import HALF
-from gcs.tui.palette import ACCENT, BRIGHT, FAINT, INK, LINE, PANEL, pack, standing_colour
+from gcs.tui.palette import ACCENT, BRIGHT, FAINT, INK, LINE, PANEL, pack, standing_colour, vehicle_colours
 from gcs.tui.themes import Colour
 from infra.plain_text import plain
 
@@ -105,7 +105,7 @@ def chart_cells(
     marks = _marks(snapshot, rows, view, extras)
     labelling = labelling or map_labels(snapshot, selected, view, extras=extras)
     colours = {mark.system_id: mark.colour for mark in marks if mark.system_id}
-    draw_trails(dots, extras.trails, view, _trail_inks(snapshot))
+    draw_trails(dots, extras.trails, view, _inks(snapshot))
     draw_fences(dots, snapshot, view)
     if snapshot.footprint_enu is not None:
         dots.polygon(view.dots(snapshot.footprint_enu), pack(LINE), every=2.0)
@@ -134,11 +134,8 @@ def chart_cells(
     return cells
 
 
-def _trail_inks(snapshot: Snapshot) -> dict[int, int]:
-    colours = {
-        row.system_id: ACCENT if row.role == "uav" else standing_colour(row.standing) for row in snapshot.vehicles
-    }
-    return {system_id: pack(colour) for system_id, colour in colours.items()}
+def _inks(snapshot: Snapshot) -> dict[int, int]:
+    return {system_id: pack(colour) for system_id, colour in vehicle_colours(snapshot).items()}
 
 
 def _write_scale(cells: CellGrid, snapshot: Snapshot, view: MapView, extras: MapExtras) -> None:
@@ -172,7 +169,7 @@ def map_labels(
         if row.position_state != "ok" and (row.role == "ugv" or _is_old(row))
     }
     names = shown_names(snapshot, shows_in_cells)
-    uav_name = _uav_name(snapshot)
+    uav_name, doubted = _uav_name(snapshot), snapshot.doubted
     labels, others = [], []
     for mark in _marks(snapshot, rows, view, extras):
         anchor = (mark.x, mark.y, 1, 1)
@@ -181,7 +178,8 @@ def map_labels(
             continue
         shown, word = names[mark.system_id], state.get(mark.system_id, "")
         own = uav_name if mark.system_id == snapshot.vehicles[0].system_id and mark.glyph == UAV_MARK else shown.name
-        texts = tuple(dict.fromkeys((own + word, shown.short + word)))
+        before = "!" if mark.system_id in doubted else ""
+        texts = tuple(dict.fromkeys(f"{before}{name}{word}" for name in (own, shown.short)))
         stressed = bool(selected) and mark.system_id == selected
         labels.append(
             Label(
@@ -243,12 +241,11 @@ def _marks(snapshot: Snapshot, rows: Sequence[VehicleRow], view: MapView, extras
     uav = aircraft[0] if aircraft else None
     if (cell := view.cell(snapshot.uav_enu)) is not None:
         marks.append(_Mark(*cell, UAV_MARK, _dated(ACCENT, uav), uav.system_id if uav else 0))
+    colours = vehicle_colours(snapshot)
     for row in (*aircraft[1:], *rows):
         if (cell := view.cell(row.p_enu)) is not None:
-            flies = row.role == "uav"
-            glyph = UAV_MARK if flies else STANDING_MARKS.get(row.standing, BOX_MARK)
-            colour = ACCENT if flies else standing_colour(row.standing)
-            marks.append(_Mark(*cell, glyph, _dated(colour, row), row.system_id))
+            glyph = UAV_MARK if row.role == "uav" else STANDING_MARKS.get(row.standing, BOX_MARK)
+            marks.append(_Mark(*cell, glyph, _dated(colours[row.system_id], row), row.system_id))
     for box in snapshot.boxes:
         if not box.system_id and (cell := view.cell(box.p_enu)) is not None:
             picked = bool(extras.track) and box.track_id == extras.track
@@ -277,13 +274,15 @@ def _residuals(dots: BrailleCanvas, snapshot: Snapshot, rows: Sequence[VehicleRo
     box_enu = {box.system_id: box.p_enu for box in snapshot.boxes if box.system_id}
     seen = [row for row in rows if row.system_id in box_enu]
     start, end = _places([row.p_enu for row in seen]), _places([box_enu[row.system_id] for row in seen])
-    inks = np.array([pack(standing_colour(row.standing)) for row in seen], dtype=np.int64)
+    colours = _inks(snapshot)
+    inks = np.array([colours[row.system_id] for row in seen], dtype=np.int64)
     dots.lines(view.dots(start), view.dots(end), inks)
 
 
 def _noses(dots: BrailleCanvas, snapshot: Snapshot, rows: Sequence[VehicleRow], view: MapView) -> None:
     """A line ahead of each vehicle, the UAV's on top; none where place or heading is unknown."""
-    noses = [(row.p_enu, row.heading, NOSE_DOTS, standing_colour(row.standing)) for row in rows if not _is_old(row)]
+    of_vehicles = vehicle_colours(snapshot)
+    noses = [(row.p_enu, row.heading, NOSE_DOTS, of_vehicles[row.system_id]) for row in rows if not _is_old(row)]
     noses.append((snapshot.uav_enu, snapshot.uav_heading, UAV_NOSE_DOTS, ACCENT))
     noses = [nose for nose in noses if math.isfinite(nose[1])]
     if not noses:

@@ -23,6 +23,8 @@ EVENT_ROWS = 4
 ALARM_ROWS = 10
 """Two or three alarms with their advice, however many there are: no pane moves when one comes or goes."""
 CHART_ROWS = 8
+ROWS_OF_NAMES = 3
+"""Vehicles whose names a row of the map has room for."""
 ROOMY = (120, 36)
 USUAL = 80
 """Columns of a usual terminal: from here on the table has its identities in whole words."""
@@ -104,8 +106,8 @@ def _main(width: int, height: int, state: LayoutState, shown: frozenset[str]) ->
 
 
 def _hides_vehicles(height: int, state: LayoutState) -> bool:
-    """Tell whether a map below the table takes rows of it: of so many vehicles it could not show the names either."""
-    return height - (state.fleet_rows + 1) - LEAST_IDENTITY_ROWS < CHART_ROWS
+    """Tell whether a map below the table takes rows of it, or has too few for the names of so many vehicles."""
+    return height - (state.fleet_rows + 1) - LEAST_IDENTITY_ROWS < max(CHART_ROWS, state.fleet_rows // ROWS_OF_NAMES)
 
 
 def _beside(width: int, height: int, state: LayoutState, shown: frozenset[str]) -> dict[str, Rect]:

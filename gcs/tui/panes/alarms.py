@@ -27,6 +27,8 @@ HANGING_FROM: Final = 60
 CUT: Final = "    … z: the whole screen"
 """In place of the last row of an alarm that is longer than the pane is high."""
 WORDS: Final = {"alarm": "!! ALARM", "warning": "!  WARN "}
+ALARMS_UNKNOWN: Final = "alarms of this place are not known yet"
+"""Of a replay's place that its analysis has not come by."""
 Group = tuple[Alarm, ...]
 """At least one, the worst first: the same of several vehicles, or several troubles of one: a lost link is not twenty
 rows, a vehicle in trouble is not five."""
@@ -49,6 +51,11 @@ def worst_alarm(snapshot: Snapshot, system_id: int) -> Alarm | None:
     # they are in order, the worst first
     about = (each for each in snapshot.alarms if system_id in (each.vehicles or (each.system_id,)))
     return next(about, None)
+
+
+def is_final(snapshot: Snapshot) -> bool:
+    """Tell whether all alarms are known: not so at a replay's place that its analysis has not come by."""
+    return snapshot.analysed and not snapshot.provisional
 
 
 def alarm_counts(alarms: Sequence[Alarm]) -> tuple[int, int]:
@@ -115,7 +122,7 @@ class AlarmPane(Pane):
         """Number of alarms, and how to acknowledge them."""
         loud, quiet = alarm_counts(self.alarms)
         if not self.alarms:
-            return [("none ", ink(GOOD, HEAD))]
+            return [("none ", ink(GOOD, HEAD))] if self.snapshot is not None and is_final(self.snapshot) else ()
         fresh = len(unseen(self.alarms, self.seen))
         below = len(self.groups) - 1 - max(self._shown, default=0)
         if self.size.width < HANGING_FROM:
@@ -131,7 +138,8 @@ class AlarmPane(Pane):
             return []
         groups = self.groups
         if not groups:
-            return [line([(" nothing is wrong that is known of", ink(FAINT))], width)]
+            known = is_final(self.snapshot)
+            return [line([(" nothing is wrong that is known of" * known, ink(FAINT))], width)]
         self._at = min(self._at, len(groups) - 1)
         rows = [partial(self._rows_of, group, marked=self._marks(at), width=width) for at, group in enumerate(groups)]
         first = max(self._first, _earliest(rows, self._at, height))

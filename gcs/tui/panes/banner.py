@@ -14,16 +14,16 @@ from textual.widget import Widget
 from gcs.errors import FlightError
 from gcs.report.vehicle_names import text_with_sender
 from gcs.snapshot import Alarm, Event, Snapshot
-from gcs.tui.draw.format import NOT_ANALYSED, REPORTED_WORDS, age, clock
+from gcs.tui.draw.format import REPORTED_WORDS, age, clock
 from gcs.tui.draw.strips import cut_between_words, fitted, line, width_of
 from gcs.tui.palette import ALARM, FAINT, HEAD, PANEL, WARN, ink
-from gcs.tui.panes.alarms import Seen, unseen
+from gcs.tui.panes.alarms import ALARMS_UNKNOWN, Seen, is_final, unseen
 from infra.plain_text import plain
 
 EVENT_SHOWN_US = 8_000_000
 """For how long an alarm of the event log that is in no list of alarms is shown: time to read two lines."""
-HINT = " a: what to do, A: seen "
-"""Left out where it would cut the words; the footer has the key, too."""
+HINTS = ("  a: what to do, A: seen ", "  a: what to do ")
+"""The first that does not cut the words; the footer has the key, too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +85,7 @@ def alert_of(
         return Alert(level="warning", text=_summary(fresh), hinted=True)
     if snapshot.alarms:
         return Alert(text=f"seen: {_summary(snapshot.alarms)}")
-    return Alert(text="no alarms" if snapshot.analysed and not snapshot.provisional else f"alarms: {NOT_ANALYSED}")
+    return Alert(text="no alarms" if is_final(snapshot) else ALARMS_UNKNOWN)
 
 
 def _summary(alarms: Sequence[Alarm]) -> str:
@@ -107,7 +107,8 @@ class Banner(Widget):
         loud = self.alert.level == "alarm"
         style, paper = (ink(PANEL, ALARM, bold=True), ALARM) if loud else (ink(WARN, HEAD), HEAD)
         text = f" {'!!' if loud else '! '} {plain(self.alert.text)}"
-        hint = [(HINT, style)] if self.alert.hinted and cell_len(text) + len(HINT) <= width else []
+        fitting = (hint for hint in HINTS if self.alert.hinted and cell_len(text) + len(hint) <= width)
+        hint = [(next(fitting, ""), style)]
         room = width - width_of(hint)
         text = fitted(cut_between_words(text, room), room)
         return line([(text, style), *hint], width, paper)

@@ -17,7 +17,6 @@ from gcs.certainty import certainty, named
 from gcs.snapshot import NAMED, Snapshot, VehicleRow
 from gcs.tui.draw.condition import battery, from_uav, hdop, radio, satellites
 from gcs.tui.draw.format import (
-    NOT_ANALYSED,
     age,
     as_far_as_known,
     name_or_id,
@@ -28,7 +27,7 @@ from gcs.tui.draw.format import (
 )
 from gcs.tui.draw.freshness import UNKNOWN, aged, fix_age_s, spread
 from gcs.tui.draw.map_canvas import STANDING_MARKS, UAV_MARK
-from gcs.tui.draw.strips import Part, fitted, line, split_line
+from gcs.tui.draw.strips import Part, fitted, line, split_line, width_of
 from gcs.tui.messages import VehiclePicked
 from gcs.tui.palette import (
     ACCENT,
@@ -124,15 +123,15 @@ def _view(row: VehicleRow) -> Cell:
 
 
 def _link(row: VehicleRow) -> Cell:
-    """For how long it is silent, else how much arrives: ``▆``, ``▄ 9%`` lost."""
+    """For how long it is silent, else how much arrives: ``▆ ok``, ``▄ 9%`` lost."""
     if math.isinf(row.heartbeat_age_s):
         return UNKNOWN, FAINT
     if row.heartbeat_age_s > SILENT_S:
         return position("lost", row.heartbeat_age_s), ALARM
     if not math.isfinite(row.loss):
-        return BARS[-1], INK
+        return f"{BARS[-1]} ok", INK
     bars = BARS[max(0, len(BARS) - 1 - sum(row.loss > limit for limit in LOSSES))]
-    return f"{bars} {percent(row.loss)}" if row.loss >= LEAST_LOSS else bars, WARN if row.loss > LOSSY else INK
+    return f"{bars} {percent(row.loss) if row.loss >= LEAST_LOSS else 'ok'}", WARN if row.loss > LOSSY else INK
 
 
 def _link_and_position(row: VehicleRow) -> Cell:
@@ -343,20 +342,24 @@ class FleetPane(Pane):
         left = [(before.ljust(GUTTER_CELLS), ink(ACCENT, HEAD)), (" ".join(titles).rstrip() + " ", style)]
         more = len(self.snapshot.vehicles) - (self.size.height - 1) if self.snapshot is not None else 0
         right: list[Part] = [("by trouble ", ink(ACCENT, HEAD))] if self.by_trouble else []
-        right += [(f"+{more} ", ink(WARN, HEAD))] if more > 0 else []  # as labels are counted that find no room
+        for words in (f"{more} more ", f"+{more} "):
+            counted: list[Part] = [*right, (words, ink(WARN, HEAD))] if more > 0 else right
+            if width_of(left) + width_of(counted) < width:
+                return split_line(left, counted, width, rule=True)
         return split_line(left, right, width, rule=True)
 
     def body(self, width: int, height: int) -> list[Strip]:
         """One row per vehicle; scrolled so that the selected one is on screen."""
         if self.snapshot is not None and not self.snapshot.analysed:
-            return [line([(f" {NOT_ANALYSED}", ink(FAINT))], width)]
+            return []
         if self.snapshot is None or not self.snapshot.vehicles:
             return [line([(" no vehicle received yet", ink(FAINT))], width)]
         rows = self.in_order(self.snapshot)
         at = next((index for index, row in enumerate(rows) if row.system_id == self.selected), self._first)
         self._first = max(0, min(max(self._first, at - height + 1), at, len(rows) - height))
-        columns = self._columns(width)
-        return [self._row(row, self.snapshot, columns, width) for row in rows[self._first : self._first + height]]
+        columns, doubted = self._columns(width), self.snapshot.doubted
+        shown = rows[self._first : self._first + height]
+        return [self._row(row, self.snapshot, columns, width, doubted=row.system_id in doubted) for row in shown]
 
     def _columns(self, width: int) -> tuple[Column, ...]:
         if self.snapshot is None:
@@ -364,7 +367,9 @@ class FleetPane(Pane):
         more, keyed = condition_columns(self.snapshot), bool(self.snapshot.health.keys)
         return columns_for(width, self.snapshot.vehicles, keyed=keyed, more=more)
 
-    def _row(self, row: VehicleRow, snapshot: Snapshot, columns: Sequence[Column], width: int) -> Strip:
+    def _row(
+        self, row: VehicleRow, snapshot: Snapshot, columns: Sequence[Column], width: int, *, doubted: bool
+    ) -> Strip:
         picked = bool(self.selected) and row.system_id == self.selected
         held = snapshot.held_s
         worst = worst_alarm(snapshot, row.system_id)
@@ -383,7 +388,7 @@ class FleetPane(Pane):
                 text, colour = f"{text.split()[0][0]} {certainty(row.confidence)} {age(held)} ago", FAINT
             elif snapshot.provisional and column.title == IDENTITY:
                 colour = FAINT
-            elif row.track_id and column.title == IDENTITY and row.system_id in snapshot.doubted:
+            elif row.track_id and column.title == IDENTITY and doubted:
                 colour = ALARM
             if column.title == NAME.title:
                 text = name_or_id(text, row.system_id, column.width)

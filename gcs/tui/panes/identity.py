@@ -21,7 +21,6 @@ from gcs.report.overlay import named_count, standing_of, unnamed
 from gcs.snapshot import HELD_SHOWN_S, NAMED, Box, Candidate, Snapshot, Standing, VehicleRow
 from gcs.tui.draw.condition import condition_facts
 from gcs.tui.draw.format import (
-    NOT_ANALYSED,
     age,
     as_far_as_known,
     box_as_far_as_known,
@@ -120,7 +119,7 @@ class IdentityPane(Pane):
         if self.snapshot is None:
             return []
         if not self.snapshot.analysed:
-            return [line([(f" {NOT_ANALYSED}", ink(FAINT))], width)]
+            return []
         room = width - MARGIN
         # what is analysed lies before a provisional place, and tells nothing of what was until there
         named_for = {} if self.snapshot.provisional else self.named_for
@@ -308,7 +307,7 @@ def expected_place(snapshot: Snapshot, row: VehicleRow) -> str:
     if there is None:
         return f"{place}, where no box is"
     if there.system_id == row.system_id:
-        return f"{place}, where its box is"
+        return "where its box is"
     return f"{place}, where {snapshot.name_of(there.system_id) if there.system_id else f'track {there.track_id}'} is"
 
 

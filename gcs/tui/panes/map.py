@@ -21,7 +21,7 @@ from gcs.snapshot import Event, Snapshot
 from gcs.station import Station
 from gcs.trails import Trail, Trails
 from gcs.tui.draw.basemap import Basemap
-from gcs.tui.draw.format import NOT_ANALYSED, age
+from gcs.tui.draw.format import age
 from gcs.tui.draw.ground_view import HOME_ENU, MapView, map_view_of, points_of, step_scale
 from gcs.tui.draw.map_canvas import MapExtras, chart_cells, map_labels, marked_at
 from gcs.tui.draw.map_lines import Ruler
@@ -169,10 +169,10 @@ class MapPane(Pane):
 
     def note(self) -> Sequence[Part]:
         """Words for what is followed, how far the zoom is from fitting, how long trails are."""
-        held = f"follow {self.follow}" if self.follow else "panned, c: follow"
-        zoom = f" zoom {self._zoom:+d}" if self._zoom and not self._free else ""
+        held = f"follows {self.follow}" if self.follow else "panned, c: follow"
+        zoom = f" · zoom {self._zoom:+d}" if self._zoom and not self._free else ""
         span = TRAILS_S[self._span]
-        return [(f"{held}{zoom} trail {age(span) if span else 'off'} ", ink(FAINT, HEAD))]
+        return [(f"{held}{zoom} · trail {age(span) if span else 'off'} ", ink(FAINT, HEAD))]
 
     def watch_snapshot(self) -> None:
         """Something new to show, and to keep for trails."""
@@ -206,7 +206,7 @@ class MapPane(Pane):
         if self.snapshot is None:
             return [line([(" waiting for positions …", ink(FAINT))], width)]
         if not self.snapshot.analysed:
-            return [line([(f" {NOT_ANALYSED}", ink(FAINT))], width)]
+            return []
         view = self._view = self._view_of(self.snapshot, width, max(1, height - 1))
         span = TRAILS_S[self._span]
         trails = tuple(self._trails(self.snapshot.t_us, span, self.snapshot.origin)) if span else ()

@@ -16,6 +16,7 @@ from gcs.health.station_alarms import LATE_S, LOW_BYTES, LOW_S, STALLED_S
 from gcs.report.overlay import named_count
 from gcs.snapshot import HELD_SHOWN_S, Health, Snapshot
 from gcs.tui.draw.format import NOT_ANALYSED, age, clock, duration
+from gcs.tui.draw.map_canvas import STANDING_MARKS
 from gcs.tui.draw.strips import Part, clickable, split_line, width_of
 from gcs.tui.palette import ALARM, BRIGHT, FAINT, HEAD, INK, WARN, count_colour, ink
 from gcs.tui.panes.alarms import alarm_counts
@@ -112,7 +113,7 @@ def _slots(snapshot: Snapshot, room: Room, *, live: bool) -> list[StatusSlot]:
     return [
         _alarms(snapshot),
         _recording(snapshot, room),
-        _names(snapshot, room, (7, 8, 22)),
+        _names(snapshot, room, (7, 15, 22)),
         _links(snapshot.health),
         _video(snapshot),
         _authentication(snapshot.health, room),
@@ -156,24 +157,19 @@ def _disk_trouble(health: Health) -> str:
 
 
 def _names(snapshot: Snapshot, room: Room, cells: tuple[int, int, int]) -> StatusSlot:
-    """Number of confirmed names, with its age where it is held for want of a frame, and no count once it is too old."""
+    """Number of confirmed names, faint while it is held for want of a frame, and no count once it is too old."""
     if not snapshot.analysed:
         return StatusSlot(cells=cells, parts=_words(WARN, NOT_ANALYSED), pane="identity")
     named, total = named_count(snapshot)
-    count, word = f"{named}/{total}", " confirmed" if room is Room.WIDE else ""
-    if any(row.standing == "no new frame" for row in snapshot.vehicles):
-        words = {
-            Room.TIGHT: f"–/{total}",
-            Room.USUAL: "no frame",
-            Room.WIDE: f"no new frame {age(snapshot.frame_age_s)}",
-        }
-        return StatusSlot(cells=cells, parts=_words(WARN, words[room]), pane="identity")
-    if snapshot.held_s:
-        ago = f" {age(snapshot.held_s)}" + " ago" * (room is Room.WIDE)
-        return StatusSlot(cells=cells, parts=_words(FAINT, f"{count}{word}{ago}"), pane="identity")
-    if snapshot.provisional:
-        return StatusSlot(cells=cells, parts=_words(FAINT, f"{count}{word}, provisional"), pane="identity")
-    return StatusSlot(cells=cells, parts=_words(count_colour(named, total), f"{count}{word}"), pane="identity")
+    stalled = any(row.standing == "no new frame" for row in snapshot.vehicles)
+    count = f"{'–' if stalled else named}/{total}"
+    text = f"{STANDING_MARKS['confirmed']}{count}" if room is Room.TIGHT else f"{count} confirmed"
+    colour = WARN if stalled else count_colour(named, total)
+    if snapshot.held_s and not stalled:
+        text, colour = text + f" {age(snapshot.held_s)} ago" * (room is Room.WIDE), FAINT
+    elif snapshot.provisional:
+        text, colour = f"{text}, provisional", FAINT
+    return StatusSlot(cells=cells, parts=_words(colour, text), pane="identity")
 
 
 def _links(health: Health) -> StatusSlot:

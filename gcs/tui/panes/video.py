@@ -11,6 +11,7 @@ from textual.app import ComposeResult
 from textual.reactive import reactive
 from textual.strip import Strip
 
+from gcs.health.station_alarms import LATE_S
 from gcs.report.inset import Inset
 from gcs.report.labels import Labelling
 from gcs.report.overlay import draw, image_inset, image_labels
@@ -19,7 +20,7 @@ from gcs.station import CameraPicture
 from gcs.tui.draw.format import age
 from gcs.tui.draw.mosaic import HALF_BLOCKS, PictureMode
 from gcs.tui.draw.pixels import Pixels
-from gcs.tui.draw.strips import Part, line
+from gcs.tui.draw.strips import Part, line, width_of
 from gcs.tui.draw.video_canvas import box_at, video_cells, video_inset, video_labels
 from gcs.tui.framing import PictureRegion, frame_for, framed
 from gcs.tui.messages import VehiclePicked
@@ -32,6 +33,29 @@ PIXELS_EVERY_S = 0.15
 """Least time between images; a terminal that takes longer is given as long again to answer keys."""
 LAG_SHOWN_S = 0.05
 IMAGE_ID = "pixels"
+LEAST_RULE = 4
+"""Cells round the pane's name, and of the line between it and the figures."""
+
+
+def _state_parts(snapshot: Snapshot) -> list[Part]:
+    """State of the video where that is not good, else its figures, the most needed first."""
+    health, lag = snapshot.health, f"lag {snapshot.health.lag_s:.1f}s"
+    old = snapshot.frame_age_s > HELD_SHOWN_S
+    good = health.video == "ok" and not old
+    if old and health.video in ("ok", "stalled"):
+        state, colour = f"{age(snapshot.frame_age_s)} old", WARN if health.video == "ok" else ALARM
+    else:
+        state, colour = plain(health.video), {"waiting": FAINT, "ended": INK, "none": FAINT}.get(health.video, ALARM)
+    figures = (
+        (not good, state, colour),
+        (good and health.undecoded > 0, f"{health.undecoded} undecoded", WARN),
+        (good and health.lag_s > LATE_S, lag, WARN),
+        (good and health.fps > 0, f"{health.fps:.0f} fps", FAINT),
+        (snapshot.frame >= 0, f"frame {snapshot.frame}", FAINT),
+        (good and health.looked_share < 1.0, f"{health.looked_share:.0%} looked at", FAINT),
+        (good and LAG_SHOWN_S <= health.lag_s <= LATE_S, lag, FAINT),
+    )
+    return [(f"{text} ", ink(colour, HEAD)) for known, text, colour in figures if known]
 
 
 class VideoPane(Pane):
@@ -69,27 +93,17 @@ class VideoPane(Pane):
             return ()
         if self.enlarged and not (self._inset and self._inset.seen):
             return [(self._inset_note(), ink(WARN, HEAD))]
-        health = self.snapshot.health
-        colour = {"ok": FAINT, "waiting": FAINT, "ended": INK, "none": FAINT}.get(health.video, ALARM)
-        parts: list[Part] = [(f"{plain(health.video)} ", ink(colour, HEAD))]
-        if health.video in ("ok", "stalled") and self.snapshot.frame_age_s > HELD_SHOWN_S:
-            parts = [(f"{age(self.snapshot.frame_age_s)} old ", ink(WARN if health.video == "ok" else ALARM, HEAD))]
-        elif health.video == "ok":
-            late = WARN if health.lag_s > 0.5 else FAINT
-            parts += [(f"{health.fps:.0f} fps ", ink(FAINT, HEAD))] if health.fps > 0 else []
-            share = f"{health.looked_share:3.0%} looked at " if health.looked_share < 1.0 else ""
-            parts += [(share, ink(FAINT, HEAD))] if share else []
-            parts += [(f"lag {health.lag_s:.1f}s ", ink(late, HEAD))] if health.lag_s >= LAG_SHOWN_S else []
-            parts += [(f"{health.undecoded} undecoded ", ink(WARN, HEAD))] if health.undecoded else []
-        parts = [(self._frame_note(self.snapshot), ink(INK, HEAD)), *parts]
-        return [*parts, (f"#{self.snapshot.frame} ", ink(FAINT, HEAD))] if self.snapshot.frame >= 0 else parts
+        parts = [(self._frame_note(self.snapshot), ink(INK, HEAD)), *_state_parts(self.snapshot)]
+        while parts and len(self.label) + width_of(parts) + LEAST_RULE > self.size.width:
+            parts.pop()
+        return parts
 
     def _frame_note(self, snapshot: Snapshot) -> str:
         """Words for the magnification of the part on show, and for the number of boxes beyond it."""
         if self._frame is None or self._shown is None or self._frame.rect[2] >= snapshot.width:
             return ""
         beyond = len(snapshot.boxes) - len(self._shown.boxes)
-        return f"x{snapshot.width / self._frame.rect[2]:.1f} " + f"{beyond} beyond " * (beyond > 0)
+        return f"zoom {snapshot.width / self._frame.rect[2]:.1f} " + f"{beyond} beyond " * (beyond > 0)
 
     def _inset_note(self) -> str:
         """Why the picked vehicle is not seen enlarged."""

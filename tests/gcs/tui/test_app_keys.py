@@ -226,7 +226,7 @@ async def test_map_keys():
         await pilot.press("c")
         assert chart.follow == "UAV"
         await pilot.press("down", "down", "c")
-        assert chart.follow == "selected" and "follow selected" in text_of(chart)
+        assert chart.follow == "selected" and "follows selected" in text_of(chart)
         await pilot.press("c")
         assert chart.follow == "all"
 

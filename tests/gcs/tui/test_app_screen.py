@@ -164,7 +164,7 @@ async def test_snapshot_is_drawn_once_and_again_only_when_it_is_another():
         station.snapshot = replace(station.snapshot, frame=1235)
         assert await comes_true(pilot, lambda: drawn)
         await pilot.pause(0.3)
-        assert len(drawn) == 1 and "#1235" in text_of(video)
+        assert len(drawn) == 1 and "frame 1235" in text_of(video)
 
 
 async def test_before_the_first_snapshot():

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 from typing import get_args
 
@@ -8,13 +9,13 @@ import pytest
 from rich.cells import cell_len
 
 from gcs.cli import screen_options
-from gcs.snapshot import Standing
+from gcs.snapshot import Alarm, Standing
 from gcs.tui import RollcallApp
 from gcs.tui.draw.map_canvas import STANDING_MARKS
 from gcs.tui.draw.xterm_palette import FIRST, PALETTE, SIXTEEN
 from gcs.tui.palette import LINE, ink, standing_colour, use_depth, use_theme
 from gcs.tui.themes import BACKGROUNDS, THEMES, Colour, ThemeName
-from tests.support.fake_station import SMALL, WIDE, FakeStation, comes_true
+from tests.support.fake_station import SMALL, WIDE, FakeStation, comes_true, make_snapshot
 
 READABLE = 4.5
 """WCAG 2.2, contrast of text, level AA."""
@@ -139,7 +140,7 @@ def is_text(letter):
     return not letter.isspace() and letter not in "▀▄" and not 0x2800 <= ord(letter) < 0x2900 and ord(letter) < 0x1F000
 
 
-def unreadable(app, region=None):
+def unreadable(app, region=None, depth="truecolor"):
     """Texts of the screen, or of a region of it, whose contrast is too low; lines and blocks less strictly."""
     found = set()
     for y, row in enumerate(app.screen._compositor.render_strips()):
@@ -150,24 +151,35 @@ def unreadable(app, region=None):
             x += cell_len(text)
             if not letters or not inside:
                 continue
-            assert style.color and style.color.triplet and style.bgcolor and style.bgcolor.triplet, text
+            assert style.color and style.bgcolor, text
+            ink, paper = shown(style.color, depth), shown(style.bgcolor, depth)
             drawn = all(0x2500 <= ord(letter) < 0x25A0 for letter in letters)
-            if contrast(style.color.triplet, style.bgcolor.triplet) < (VISIBLE if drawn else READABLE):
-                found.add((text, style.color.triplet, style.bgcolor.triplet))
+            if contrast(ink, paper) < (VISIBLE if drawn else READABLE):
+                found.add((text, ink, paper))
     return found
 
 
 @pytest.mark.slow_but_first
 @pytest.mark.parametrize("size", [(60, 20), SMALL, WIDE])
 @pytest.mark.parametrize("name", THEMES)
-async def test_every_text_on_the_screen_can_be_read(name, size):
-    for station in (FakeStation(), FakeStation(live=True)):
+@pytest.mark.parametrize("depth", TERMINALS)
+async def test_every_text_on_the_screen_can_be_read(monkeypatch, depth, name, size):
+    """Gutters, tints, the picked row and names on the picture too, one of them doubted."""
+    monkeypatch.setattr(RollcallApp, "colours", depth)
+    alarms = [
+        Alarm(key=level, level=level, kind="", text=level, advice="", since_us=0, system_id=each, doubts_name=each == 12)
+        for level, each in (("alarm", 12), ("alarm", 17), ("warning", 13))
+    ]
+    troubled = replace(make_snapshot(live=True), alarms=tuple(alarms))
+    for station in (FakeStation(), FakeStation(live=True, snapshot=troubled)):
         app = RollcallApp(station, graphics="blocks", theme=name)
         async with app.run_test(size=size) as pilot:
             await pilot.pause()
-            assert not unreadable(app)
-            await pilot.press("e", "down", "down", "down")
-            assert not unreadable(app)
+            assert not unreadable(app, depth=depth)
+            await pilot.press("down", "down", "down")
+            assert not unreadable(app, depth=depth)
+            await pilot.press("a", "2")
+            assert not unreadable(app, depth=depth)
 
 
 @pytest.mark.slow_but_first

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from textual.events import MouseScrollUp as ScrollUp
 
-from gcs.snapshot import Standing
+from gcs.snapshot import Alarm, Standing
 from gcs.trails import Trails
 from gcs.tui.actions import actions
 from gcs.tui.draw.ground_view import MapView
 from gcs.tui.draw.map_canvas import BOX_MARK, STANDING_MARKS, UAV_MARK, MapExtras, chart_cells, map_labels, marked_at
 from gcs.tui.draw.map_lines import CURSOR_MARK, HOME_MARK, PICK_MARKS, Ruler, ruler_texts
+from gcs.tui.palette import ALARM, pack
 from gcs.tui.panes.map import MapPane
 from gcs.tui.screens.legend import LEGEND
 from mavlink.geodesy import LocalFrame
@@ -49,6 +50,16 @@ def test_every_standing_has_a_mark_of_its_own():
         row = replace(SNAPSHOT.vehicles[1], standing=standing)
         alone = replace(SNAPSHOT, vehicles=(row,), boxes=(), uav_enu=np.full(3, np.nan))
         assert any(STANDING_MARKS[standing] in line for line in said(chart_cells(alone, 0, VIEW)))
+
+
+def test_a_vehicle_on_whose_name_nobody_is_to_act_is_marked_as_on_the_video():
+    told = Alarm(key="", level="alarm", kind="", text="", advice="", since_us=0, system_id=12, doubts_name=True)
+    doubted = replace(SNAPSHOT, alarms=(told,))
+    texts = {place.text for place in map_labels(doubted, 0, VIEW).texts}
+    assert "!UGV-12" in texts and "UGV-11" in texts
+    cells = chart_cells(doubted, 0, VIEW)
+    column, row = VIEW.cell(SNAPSHOT.vehicles[2].p_enu)
+    assert chr(cells.letter[row, column]) == STANDING_MARKS["confirmed"] and cells.ink[row, column] == pack(ALARM)
 
 
 def test_the_ruler_measures_as_the_map_does():

@@ -62,7 +62,9 @@ def test_every_fact_is_there_at_every_width_and_in_the_same_place(width):
     for words in product(*FACTS):
         strip = said(words, width)
         assert strip.cell_length == width
-        for slot, word in enumerate((*words, "2/7", "OPEN" if width < 116 else "NOT AUTHENTICATED")):
+        for slot, word in enumerate(
+            (*words, "2/7 confirmed" if width >= 80 else "●2/7", "OPEN" if width < 116 else "NOT AUTHENTICATED")
+        ):
             assert word in strip.text, (width, words, strip.text)
             if word:
                 places.setdefault(slot, set()).add(strip.text.index(word))
@@ -76,6 +78,6 @@ def test_a_disk_that_lasts_for_an_hour_is_no_word():
 
 def test_names_that_are_held_have_their_age_and_a_replay_says_when_they_are_not_final():
     held = replace(BASE, seen_us=BASE.t_us - 1_200_000)
-    assert "2/7 1.2s" in status_line(held, 80, live=True).text
+    assert "2/7 confirmed 1.2s ago" in status_line(held, 120, live=True).text
     assert "2/7 confirmed, provisional" in status_line(replace(BASE, provisional=True), 80, live=False).text
     assert "REPLAY" in said(("", "● REC", "links 2/2", "video ok"), 80, live=False).text
