@@ -44,6 +44,8 @@ The two of vehicles whose place nobody knows are one colour.
 """
 DARK: Final[Rgb] = (14, 18, 26)
 """Behind labels and where there is no image."""
+CROWD: Final = 16
+"""Of a fleet of more vehicles confirmed names go without their certainty: what is not sure stands out."""
 FAR_MS: Final = 250_000_000_000_000
 HEADER_INK: Final = (214, 222, 235)
 EMPTY_SIZE: Final = (1280, 720)
@@ -115,11 +117,13 @@ def boxes_in_order(snapshot: Snapshot, selected: int, track: int) -> list[Box]:
     )
 
 
-def box_texts(snapshot: Snapshot, box: Box, shown: ShownName | None) -> tuple[str, ...]:
-    """Texts that may stand beside a box, the best first: as ``label_of``, then without certainty, then with the id."""
+def box_texts(snapshot: Snapshot, box: Box, shown: ShownName | None, *, brief: bool = False) -> tuple[str, ...]:
+    """Texts that may stand beside a box, the best first: as ``label_of`` unless ``brief``, then without certainty, then
+    with the id."""
     if shown is None:
         return (label_of(snapshot, box),)
-    texts = (_label(snapshot, box, name, certain=each) for name in (shown.name, shown.short) for each in (True, False))
+    certain = (False,) if brief else (True, False)
+    texts = (_label(snapshot, box, name, certain=each) for name in (shown.name, shown.short) for each in certain)
     return tuple(dict.fromkeys(texts))
 
 
@@ -138,13 +142,14 @@ def box_labels(
         pick: System id and track id of what is picked, 0 none: its label is placed with its best text.
     """
     names = shown_names(snapshot, shows)
+    crowded = len(snapshot.vehicles) > CROWD
     labels = []
     for key, box, anchor in zip(box_keys(boxes), boxes, anchors, strict=True):
-        shown = names.get(box.system_id)
-        texts = box_texts(snapshot, box, shown)
+        shown, stressed = names.get(box.system_id), is_picked(box, *pick)
+        brief = crowded and not stressed and standing_of(snapshot, box) == "confirmed" and not box.stated
+        texts = box_texts(snapshot, box, shown, brief=brief and not is_doubted(snapshot, box))
         legend = shown.legend if shown else ""
         short = 0 if shown is None or shown.name == shown.short else len(texts) // 2
-        stressed = is_picked(box, *pick)
         labels.append(Label(key=key, anchor=anchor, texts=texts, legend=legend, short=short, stressed=stressed))
     return labels
 

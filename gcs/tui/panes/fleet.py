@@ -340,13 +340,24 @@ class FleetPane(Pane):
         titles = [fitted(column.title, column.width, column.align) for column in self._columns(width)]
         before = "▌" if self.has_focus else " "
         left = [(before.ljust(GUTTER_CELLS), ink(ACCENT, HEAD)), (" ".join(titles).rstrip() + " ", style)]
-        more = len(self.snapshot.vehicles) - (self.size.height - 1) if self.snapshot is not None else 0
         right: list[Part] = [("by trouble ", ink(ACCENT, HEAD))] if self.by_trouble else []
-        for words in (f"{more} more ", f"+{more} "):
-            counted: list[Part] = [*right, (words, ink(WARN, HEAD))] if more > 0 else right
-            if width_of(left) + width_of(counted) < width:
-                return split_line(left, counted, width, rule=True)
+        right += self._more_parts(width - width_of(left) - width_of(right) - 1)
         return split_line(left, right, width, rule=True)
+
+    def _more_parts(self, room: int) -> list[Part]:
+        """Number of rows that are not on screen, with the mark of the worst alarm among them."""
+        height = self.size.height - 1
+        if self.snapshot is None or len(self.snapshot.vehicles) <= height:
+            return []
+        rows = self.in_order(self.snapshot)
+        hidden = [*rows[: self._first], *rows[self._first + height :]]
+        worst = (worst_alarm(self.snapshot, row.system_id) for row in hidden)
+        level: Level = max((alarm.level for alarm in worst if alarm), key=LEVELS.index, default="info")
+        mark = MARKS[level].strip()
+        for words in (f"{mark} {len(hidden)} more ".lstrip(), f"{mark}+{len(hidden)} "):
+            if len(words) <= room:
+                return [(words, ink(level_colour(level) if mark else WARN, HEAD))]
+        return []
 
     def body(self, width: int, height: int) -> list[Strip]:
         """One row per vehicle; scrolled so that the selected one is on screen."""

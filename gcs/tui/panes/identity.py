@@ -301,8 +301,6 @@ def expected_place(snapshot: Snapshot, row: VehicleRow) -> str:
     column, third = min(int(3 * x / snapshot.width), 2), min(int(3 * y / snapshot.height), 2)
     if (column, third) != (1, 1):
         place = f"in the picture at the {PLACES[third][column]}"
-    if row.standing == "no new frame":
-        return f"{place}, of which there is no new frame"
     there = next((box for box in snapshot.boxes if drawable(box) and _covers(box, x, y)), None)
     if there is None:
         return f"{place}, where no box is"
@@ -315,6 +313,8 @@ def _not_known(snapshot: Snapshot, row: VehicleRow) -> str:
     """Reason why nobody knows where the picture should show a vehicle, empty for none."""
     if row.position_state not in ("ok", "stale"):
         return "it has no usable position" if is_heard(row) else as_far_as_known(snapshot, NEVER_HEARD)
+    if row.standing == "no new frame":
+        return "the picture is old"
     if row.system_id in snapshot.conflicts:
         return CONTRADICTED
     if row.doubted_for:

@@ -14,6 +14,7 @@ from gcs.report.label_grid import Grid
 from gcs.report.labels import Label, place_labels
 from gcs.report.overlay import (
     STANDING_RGB,
+    box_labels,
     box_texts,
     draw,
     image_labels,
@@ -182,6 +183,22 @@ def test_an_id_that_there_is_no_room_to_explain_is_counted(columns):
     assert short <= {place.key for place in shown.legend}
     counted = sum(int(place.text) for place in shown.counts)
     assert counted > 0 and len(shown.places) + counted == len(labels)
+
+
+def test_in_a_crowd_only_names_that_are_not_sure_have_their_certainty():
+    sure, doubted, guessed = (replace(BOX, track_id=k, system_id=k, cx=100.0 * k) for k in (11, 12, 13))
+    rows = [replace(SNAPSHOT.vehicles[1], system_id=k, standing="confirmed") for k in range(1, 18)]
+    rows[12] = replace(rows[12], standing="tentative")
+    told = Alarm(key="", level="alarm", kind="", text="", advice="", since_us=0, system_id=12, doubts_name=True)
+    snapshot = replace(SNAPSHOT, vehicles=tuple(rows), alarms=(told,))
+    boxes = (sure, doubted, guessed)
+
+    def certain(snapshot, pick=0):
+        labels = box_labels(snapshot, boxes, [(0, 0, 1, 1)] * 3, str.isascii, (pick, 0))
+        return ["%" in label.texts[0] for label in labels]
+
+    assert certain(snapshot) == [False, True, True] and certain(snapshot, pick=11) == [True] * 3
+    assert certain(replace(snapshot, vehicles=tuple(rows[10:]))) == [True] * 3, "few"
 
 
 @pytest.mark.parametrize("scale", [0.3, 0.5, 1.0, 1.5])

@@ -167,7 +167,9 @@ async def test_every_text_on_the_screen_can_be_read(monkeypatch, depth, name, si
     """Gutters, tints, the picked row and names on the picture too, one of them doubted."""
     monkeypatch.setattr(RollcallApp, "colours", depth)
     alarms = [
-        Alarm(key=level, level=level, kind="", text=level, advice="", since_us=0, system_id=each, doubts_name=each == 12)
+        Alarm(
+            key=level, level=level, kind="", text=level, advice="", since_us=0, system_id=each, doubts_name=each == 12
+        )
         for level, each in (("alarm", 12), ("alarm", 17), ("warning", 13))
     ]
     troubled = replace(make_snapshot(live=True), alarms=tuple(alarms))

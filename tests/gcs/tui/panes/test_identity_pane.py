@@ -188,7 +188,7 @@ def test_the_nearest_camera_is_to_turn_to_a_vehicle_that_none_shows():
 
 def test_where_no_box_is_is_not_said_without_a_new_frame():
     row = row_of(15, expected_px=(1200.0, 30.0), standing="no new frame")
-    assert expected_place(SNAPSHOT, row) == "in the picture at the upper right, of which there is no new frame"
+    assert expected_place(SNAPSHOT, row) == "not known: the picture is old"
 
 
 def test_where_a_vehicle_should_be_may_be_unknown():

@@ -88,13 +88,19 @@ async def test_vehicles_for_which_there_is_no_row_are_counted():
     snapshot = make_snapshot(live=True)
     last = snapshot.vehicles[-1]
     many = tuple(replace(last, system_id=100 + n, name=f"UGV-{100 + n}") for n in range(40))
-    for vehicles in (snapshot.vehicles, snapshot.vehicles + many):
-        station = FakeStation(live=True, snapshot=replace(snapshot, vehicles=vehicles))
+    below = replace(SILENT, system_id=139)
+    for vehicles, alarms, mark in (
+        (snapshot.vehicles, (), ""),
+        (snapshot.vehicles + many, (), ""),
+        (snapshot.vehicles + many, (below,), "!!"),
+    ):
+        station = FakeStation(live=True, snapshot=replace(snapshot, vehicles=vehicles, alarms=alarms))
         async with running(station, size=SMALL) as (app, pilot, _):
             await polled(app, pilot)
             heading, *rows = text_of(app.query_one(FleetPane)).split("\n")
             more = len(vehicles) - len(rows)
-            assert (f"+{more} " in heading) if more > 0 else ("+" not in heading)
+            told = heading.endswith((f" {mark} {more} more ".replace("  ", " "), f" {mark}+{more} "))
+            assert told if more > 0 else "more" not in heading and "+" not in heading
 
 
 async def test_a_key_sorts_by_trouble_and_the_keys_that_pick_follow():
