@@ -39,7 +39,7 @@ ANALYSED: Final = 0.4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
+class PictureScene:
     """A moment, and the keys that show what matters in it."""
 
     script: Script
@@ -53,13 +53,13 @@ def _script(name: str, **parts: object) -> Script:
 
 
 SCENES: Final = {
-    "quiet": Scene(script=_script("quiet")),
-    "lying": Scene(
+    "quiet": PictureScene(script=_script("quiet")),
+    "lying": PictureScene(
         script=_script("lying", faults=(ScenarioFault(vehicle=1, kind="jump", start_s=9.0, stop_s=99.0, size=40.0),))
     ),
-    "no video": Scene(script=_script("no video", no_frames=((8.0, 99.0),))),
-    "40 vehicles": Scene(script=_script("40 vehicles", vehicles=40, ground="open", silent={20: (6.0, 99.0)})),
-    "not analysed": Scene(script=_script("not analysed"), keys=(), replayed=True),
+    "no video": PictureScene(script=_script("no video", no_frames=((8.0, 99.0),))),
+    "40 vehicles": PictureScene(script=_script("40 vehicles", vehicles=40, ground="open", silent={20: (6.0, 99.0)})),
+    "not analysed": PictureScene(script=_script("not analysed"), keys=(), replayed=True),
 }
 
 
@@ -114,7 +114,7 @@ def _sgr(place: str, colour: Color | None, default: tuple[int, int, int]) -> str
 
 
 async def picture_of(
-    scene: Scene, moment: Moment, size: tuple[int, int], theme: ThemeName, depth: Depth
+    scene: PictureScene, moment: Moment, size: tuple[int, int], theme: ThemeName, depth: Depth
 ) -> Image.Image:
     """One screen."""
     station = ReplayedStation(moment) if scene.replayed else ScriptedStation(moment)

@@ -45,7 +45,7 @@ The two of vehicles whose place nobody knows are one colour.
 DARK: Final[Rgb] = (14, 18, 26)
 """Behind labels and where there is no image."""
 CROWD: Final = 16
-"""Of a fleet of more vehicles confirmed names go without their certainty: what is not sure stands out."""
+"""Largest fleet whose confirmed names have their certainty; in a larger one what is not sure stands out."""
 FAR_MS: Final = 250_000_000_000_000
 HEADER_INK: Final = (214, 222, 235)
 EMPTY_SIZE: Final = (1280, 720)

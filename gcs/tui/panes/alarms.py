@@ -28,7 +28,7 @@ CUT: Final = "    … z: the whole screen"
 """In place of the last row of an alarm that is longer than the pane is high."""
 WORDS: Final = {"alarm": "!! ALARM", "warning": "!  WARN "}
 ALARMS_UNKNOWN: Final = "alarms of this place are not known yet"
-"""Of a replay's place that its analysis has not come by."""
+"""In place of ``no alarms`` where a replay's analysis has not come by."""
 Group = tuple[Alarm, ...]
 """At least one, the worst first: the same of several vehicles, or several troubles of one: a lost link is not twenty
 rows, a vehicle in trouble is not five."""

@@ -32,7 +32,11 @@ LEGEND: Final[list[tuple[str, list[tuple[str, Colour, str]]]]] = [
     (
         "Names on the video",
         [
-            ("UGV-3 97%", Colour.CONFIRMED, "confirmed: the box is this vehicle, with this probability unless there are many"),
+            (
+                "UGV-3 97%",
+                Colour.CONFIRMED,
+                "confirmed: the box is this vehicle, with this probability unless there are many",
+            ),
             ("UGV-3? 61%", Colour.TENTATIVE, "tentative: the best guess, not to be relied on"),
             ("!UGV-3? 77%", ALARM, "an alarm forbids to act on this name, on the map too"),
             ("~UGV-3 88%", Colour.COASTING, "coasting: predicted, not seen in this frame"),
