@@ -63,7 +63,7 @@ def check_faded(screen: Screen, moment: Moment) -> Iterator[tuple[str, str]]:
         looks: dict[bool, list[tuple[str, float]]] = {True: [], False: []}
         for y, row, name, received in _reporting(screen, moment):
             # the picked one is on another background
-            if not row.startswith("▸") and (look := _look(screen, title, y)) is not None:
+            if "▸" not in row[:3] and (look := _look(screen, title, y)) is not None:
                 looks[moment.now_us - received.heartbeat_us > FADED_AFTER_S * 1e6].append((name, look))
         fresh = max((look for _, look in looks[False]), default=math.inf)
         for name, look in looks[True]:

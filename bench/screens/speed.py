@@ -36,7 +36,7 @@ KEY_S, CPU_S = 0.4, 15.0
 """Between two keys, about; for how long the processor is watched."""
 SETTLE_S = 2.0
 FASTER_FPS, FASTER_S = 15, 20.0
-PICKED = re.compile(r"▸[ !] (\S+)")
+PICKED = re.compile(r"▸(\S+)")
 DOWN, UP, SPACE, HOME = b"\x1b[B", b"\x1b[A", b" ", b"\x1b[H"
 PLAYING = "►"
 

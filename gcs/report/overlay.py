@@ -79,7 +79,8 @@ def label_of(snapshot: Snapshot, box: Box) -> str:
     ``#5`` with its number where there are several cameras, ``UGV-3 stated`` by the operator (``? stated``: none of
     ours), ``UGV-3 97% (0.8s)`` held, for want of a newer frame;
     ``!UGV-3 97%`` is a name on which nobody is to act, so marked without colours too."""
-    return _label(snapshot, box, snapshot.name_of(box.system_id) if box.system_id else unnamed(box))
+    held = f" ({snapshot.held_s:.1f}s)" if snapshot.held_s else ""
+    return _label(snapshot, box, snapshot.name_of(box.system_id) if box.system_id else unnamed(box)) + held
 
 
 def unnamed(box: Box) -> str:
@@ -94,8 +95,7 @@ def _label(snapshot: Snapshot, box: Box, name: str, *, certain: bool = True) -> 
     sure = f" {word}" if word and certain else ""
     before = ("!" if is_doubted(snapshot, box) else "") + ("~" if standing == "coasting" else "")
     after = "?" if standing == "tentative" and not box.stated else ""
-    held = f" ({snapshot.held_s:.1f}s)" if snapshot.held_s else ""
-    return f"{before}{name}{after}{sure}{held}"
+    return f"{before}{name}{after}{sure}"
 
 
 def named_count(snapshot: Snapshot) -> tuple[int, int]:
@@ -118,10 +118,10 @@ def boxes_in_order(snapshot: Snapshot, selected: int, track: int) -> list[Box]:
 
 
 def box_texts(snapshot: Snapshot, box: Box, shown: ShownName | None, *, brief: bool = False) -> tuple[str, ...]:
-    """Texts that may stand beside a box, the best first: as ``label_of`` unless ``brief``, then without certainty, then
-    with the id."""
+    """Texts that may stand beside a box, the best first: with certainty unless ``brief``, then without, then with the
+    id. How old held names are stands above the picture: a label that grew would move all others."""
     if shown is None:
-        return (label_of(snapshot, box),)
+        return (_label(snapshot, box, snapshot.name_of(box.system_id) if box.system_id else unnamed(box)),)
     certain = (False,) if brief else (True, False)
     texts = (_label(snapshot, box, name, certain=each) for name in (shown.name, shown.short) for each in certain)
     return tuple(dict.fromkeys(texts))
@@ -364,6 +364,7 @@ def _header_of(snapshot: Snapshot, unit: float, width: int) -> str:
     unnamed = sum(box.system_id == 0 for box in snapshot.boxes)
     parts = [
         moment.strftime("%Y-%m-%d %H:%M:%S.%f")[:-5] + "Z",
+        *([f"names {snapshot.held_s:.1f}s old"] if snapshot.held_s else []),
         f"frame {snapshot.frame}",
         f"{named}/{total} confirmed",
     ]

@@ -285,11 +285,7 @@ def _write(
         box = owners.get(place.key)
         if box is None:
             return _packed(INK), _packed(PANEL)
-        colour = colour_of(snapshot, box)
-        if is_picked(box, *pick):
-            return _packed(PANEL), _packed(colour)
-        if snapshot.held_s:
-            return _packed(FAINT), _packed(PANEL)
-        return _packed(colour), _packed(PANEL)
+        look = _packed(FAINT if snapshot.held_s else colour_of(snapshot, box)), _packed(PANEL)
+        return look[::-1] if is_picked(box, *pick) else look
 
     write_labels(cells, labelling, look_of)

@@ -13,7 +13,7 @@ from textual import events
 from textual.reactive import reactive
 from textual.strip import Strip
 
-from gcs.certainty import certainty, named
+from gcs.certainty import named
 from gcs.snapshot import NAMED, Snapshot, VehicleRow
 from gcs.tui.draw.condition import battery, from_uav, hdop, radio, satellites
 from gcs.tui.draw.format import (
@@ -54,7 +54,7 @@ from mavlink.transmit.message_rates import LOSSY
 IDENTITY, IDENTITY_CELLS = "IDENTITY", 15
 MARKS: Final = {"info": "  ", "warning": " !", "alarm": "!!"}
 GUTTER_CELLS: Final = 3
-"""Before each row: the mark of its worst alarm, of which the picked row's mark takes a cell, and a gap."""
+"""Before each row: the mark of its worst alarm, and that of the picked row."""
 NARROW: Final = 40
 """Narrower tables have a shorter identity and link."""
 Cell = tuple[str, Colour]
@@ -382,25 +382,20 @@ class FleetPane(Pane):
         self, row: VehicleRow, snapshot: Snapshot, columns: Sequence[Column], width: int, *, doubted: bool
     ) -> Strip:
         picked = bool(self.selected) and row.system_id == self.selected
-        held = snapshot.held_s
+        held = snapshot.held_s > 0
         worst = worst_alarm(snapshot, row.system_id)
         level: Level = worst.level if worst else "info"
         paper = PICKED if picked else level_tint(level)
-        marks = MARKS[level]
         parts: list[Part] = [
-            ("▸" if picked else marks[0], ink(ACCENT if picked else level_colour(level), paper, bold=True))
+            (MARKS[level], ink(level_colour(level), paper, bold=True)),
+            ("▸" if picked else " ", ink(ACCENT, paper, bold=True)),
         ]
-        parts.append((f"{marks[1]} ", ink(level_colour(level), paper, bold=True)))
         for index, column in enumerate(columns):
             aloft = row.role == "uav" and column.title == IDENTITY
             text, colour = _height(row, snapshot) if aloft else column.aged_cell(row)
             text = as_far_as_known(snapshot, text)
-            if held and row.track_id and column.title == IDENTITY:
-                text, colour = f"{text.split()[0][0]} {certainty(row.confidence)} {age(held)} ago", FAINT
-            elif snapshot.provisional and column.title == IDENTITY:
-                colour = FAINT
-            elif row.track_id and column.title == IDENTITY and doubted:
-                colour = ALARM
+            if column.title == IDENTITY and (row.track_id or snapshot.provisional):
+                colour = FAINT if held or snapshot.provisional else ALARM if doubted else colour
             if column.title == NAME.title:
                 text = name_or_id(text, row.system_id, column.width)
             space = " " if index else ""

@@ -42,7 +42,7 @@ LEGEND: Final[list[tuple[str, list[tuple[str, Colour, str]]]]] = [
             ("~UGV-3 88%", Colour.COASTING, "coasting: predicted, not seen in this frame"),
             ("?", Colour.UNIDENTIFIED, "unknown: a vehicle without a name"),
             ("#5", Colour.UNIDENTIFIED, "the same, with its number in the pictures of all cameras: no system id"),
-            ("(0.8s)", FAINT, "how old the names are while no new frame comes"),
+            ("faint", FAINT, "held while no new frame comes; how long is above the picture"),
             ("tick", INK, "the front of a box"),
             ("3", INK, "a number alone is a system id, where the name has no room"),
             ("+3", INK, "three more names that have no room"),

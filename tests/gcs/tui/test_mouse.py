@@ -108,4 +108,4 @@ async def test_a_click_on_a_row_of_the_fleet_picks_its_vehicle():
         fleet = app.query_one(FleetPane)
         await pilot.click(fleet, offset=(3, 3))
         await pilot.pause()
-        assert app.selected == 12 and "▸  UGV-12" in screen_text(app)
+        assert app.selected == 12 and "▸UGV-12" in screen_text(app)

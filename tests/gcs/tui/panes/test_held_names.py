@@ -7,13 +7,13 @@ from dataclasses import replace
 import pytest
 
 from gcs.report.overlay import label_of
-from gcs.tui.draw.video_canvas import video_cells
+from gcs.tui.draw.video_canvas import video_cells, video_labels
 from gcs.tui.panes.alarms import AlarmPane
 from gcs.tui.panes.fleet import FleetPane
 from gcs.tui.panes.identity import IdentityPane
 from gcs.tui.panes.status import StatusBar
 from gcs.tui.panes.video import VideoPane
-from tests.support.fake_station import WIDE, FakeStation, make_snapshot, polled, running, text_of
+from tests.support.fake_station import WIDE, FakeStation, make_snapshot, polled, running, screen_text, text_of
 
 S = 1_000_000
 
@@ -34,10 +34,11 @@ def without_new_frame(seconds):
     return replace(base, vehicles=tuple(rows))
 
 
-def test_labels_say_how_old_they_are():
+def test_labels_say_how_old_they_are_where_nothing_else_does():
     labels = [label_of(aged(1.4), box) for box in aged(1.4).boxes]
     assert all(label.endswith(" (1.4s)") for label in labels) and labels[0].startswith("UGV-11 97%")
     assert label_of(aged(0.2), aged(0.2).boxes[0]) == "UGV-11 97%"
+    assert video_labels(aged(1.4), 0, 120, 40).places == video_labels(aged(0.2), 0, 120, 40).places, "no label moves"
 
 
 def test_names_that_are_held_are_drawn_fainter():
@@ -56,7 +57,7 @@ async def test_the_screen_marks_what_is_held(seconds, shown):
         await polled(app, pilot)
         app.selected = 11
         await pilot.pause()
-        assert ("0.8s ago" in text_of(app.query_one(FleetPane))) == shown
+        assert screen_text(app).count("0.8s") == 3 * shown, "count, picture and card"
         status = text_of(app.query_one(StatusBar))
         assert ("confirmed 0.8s ago" in status, "video ok" in status) == (shown, not shown)
         assert ("0.8s old" in text_of(app.query_one(VideoPane))) == shown
