@@ -22,7 +22,10 @@ STANDING = (
     r"(?: \d+%)?"
 )
 ANY = re.compile(".+")
-PLACE = re.compile(r"(?:not known|behind the camera): .+|in .*the picture.*|(?:above|below|left|right).* px outside")
+PLACE = re.compile(
+    r"(?:not known|behind the camera): .+|in .*the picture.*|where its box is|"
+    r"(?:far )?(?:above|below|left|right).* the picture"
+)
 FACTS = dict.fromkeys(
     (
         *("likeliest", "candidates", "sender", "signed", "refused", "position", "track", "place", "heading", "state"),

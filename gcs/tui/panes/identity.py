@@ -296,7 +296,8 @@ def expected_place(snapshot: Snapshot, row: VehicleRow) -> str:
     if across or along:
         away = math.hypot(max(-x, x - snapshot.width, 0.0), max(-y, y - snapshot.height, 0.0))
         side = " and ".join(word for word in (along, across) if word) + " of" * bool(across)
-        return f"{side} the picture, {away:.0f} px outside"
+        far = "far " if away > max(snapshot.width, snapshot.height) else ""
+        return f"{far}{side} the picture"
     place = "in the middle of the picture"
     column, third = min(int(3 * x / snapshot.width), 2), min(int(3 * y / snapshot.height), 2)
     if (column, third) != (1, 1):

@@ -45,9 +45,9 @@ def _state_parts(snapshot: Snapshot) -> list[Part]:
     if old and health.video in ("ok", "stalled"):
         state, colour = f"{age(snapshot.frame_age_s)} old", WARN if health.video == "ok" else ALARM
     else:
-        state, colour = plain(health.video), {"waiting": FAINT, "ended": INK, "none": FAINT}.get(health.video, ALARM)
+        state, colour = plain(health.video), {"waiting": FAINT, "ended": INK}.get(health.video, ALARM)
     figures = (
-        (not good, state, colour),
+        (not good and health.video != "none", state, colour),
         (good and health.undecoded > 0, f"{health.undecoded} undecoded", WARN),
         (good and health.lag_s > LATE_S, lag, WARN),
         (good and health.fps > 0, f"{health.fps:.0f} fps", FAINT),

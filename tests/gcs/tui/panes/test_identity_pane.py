@@ -119,9 +119,10 @@ async def test_standings_say_since_when():
 @pytest.mark.parametrize(
     ("px", "words"),
     [
-        ((-40.0, 100.0), "left of the picture, 40 px outside"),
-        ((1400.0, 900.0), "below and right of the picture, 216 px outside"),
-        ((600.0, -7.0), "above the picture, 7 px outside"),
+        ((-40.0, 100.0), "left of the picture"),
+        ((1400.0, 900.0), "below and right of the picture"),
+        ((4000.0, 900.0), "far below and right of the picture"),
+        ((600.0, -7.0), "above the picture"),
         ((1200.0, 30.0), "in the picture at the upper right, where no box is"),
         ((640.0, 30.0), "in the picture at the top, where no box is"),
         ((640.0, 330.0), "in the middle of the picture, where no box is"),
