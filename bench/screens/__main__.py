@@ -27,6 +27,7 @@ from sim.world.scenario import ScenarioFault
 SIZES = ((60, 20), (80, 24), (100, 30), (120, 40), (160, 48))
 NAMES = MappingProxyType({11: "Hauler North 7", 12: "UGV-1", 13: "UGV-16", 14: "Bravo", 15: "漢字-15", 16: "Bravo-2"})
 """Names with spaces, wide letters, and names with which others begin."""
+QUICK = 24
 WHILE_S = (5.0, 11.0)
 """Part of a flight in which most troubles are, from and to, s."""
 
@@ -136,15 +137,17 @@ def main() -> None:
     parser.add_argument("--flights", nargs="*", help="some of the flights, by name")
     parser.add_argument("--sizes", nargs="*", type=size_of, default=SIZES, help="columns and rows, 80x24")
     parser.add_argument("--every", type=int, default=1, help="look at each nth poll of the screen (%(default)s)")
+    parser.add_argument("--quick", action="store_true", help=f"look at each {QUICK}th poll")
     parser.add_argument("--examples", type=int, default=0, help="print so many of each violation")
     parser.add_argument("--before", type=Path, help="rows of an earlier run, to be set beside these")
     parser.add_argument("--out", type=Path, default=RESULTS / "screens.csv", help="rows (%(default)s)")
     parser.add_argument("--write", type=Path, help="put the tables into this file")
     options = parser.parse_args()
+    every = QUICK if options.quick else options.every
     rows: list[Row] = []
     for script in SCRIPTS:
         if not options.flights or script.name in options.flights:
-            rows += (these := check_flight(script, options.sizes, options.every, options.examples))
+            rows += (these := check_flight(script, options.sizes, every, options.examples))
             print(f"{script.name}: {sum(row[4] for row in these):,} on {sum(row[2] for row in these):,}", flush=True)
     options.out.parent.mkdir(parents=True, exist_ok=True)
     with options.out.open("w", newline="", encoding="utf-8") as file:

@@ -13,6 +13,9 @@ from gcs.snapshot import Event
 CHATTER: Final = "text"
 """The kind of events that vehicles word themselves: of these alone a run is folded."""
 WAYPOINT: Final = "waypoint"
+REACHED: Final = re.compile(r"reached waypoint #(\d{1,6})(?:–(\d{1,6}))?", re.IGNORECASE)
+MOST_ON_THEIR_WAY: Final = 4
+"""Vehicles that have a row each for their waypoints."""
 NUMBER: Final = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?|\d+(?:\.\d+)?")
 
 
@@ -57,8 +60,8 @@ def rows_of(events: Sequence[Event]) -> list[EventRow]:
     """One row for a run of equal events, and one for a vehicle's texts that differ in numbers only.
 
     Texts of other vehicles may lie within such a run, which stands at its newest event; another event of the same
-    vehicle ends it, but for waypoints. Alarms are never folded into other alarms: only equal ones, one after the other,
-    are counted.
+    vehicle ends it, but for waypoints, which are one row of all where more than ``MOST_ON_THEIR_WAY`` vehicles reached
+    some. Alarms are never folded into other alarms: only equal ones, one after the other, are counted.
     """
     runs: list[_EventRun | None] = []
     latest: dict[object, int] = {}
@@ -73,7 +76,24 @@ def rows_of(events: Sequence[Event]) -> list[EventRow]:
             run = _EventRun(event)
         latest[whose] = len(runs)
         runs.append(run)
-    return [run.row for run in runs if run is not None]
+    return _as_a_fleet([run.row for run in runs if run is not None])
+
+
+def _as_a_fleet(rows: list[EventRow]) -> list[EventRow]:
+    """The same with one row, the newest, in place of those in which many vehicles reached waypoints."""
+    reached = [row for row in rows if _is_on_its_way(row.event) and REACHED.search(row.event.text)]
+    reached = [row for row in reached if row.event.level == "info" and not row.event.reported]
+    vehicles = {row.event.system_id for row in reached}
+    if len(vehicles) <= MOST_ON_THEIR_WAY:
+        return rows
+    numbers = [int(n) for row in reached for match in REACHED.finditer(row.event.text) for n in match.groups() if n]
+    least, most = min(numbers), max(numbers)
+    span = f"s {least}–{most}" if least < most else f" {least}"
+    event = replace(
+        reached[-1].event, system_id=0, kind="vehicle", text=f"{len(vehicles)} vehicles reached {WAYPOINT}{span}"
+    )
+    whole, folded = EventRow(event, sum(row.times for row in reached)), set(map(id, reached[:-1]))
+    return [whole if row is reached[-1] else row for row in rows if id(row) not in folded]
 
 
 def _is_on_its_way(event: Event) -> bool:

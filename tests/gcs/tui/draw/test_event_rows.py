@@ -46,6 +46,19 @@ def test_a_vehicles_waypoints_are_one_row_whatever_happens_meanwhile():
     assert rows(said) == [("mode HOLD", 1), ("Reached waypoint #1–2", 2)]
 
 
+def test_where_many_vehicles_reach_waypoints_that_is_one_row_and_nothing_else_is_in_it():
+    said = [event(f"UGV-{who} says: Reached waypoint #{n}", who) for n in (1, 2) for who in range(11, 16)]
+    assert rows(said) == [("5 vehicles reached waypoints 1–2", 10)] and rows_of(said)[0].event.system_id == 0
+    assert rows(said[:5]) == [("5 vehicles reached waypoint 1", 5)]
+    assert len(rows(said[:4])) == 4, "few"
+    others = [
+        event("Reached waypoint #3", 16, level="warning"),
+        event("Waypoint 3 is not reached", 17),
+        event("Reached waypoint #3", 18, level="alarm"),
+    ]
+    assert [text for text, _ in rows([*said, *others])] == [rows(said)[0][0], *(each.text for each in others)]
+
+
 def test_alarms_names_and_other_kinds_are_never_folded():
     for kind, level in (("text", "alarm"), ("vehicle", "alarm"), ("identity", "info"), ("link", "warning")):
         said = [event(f"track {n} is it", kind=kind, level=level) for n in range(5)]
