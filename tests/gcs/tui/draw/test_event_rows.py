@@ -48,8 +48,8 @@ def test_a_vehicles_waypoints_are_one_row_whatever_happens_meanwhile():
 
 def test_where_many_vehicles_reach_waypoints_that_is_one_row_and_nothing_else_is_in_it():
     said = [event(f"UGV-{who} says: Reached waypoint #{n}", who) for n in (1, 2) for who in range(11, 16)]
-    assert rows(said) == [("5 vehicles reached waypoints 1–2", 10)] and rows_of(said)[0].event.system_id == 0
-    assert rows(said[:5]) == [("5 vehicles reached waypoint 1", 5)]
+    assert rows(said) == [("5 vehicles reached waypoints 1–2", 1)] and rows_of(said)[0].event.system_id == 0
+    assert rows(said[:5]) == [("5 vehicles reached waypoint 1", 1)]
     assert len(rows(said[:4])) == 4, "few"
     others = [
         event("Reached waypoint #3", 16, level="warning"),
