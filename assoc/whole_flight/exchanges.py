@@ -25,7 +25,7 @@ _UNSEEN_S = 1.0
 
 
 @dataclass(slots=True)
-class _Course:
+class _NamedTrack:
     """The frames in which a track was seen."""
 
     t: list[float] = field(default_factory=list)
@@ -62,40 +62,40 @@ def names_since_exchanges(
     Returns:
         The vehicles in the same order.
     """
-    courses: dict[int, _Course] = defaultdict(_Course)
+    tracks: dict[int, _NamedTrack] = defaultdict(_NamedTrack)
     for now, ids, places, names in zip(t, track_id, place, name, strict=True):
         for track, at, vehicle in zip(ids, places, names, strict=True):
-            course = courses[track]
-            course.t.append(now)
-            course.place.append(at)
-            course.name.append(vehicle)
-    told = {track: iter(_put_back(track, courses, close_m)) for track in courses}
+            own = tracks[track]
+            own.t.append(now)
+            own.place.append(at)
+            own.name.append(vehicle)
+    told = {track: iter(_put_back(track, tracks, close_m)) for track in tracks}
     return [[next(told[track]) for track in ids] for ids in track_id]
 
 
-def _put_back(track: int, courses: dict[int, _Course], close_m: float) -> list[int]:
+def _put_back(track: int, tracks: dict[int, _NamedTrack], close_m: float) -> list[int]:
     """The names of a track, with each change at its exchange where there was one."""
-    course = courses[track]
-    names = course.name.copy()
-    known = [k for k, vehicle in enumerate(course.name) if vehicle >= 0]
-    changes = [(a, b) for a, b in pairwise(known) if course.name[a] != course.name[b]]
+    own = tracks[track]
+    names = own.name.copy()
+    known = [k for k, vehicle in enumerate(own.name) if vehicle >= 0]
+    changes = [(a, b) for a, b in pairwise(known) if own.name[a] != own.name[b]]
     ends = [*(b for _, b in changes), len(names)][1:]
     first = 0
     for (last, now), end in zip(changes, ends, strict=True):
-        before, after = course.name[last], course.name[now]
+        before, after = own.name[last], own.name[now]
         others = [
             other
-            for key, other in courses.items()
+            for key, other in tracks.items()
             if key != track
             and (
-                other.has(after, course.t[now] - _LATEST_S, course.t[now])
-                or other.has(before, course.t[now], course.t[now] + _LATEST_S)
+                other.has(after, own.t[now] - _LATEST_S, own.t[now])
+                or other.has(before, own.t[now], own.t[now] + _LATEST_S)
             )
         ]
         # a name that does not last is no exchange
-        held_s = course.t[end - 1] - course.t[now] if end < len(names) else np.inf
-        since = max(first, bisect_left(course.t, course.t[now] - min(_LATEST_S, held_s)))
-        away = [_away(course.place[k], course.t[k], others) for k in range(since, now)]
+        held_s = own.t[end - 1] - own.t[now] if end < len(names) else np.inf
+        since = max(first, bisect_left(own.t, own.t[now] - min(_LATEST_S, held_s)))
+        away = [_away(own.place[k], own.t[k], others) for k in range(since, now)]
         if away and min(away) < close_m:
             exchanged = since + int(np.argmin(away))
             names[exchanged:now] = [after] * (now - exchanged)
@@ -103,7 +103,7 @@ def _put_back(track: int, courses: dict[int, _Course], close_m: float) -> list[i
     return names
 
 
-def _away(place: FloatArray, t: float, others: Sequence[_Course]) -> float:
+def _away(place: FloatArray, t: float, others: Sequence[_NamedTrack]) -> float:
     """Distance to the nearest of others at a time, metres, infinite where none is known."""
     away = [float(np.hypot(*(place - other.at(t)))) for other in others]
     return min((each for each in away if np.isfinite(each)), default=np.inf)
