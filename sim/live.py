@@ -133,12 +133,24 @@ def play(
                 for system_id, told in cameras.items():
                     for _, frame in chain.from_iterable(map(troubles.frames, next(told))):
                         sockets[system_id].sendto(frame, target)
+        for frame in _farewell(troubles, stop):
+            sockets[UAV_ID].sendto(frame, target)
+            packets[UAV_ID] += 1
     return PlaybackCounts(
         packets=packets,
         frames=sum(sender.sent for sender in senders.values()),
         frames_skipped=sum(sender.skipped for sender in senders.values()),
         start_us=start_us,
     )
+
+
+def _farewell(troubles: Troubles, stop: threading.Event) -> list[bytes]:
+    """What the UAV sends last, unless told to stop: else a station could not tell the end from radios that were lost."""
+    if stop.is_set():
+        return []
+    said = dialect.MAVLink_statustext_message(dialect.MAV_SEVERITY_WARNING, b"The simulated flight is over")
+    mav = dialect.MAVLink(None, srcSystem=UAV_ID, srcComponent=dialect.MAV_COMP_ID_AUTOPILOT1)
+    return [frame for _, frame in troubles.frames(bytes(said.pack(mav)))]
 
 
 def _nth_url(url: str, k: int) -> str:

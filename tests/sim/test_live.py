@@ -66,12 +66,14 @@ def test_two_seconds_live(tmp_path):
         )
     parser, counts, ports = dialect.MAVLink(None), Counter(), {}
     parser.robust_parsing = True
-    noise = 0
+    noise, said = 0, []
     for _, port, data in telemetry.datagrams:
         if data[0] != 0xFD:
             noise += 1
             continue
-        system_id = parser.parse_buffer(data)[0].get_srcSystem()
+        message = parser.parse_buffer(data)[0]
+        said += [message.text] if message.get_type() == "STATUSTEXT" else []
+        system_id = message.get_srcSystem()
         counts[system_id] += 1
         ports.setdefault(system_id, set()).add(port)
     assert dict(counts) == played.packets
@@ -79,6 +81,7 @@ def test_two_seconds_live(tmp_path):
     assert all(len(used) == 1 for used in ports.values())
     assert len(set.union(*ports.values())) == 8
     assert noise == 4 * 8
+    assert said[-1] == "The simulated flight is over"
     # in real time: the last packets come three seconds after the first frame's time, or later on a busy machine
     assert telemetry.datagrams[-1][0] > played.start_us / 1e6 + 2.9
     assert ticks and all(b - a > 0.199 for a, b in itertools.pairwise(ticks))
