@@ -121,7 +121,7 @@ def play(
         for noise in BOOT_NOISE if boot_noise else ():
             for outlet in sockets.values():
                 outlet.sendto(noise, target)
-        for packet in _on_time(fleet_telemetry(world, start_us, views), start_us, stop, on_tick):
+        for packet in _on_time(_with_farewell(fleet_telemetry(world, start_us, views)), start_us, stop, on_tick):
             troubles.listen()
             for system_id, sender in senders.items():
                 sender.lost, sender.mirrored = (troubles.has(name, system_id) for name in (VIDEO, MIRROR))
@@ -133,9 +133,6 @@ def play(
                 for system_id, told in cameras.items():
                     for _, frame in chain.from_iterable(map(troubles.frames, next(told))):
                         sockets[system_id].sendto(frame, target)
-        for frame in _farewell(troubles, stop):
-            sockets[UAV_ID].sendto(frame, target)
-            packets[UAV_ID] += 1
     return PlaybackCounts(
         packets=packets,
         frames=sum(sender.sent for sender in senders.values()),
@@ -144,13 +141,14 @@ def play(
     )
 
 
-def _farewell(troubles: Troubles, stop: threading.Event) -> list[bytes]:
-    """What the UAV sends last, unless told to stop: else a station could not tell the end from radios that were lost."""
-    if stop.is_set():
-        return []
+def _with_farewell(packets: Iterable[TelemetryPacket]) -> Iterator[TelemetryPacket]:
+    """The packets, and the end told by the UAV: a station could not tell it from radios that were lost."""
+    mav, t_us = dialect.MAVLink(None, srcSystem=UAV_ID, srcComponent=dialect.MAV_COMP_ID_AUTOPILOT1), 0
+    for packet in packets:
+        t_us = packet.t_us
+        yield packet
     said = dialect.MAVLink_statustext_message(dialect.MAV_SEVERITY_WARNING, b"The simulated flight is over")
-    mav = dialect.MAVLink(None, srcSystem=UAV_ID, srcComponent=dialect.MAV_COMP_ID_AUTOPILOT1)
-    return [frame for _, frame in troubles.frames(bytes(said.pack(mav)))]
+    yield TelemetryPacket(t_us=t_us, raw=bytes(said.pack(mav)), vehicle=-1)
 
 
 def _nth_url(url: str, k: int) -> str:
