@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -69,36 +70,44 @@ def names_since_exchanges(
             own.t.append(now)
             own.place.append(at)
             own.name.append(vehicle)
-    told = {track: iter(_put_back(track, tracks, close_m)) for track in tracks}
+    named: dict[int, set[int]] = defaultdict(set)
+    for track, own in tracks.items():
+        for vehicle in set(own.name):
+            named[vehicle].add(track)
+
+    def rivals(track: int, before: int, after: int, t: float) -> list[_NamedTrack]:
+        """Those that had the new name before, or have the old one since."""
+        others = [tracks[each] for each in named[after] - {track} if tracks[each].has(after, t - _LATEST_S, t)]
+        return others + [tracks[each] for each in named[before] - {track} if tracks[each].has(before, t, t + _LATEST_S)]
+
+    told = {track: iter(_put_back(own, partial(rivals, track), close_m)) for track, own in tracks.items()}
     return [[next(told[track]) for track in ids] for ids in track_id]
 
 
-def _put_back(track: int, tracks: dict[int, _NamedTrack], close_m: float) -> list[int]:
-    """The names of a track, with each change at its exchange where there was one."""
-    own = tracks[track]
+def _put_back(
+    own: _NamedTrack, rivals: Callable[[int, int, float], Sequence[_NamedTrack]], close_m: float
+) -> list[int]:
+    """The names of a track, with each change at its exchange where there was one.
+
+    Args:
+        own: The track.
+        rivals: Finds tracks with which it may have been exchanged, by its old name, its new one and when it changed.
+        close_m: Tracks nearer than this may be exchanged, metres.
+    """
     names = own.name.copy()
     known = [k for k, vehicle in enumerate(own.name) if vehicle >= 0]
     changes = [(a, b) for a, b in pairwise(known) if own.name[a] != own.name[b]]
     ends = [*(b for _, b in changes), len(names)][1:]
     first = 0
     for (last, now), end in zip(changes, ends, strict=True):
-        before, after = own.name[last], own.name[now]
-        others = [
-            other
-            for key, other in tracks.items()
-            if key != track
-            and (
-                other.has(after, own.t[now] - _LATEST_S, own.t[now])
-                or other.has(before, own.t[now], own.t[now] + _LATEST_S)
-            )
-        ]
+        others = rivals(own.name[last], own.name[now], own.t[now])
         # a name that does not last is no exchange
         held_s = own.t[end - 1] - own.t[now] if end < len(names) else np.inf
         since = max(first, bisect_left(own.t, own.t[now] - min(_LATEST_S, held_s)))
         away = [_away(own.place[k], own.t[k], others) for k in range(since, now)]
         if away and min(away) < close_m:
             exchanged = since + int(np.argmin(away))
-            names[exchanged:now] = [after] * (now - exchanged)
+            names[exchanged:now] = [own.name[now]] * (now - exchanged)
         first = now
     return names
 
