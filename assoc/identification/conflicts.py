@@ -127,6 +127,8 @@ class ConflictMonitor:
             known = self._copies(own, len(place)) & reporting & (apart < _HYSTERESIS * reach)
             claims = known | ((apart < reach) & jumped)
             claims[choice[rows]] = False
+            # the reports that jumped are left out by now: it fits its own track by those before
+            claims |= known & [self._lasts(t, own, other) for other in range(len(place))]
             for other in np.flatnonzero(claims).tolist():
                 double = self._observed(t, row, own, other)
                 if double.jumper == _UNKNOWN and jumped[own] != jumped[other]:

@@ -21,6 +21,8 @@ FloatArray = NDArray[np.float64]
 
 _LATEST_S = 10.0
 """Longest time from an exchange to the change of a name, seconds."""
+_CLOSER = 0.6
+"""They were nearer by this factor then, or stand side by side."""
 _UNSEEN_S = 1.0
 """A track that was not seen is taken to be where it was so long ago, or will be then, seconds."""
 
@@ -104,8 +106,8 @@ def _put_back(
         # a name that does not last is no exchange
         held_s = own.t[end - 1] - own.t[now] if end < len(names) else np.inf
         since = max(first, bisect_left(own.t, own.t[now] - min(_LATEST_S, held_s)))
-        away = [_away(own.place[k], own.t[k], others) for k in range(since, now)]
-        if away and min(away) < close_m:
+        *away, parted = (_away(own.place[k], own.t[k], others) for k in range(since, now + 1))
+        if away and min(away) < min(close_m, _CLOSER * parted):
             exchanged = since + int(np.argmin(away))
             names[exchanged:now] = [own.name[now]] * (now - exchanged)
         first = now
