@@ -21,7 +21,7 @@ FloatArray = NDArray[np.float64]
 
 _LATEST_S = 10.0
 """Longest time from an exchange to the change of a name, seconds."""
-_CLOSER = 0.6
+_CLOSER = 0.85
 """They were nearer by this factor then, or stand side by side."""
 _UNSEEN_S = 1.0
 """A track that was not seen is taken to be where it was so long ago, or will be then, seconds."""
