@@ -117,6 +117,7 @@ class ConflictMonitor:
         # who is where it reports to be is nobody's copy, however its reports scatter
         rows = np.flatnonzero(choice >= 0)
         rows = rows[away[rows, choice[rows]] <= reach]
+        home = set(choice[rows].tolist())
         # one that is out of view has no box of its own to miss
         self._note_copies(t, context, best, reporting & (context.view >= _IN_VIEW), elsewhere)
         for row in rows.tolist():
@@ -126,10 +127,11 @@ class ConflictMonitor:
             apart = np.hypot(*(place - place[own]).T)
             known = self._copies(own, len(place)) & reporting & (apart < _HYSTERESIS * reach)
             claims = known | ((apart < reach) & jumped)
-            claims[choice[rows]] = False
-            # the reports that jumped are left out by now: it fits its own track by those before
-            claims |= known & [self._lasts(t, own, other) for other in range(len(place))]
+            claims[own] = False
             for other in np.flatnonzero(claims).tolist():
+                # once the reports that jumped are left out it is at home by those before
+                if other in home and not (known[other] and self._lasts(t, own, other)):
+                    continue
                 double = self._observed(t, row, own, other)
                 if double.jumper == _UNKNOWN and jumped[own] != jumped[other]:
                     double.jumper = own if jumped[own] else other

@@ -112,13 +112,13 @@ class FlightEvidence:
             del self._frames[:passed]
             self._reports = [each for each in self._reports if np.max(each.t_us) >= early_us]
 
-    def segments(self, start_us: int, stop_us: int, name: Callable[[int, int], int | None]) -> Segments | None:
+    def segments(self, start_us: int, stop_us: int, name: Callable[[int, int], int]) -> Segments | None:
         """The tracks between two times, each cut where its name changes; None where nothing was seen.
 
         Args:
             start_us: First time on the video's clock, Unix µs.
             stop_us: Last one.
-            name: Index of the vehicle of a box by the frame's time and track id, as it is known so far; None: nobody.
+            name: Index of the vehicle of a box by the frame's time and track id, as it is known so far, −1 nobody.
         """
         first = bisect_left(self._frames, start_us, key=lambda frame: frame.t_us)
         frames = self._frames[first : bisect_right(self._frames, stop_us, key=lambda frame: frame.t_us)]
@@ -157,15 +157,14 @@ class FlightEvidence:
         )
 
 
-def _names(frames: Sequence[_FrameTaken], name: Callable[[int, int], int | None], close_m: float) -> list[list[int]]:
+def _names(frames: Sequence[_FrameTaken], name: Callable[[int, int], int], close_m: float) -> list[list[int]]:
     """The vehicles of the boxes of frames as they are known so far, −1 nobody, from each track's exchange on."""
     tracks = [frame.observation.track_id.tolist() for frame in frames]
-    known = [[name(frame.t_us, track) for track in ids] for frame, ids in zip(frames, tracks, strict=True)]
     return names_since_exchanges(
         [1e-6 * (frame.observation.t_us - frames[0].observation.t_us) for frame in frames],
         tracks,
         [_places(frame) for frame in frames],
-        [[-1 if vehicle is None else vehicle for vehicle in names] for names in known],
+        [[name(frame.t_us, track) for track in ids] for frame, ids in zip(frames, tracks, strict=True)],
         close_m,
     )
 
@@ -173,8 +172,7 @@ def _names(frames: Sequence[_FrameTaken], name: Callable[[int, int], int | None]
 def _places(frame: _FrameTaken) -> FloatArray:
     """(m, 2) where the boxes of a frame are on the ground, metres."""
     camera = frame.camera
-    rays = frame.observation.ray_cam
-    return rays_to_ground(rays, camera.R_enu_cam, camera.p_enu, camera.ground_z, frame.theta)
+    return rays_to_ground(frame.observation.ray_cam, camera.R_enu_cam, camera.p_enu, camera.ground_z, frame.theta)
 
 
 def _apart(seen: BoolArray) -> BoolArray:

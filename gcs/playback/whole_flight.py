@@ -106,7 +106,7 @@ def _stretch(
         for track, p in known.p.items()
         if np.max(p[:-1], initial=0.0) >= mission.identity.threshold
     }
-    segments = evidence.segments(every[0].at_us, every[-1].at_us, lambda at_us, track: names.get((at_us, track)))
+    segments = evidence.segments(every[0].at_us, every[-1].at_us, lambda at_us, track: names.get((at_us, track), -1))
     if segments is None:
         return named
     try:

@@ -56,7 +56,7 @@ def flown(
     return evidence
 
 
-def probabilities(evidence, name=lambda at_us, track: None, owner=None):
+def probabilities(evidence, name=lambda at_us, track: -1, owner=None):
     """Segments and their probabilities; ``owner`` as a function of the segments."""
     segments = evidence.segments(T0_US, T0_US + round(1e6 * SECONDS), name)
     start = np.full(segments.seen.shape[1], -1) if owner is None else owner(segments)
@@ -146,7 +146,7 @@ def test_two_that_could_be_taken_for_one_another_for_the_whole_flight_are_not_su
 def test_a_name_does_not_outlast_its_vehicles_reports_by_much():
     """The first vehicle falls silent after 8 s; its track may have gone on with another one since."""
     evidence = flown(Fleet(4, seed=6), silent=lambda t, j: j == 0 and t > 8.0)
-    segments = evidence.segments(T0_US, T0_US + 20_000_000, lambda at_us, track: None)
+    segments = evidence.segments(T0_US, T0_US + 20_000_000, lambda at_us, track: -1)
     names = segment_names(segments, evidence.params, np.full(segments.seen.shape[1], -1))
     first, second = segments.of[T0_US, 1], segments.of[T0_US, 2]
     assert names.at(first, 9.0)[0] > 0.9
@@ -178,7 +178,7 @@ def test_a_track_is_cut_where_its_name_changes():
     evidence = flown(Fleet(2, seed=8))
     known = evidence.segments(T0_US, T0_US + 20_000_000, lambda at_us, track: int(at_us > T0_US + 9_000_000))
     assert known.of[T0_US, 1] != known.of[T0_US + 10_000_000, 1]
-    whole = evidence.segments(T0_US, T0_US + 20_000_000, lambda at_us, track: None)
+    whole = evidence.segments(T0_US, T0_US + 20_000_000, lambda at_us, track: -1)
     assert whole.of[T0_US, 1] == whole.of[T0_US + 10_000_000, 1]
 
 
@@ -189,7 +189,7 @@ def test_pieces_are_joined_where_only_one_can_go_on():
     calm = Fleet(3, seed=9)
     calm.size[:] = 1.5
     evidence = flown(calm, ids=ids, seen=lambda t, k: not 5.0 <= t < 6.0, seconds=10.0)
-    segments = evidence.segments(T0_US, T0_US + 10_000_000, lambda at_us, track: None)
+    segments = evidence.segments(T0_US, T0_US + 10_000_000, lambda at_us, track: -1)
     for track in (1, 2, 3):
         assert segments.of[T0_US, track] == segments.of[T0_US + 8_000_000, track + 100]
 
@@ -201,7 +201,7 @@ def test_pieces_that_two_could_go_on_in_are_not_joined():
     close = Fleet(2, seed=9, spacing_m=0.8)
     close.phase[:], close.size[:], close.start[:, 1] = 0.0, 3.0, 0.0
     evidence = flown(close, ids=ids, seen=lambda t, k: not 5.0 <= t < 6.0, seconds=10.0)
-    segments = evidence.segments(T0_US, T0_US + 10_000_000, lambda at_us, track: None)
+    segments = evidence.segments(T0_US, T0_US + 10_000_000, lambda at_us, track: -1)
     assert len({segments.of[T0_US, 1], segments.of[T0_US + 8_000_000, 101], segments.of[T0_US + 8_000_000, 102]}) == 3
     n = segments.seen.shape[1]
     assert linked(segments.history, ZERO, np.full(n, -1)).tolist() == list(range(n))
@@ -214,16 +214,16 @@ def test_frames_without_a_pose_tell_nothing(change):
     for k in range(20):
         view = Fleet(2).observation(k / 10, camera(), [1, 2], rng)
         evidence.add_frame(T0_US + k * 100_000, view, replace(camera(), **change), ZERO)
-    assert evidence.segments(T0_US, T0_US + 2_000_000, lambda at_us, track: None) is None
+    assert evidence.segments(T0_US, T0_US + 2_000_000, lambda at_us, track: -1) is None
 
 
 def test_what_is_forgotten_is_gone_and_the_rest_stays():
     evidence = flown(Fleet(2, seed=8))
     evidence.forget(T0_US + 10_000_000)
-    segments = evidence.segments(T0_US, T0_US + 20_000_000, lambda at_us, track: None)
+    segments = evidence.segments(T0_US, T0_US + 20_000_000, lambda at_us, track: -1)
     assert min(at_us for at_us, _ in segments.of) == T0_US + 10_000_000
     evidence.begin_anew((11, 12))
-    assert evidence.segments(T0_US, T0_US + 20_000_000, lambda at_us, track: None) is None
+    assert evidence.segments(T0_US, T0_US + 20_000_000, lambda at_us, track: -1) is None
 
 
 def test_what_was_reported_long_after_a_stretch_takes_nothing_from_it():
