@@ -42,6 +42,8 @@ _ANYWHERE_M = 30.0
 """1σ of the place of a segment of which only the course counts, metres."""
 _REACH_STDS, _REACH_M = 5.0, 4.0
 """A pair further apart than so many σ_b and metres is out of the question."""
+_MOST_PARTS = 60
+"""Blocks of a segment at which it is parted, at most."""
 _MOST_ROWS, _MOST_REST = 40, 30
 """Blocks of a segment that are weighed, and those of the rest of its chain."""
 _ASIDE_STDS, _ASIDE_M = 3.0, 0.5
@@ -88,8 +90,7 @@ def pair_scores(
     """
     r = residuals.at(pose.theta, pose.common)
     near = _near(residuals, r, errors)
-    strangers = max(float(np.mean(np.sum(segments.seen[:, owner < 0], axis=1))), _LEAST_STRANGERS)
-    usual = np.log(_FOUND / (1.0 - _FOUND)) - np.log(strangers / residuals.area_m2) + _PER_S * segments.seen_s
+    usual = _usual_score(segments, residuals, owner) * segments.share + _PER_S * segments.seen_s
     score = np.full(near.shape, NEVER)
     for segment, vehicle in np.argwhere(near).tolist():
         rows = residuals.rows(segment, vehicle, _MOST_ROWS)
@@ -99,6 +100,12 @@ def pair_scores(
             residuals, r, errors, vehicle, (rows, np.full_like(rows, segment)), rest
         )
     return np.asarray(np.maximum(score, NEVER))
+
+
+def _usual_score(segments: Segments, residuals: Residuals, owner: IntArray) -> float:
+    """ln q/(1 − q) − ln λ, with the strangers that owners (S,) leave."""
+    strangers = max(float(np.mean(np.sum(segments.seen[:, owner < 0], axis=1))), _LEAST_STRANGERS)
+    return float(np.log(_FOUND / (1.0 - _FOUND)) - np.log(strangers / residuals.area_m2))
 
 
 def with_whole_chains(
@@ -134,6 +141,75 @@ def with_whole_chains(
         pairs = np.ix_(chain, others)
         together[pairs] = np.maximum(score[pairs], exchanged)
     return together
+
+
+def scores_as_parts(
+    segments: Segments, residuals: Residuals, pose: CommonPose, errors: Errors, owner: IntArray, segment: int
+) -> tuple[IntArray, FloatArray, FloatArray] | None:
+    """Scores of a segment's parts: before each of its blocks, and from there on.
+
+    Args:
+        segments: The pieces of tracks.
+        residuals: Of all pairs.
+        pose: The camera's, and what is common.
+        errors: Of the vehicles' positions.
+        owner: (S,) vehicle of each segment, −1 none: the chains.
+        segment: The segment.
+
+    Returns:
+        (a,) blocks, (a, n + 1) scores of the part before each as each vehicle, 0 in the last column for none of ours,
+        and (a, n + 1) of the part from it on; None where no two blocks were compared.
+    """
+    r = residuals.at(pose.theta, pose.common)
+    has = residuals.blocks.count[:, segment] > 0
+    reach_m = _REACH_STDS * errors.bias_std + _REACH_M
+    near = has & (np.linalg.norm(r[:, segment], axis=2) < reach_m)
+    every = np.flatnonzero(has.any(axis=1))
+    if len(every) < 2:
+        return None
+    # what the whole gains by being one of ours, each part gains by its share
+    usual = _usual_score(segments, residuals, owner) * segments.share[segment] + _PER_S * segments.seen_s[segment]
+    passed = np.linspace(0.0, 1.0, len(every) + 1)
+    n = has.shape[1]
+    before, after = (np.full((len(every), n + 1), NEVER) for _ in range(2))
+    before[:, n] = after[:, n] = 0.0
+    for vehicle in np.flatnonzero(np.sum(near, axis=0) > 1).tolist():
+        rows = residuals.rows(segment, vehicle, _MOST_PARTS)
+        rest = np.flatnonzero((owner == vehicle) & ~segments.apart[segment] & (np.arange(len(owner)) != segment))
+        until = _growing(residuals, r, errors, vehicle, segment, rows, rest)
+        since = _growing(residuals, r, errors, vehicle, segment, rows[::-1], rest)[::-1]
+        # how many of the vehicle's blocks are before each block
+        k = np.searchsorted(rows, every)
+        before[:, vehicle] = usual * passed[:-1] + np.concatenate([[NEVER], until])[k]
+        after[:, vehicle] = usual * (1.0 - passed[:-1]) + np.concatenate([since, [NEVER]])[k]
+    return every, before, after
+
+
+def _growing(
+    residuals: Residuals,
+    r: FloatArray,
+    errors: Errors,
+    vehicle: int,
+    segment: int,
+    rows: IntArray,
+    rest: IntArray,
+) -> FloatArray:
+    """(a,) ``_compared`` of the first, the first two … of the blocks (a,) of a segment."""
+    own, cov, given, given_cov = _given(residuals, r, errors, vehicle, (rows, np.full_like(rows, segment)), rest)
+    wide = _shared(np.zeros_like(rows), _ANYWHERE_M)
+    anywhere = _log_normals(own, cov + wide) + np.log(2.0 * np.pi * _ANYWHERE_M**2)
+    motion = anywhere + np.cumsum(residuals.motion[rows, segment, vehicle])
+    alike = np.logaddexp(np.log(1.0 - _ALIKE), np.log(_ALIKE) + motion)
+    return np.asarray(_log_normals(given, given_cov) - anywhere + motion - alike)
+
+
+def _log_normals(x: FloatArray, cov: FloatArray) -> FloatArray:
+    """(a,) ln N of the first, the first two … places of x (2a,), east of all, then north of all."""
+    order = np.arange(len(x)).reshape(2, -1).T.ravel()
+    lower = np.linalg.cholesky(cov[np.ix_(order, order)])
+    z = solve_triangular(lower, x[order], lower=True)
+    steps = -0.5 * z**2 - np.log(np.diag(lower)) - 0.5 * np.log(2.0 * np.pi)
+    return np.cumsum(steps)[1::2]
 
 
 def _near(residuals: Residuals, r: FloatArray, errors: Errors) -> BoolArray:
@@ -204,28 +280,46 @@ def _compared(
         rest: (k,) other segments of that vehicle.
     """
     rows, segment = compared
-    own = _stacked(r[rows, segment, vehicle])
-    cov, alone = residuals.noisy_covariance(vehicle, rows, segment, errors), np.zeros_like(rows)
+    own, cov, given, given_cov = _given(residuals, r, errors, vehicle, compared, rest)
     # N₀: the mean of each axis has a wide prior, here about itself
     centred = own - np.repeat(np.mean(r[rows, segment, vehicle], axis=0), len(rows))
-    anywhere = _log_normal(centred, cov + _shared(alone, _ANYWHERE_M)) + np.log(2.0 * np.pi * _ANYWHERE_M**2)
+    wide = _shared(np.zeros_like(rows), _ANYWHERE_M)
+    anywhere = _log_normal(centred, cov + wide) + np.log(2.0 * np.pi * _ANYWHERE_M**2)
     motion = anywhere + float(np.sum(residuals.motion[rows, segment, vehicle]))
+    alike = np.logaddexp(np.log(1.0 - _ALIKE), np.log(_ALIKE) + motion)
+    return float(_log_normal(given, given_cov) - anywhere + motion - alike)
+
+
+def _given(
+    residuals: Residuals,
+    r: FloatArray,
+    errors: Errors,
+    vehicle: int,
+    compared: tuple[IntArray, IntArray],
+    rest: IntArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Residuals (2a,) and their covariance (2a, 2a), by themselves and given the rest of the vehicle's chain.
+
+    Args: as of ``_compared``.
+    """
+    rows, segment = compared
+    alone = np.zeros_like(rows)
+    own = given = _stacked(r[rows, segment, vehicle])
+    cov = given_cov = residuals.noisy_covariance(vehicle, rows, segment, errors)
     if len(rest):
         others, of = residuals.chain_rows(rest, vehicle)
         nearest = np.argsort(np.min(np.abs(others[:, None] - rows), axis=1), kind="stable")[:_MOST_REST]
         others, of = others[nearest], of[nearest]
         # boxes of one segment are round other points than those of another
         known = residuals.noisy_covariance(vehicle, others, of, errors) + _shared(of, _SEGMENT_STD_M)
-        cov = cov + _shared(alone, _SEGMENT_STD_M)
         lower = np.linalg.cholesky(known)
         across = residuals.covariance(vehicle, others, rows, errors)
         half = solve_triangular(lower, np.column_stack([_stacked(r[others, of, vehicle]), across]), lower=True)
-        own = own - half[:, 1:].T @ half[:, 0]
-        cov = cov - half[:, 1:].T @ half[:, 1:]
+        given = own - half[:, 1:].T @ half[:, 0]
+        given_cov = cov + _shared(alone, _SEGMENT_STD_M) - half[:, 1:].T @ half[:, 1:]
     elif np.ptp(segment):
-        cov = cov + _shared(segment, _SEGMENT_STD_M)
-    alike = np.logaddexp(np.log(1.0 - _ALIKE), np.log(_ALIKE) + motion)
-    return float(_log_normal(own, cov) - anywhere + motion - alike)
+        given_cov = cov + _shared(segment, _SEGMENT_STD_M)
+    return own, cov, given, given_cov
 
 
 def fit_pose(residuals: Residuals, prior: PosePrior, errors: Errors, owner: IntArray) -> CommonPose:

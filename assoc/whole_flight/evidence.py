@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,6 +55,8 @@ class Segments:
     """(F, S) frames in which each was seen."""
     apart: BoolArray
     """(S, S) pairs that cannot be one vehicle: they were seen together."""
+    share: FloatArray
+    """(S,) share of an object's track that each is in time: parts of one are one coincidence together."""
     theta: FloatArray
     """(9,) median pose correction of the identifier in the later half."""
 
@@ -62,6 +65,36 @@ class Segments:
         """(S,) for how long each was seen, seconds."""
         frames = np.diff(self.history.t[: self.history.n])
         return np.asarray(np.sum(self.seen, axis=0) * np.median(frames))
+
+    def cut(self, at: Sequence[tuple[int, float]]) -> Segments:
+        """The same with some segments in two.
+
+        Args:
+            at: Segments, each once, and from when on each is another one, seconds from the first frame. The parts
+                behind are numbered on from S.
+        """
+        t, history = self.history.t, copy(self.history)
+        ray, front = self.history.ray.copy(), self.history.front.copy()
+        new = np.full((len(t), len(at), 3), np.nan)
+        rays, fronts = [ray, new], [front, new.copy()]
+        behind = dict[int, tuple[int, float]]()
+        for k, (segment, at_s) in enumerate(at):
+            since = t >= at_s
+            for own, other in (rays, fronts):
+                other[since, k] = own[since, segment]
+                own[since, segment] = np.nan
+            behind[segment] = self.seen.shape[1] + k, at_s
+        history.ray, history.front = np.concatenate(rays, axis=1), np.concatenate(fronts, axis=1)
+        of = dict(self.of)
+        for (t_us, track), segment in self.of.items():
+            if segment in behind and 1e-6 * (t_us - self.origin_us) >= behind[segment][1]:
+                of[t_us, track] = behind[segment][0]
+        seen = np.isfinite(history.ray[: history.n, :, 0])
+        share = np.concatenate([self.share, np.zeros(len(at))])
+        for segment, (part, _) in behind.items():
+            frames = np.count_nonzero(seen[:, [segment, part]], axis=0)
+            share[[segment, part]] = share[segment] * frames / max(np.sum(frames), 1)
+        return replace(self, history=history, of=of, seen=seen, apart=_apart(seen), share=share)
 
 
 class FlightEvidence:
@@ -153,6 +186,7 @@ class FlightEvidence:
             of=of,
             seen=seen_in,
             apart=_apart(seen_in),
+            share=np.ones(seen_in.shape[1]),
             theta=theta,
         )
 

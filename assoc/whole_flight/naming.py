@@ -21,15 +21,17 @@ from assoc.hypotheses.priors import prior_of
 from assoc.params import IdentifierParams
 from assoc.whole_flight.chains import (
     ASIDE_VAR,
+    CommonPose,
     fit_pose,
     learn_errors,
     pair_scores,
     with_whole_chains,
     without_outliers,
 )
+from assoc.whole_flight.changes import changes, exchanges
 from assoc.whole_flight.evidence import Segments
 from assoc.whole_flight.owners import Namings
-from assoc.whole_flight.residuals import Errors, residuals_at
+from assoc.whole_flight.residuals import Errors, Residuals, residuals_at
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -43,6 +45,8 @@ _MOST_PAIRS = 6000
 """Pairs of segment and vehicle beyond which a stretch is not looked at as a whole: it would take minutes."""
 _ANEW_NATS = 10.0
 """Nats by which a naming that is found from no name at all has to be worth more: known names are evidence, too."""
+_TRIES = 6
+"""Most times that segments are cut where they go on as another object, and named anew."""
 _MISSED_PER_S, _PIECE = 0.5, 2.0
 """Cost of a second without a box, and of each segment, nats: a vehicle is missed for some seconds, not for
 many, and is not one object after another.
@@ -61,17 +65,27 @@ _DOUBLE_P = 0.5
 class SegmentNames:
     """Names of segments by the whole, and for how long they hold."""
 
+    segments: Segments
+    """The pieces of tracks, cut where another object follows."""
     p: FloatArray
     """(S, n + 1) probabilities of each vehicle, the last column "none of ours"; NaN where nothing was compared."""
     since_s: FloatArray
     until_s: FloatArray
     """(S,) from when to when each is the likeliest one, seconds from the first frame."""
 
-    def at(self, segment: int, t: float) -> FloatArray | None:
-        """(n + 1,) probabilities at a time, seconds from the first frame; None where they are not known.
+    def at(self, t_us: int, track: int) -> FloatArray | None:
+        """(n + 1,) probabilities of a box; None where they are not known.
 
         A track that nothing was compared with for long may have gone on with another vehicle; one that was aside did.
+
+        Args:
+            t_us: Time of its frame, Unix µs.
+            track: Its track.
         """
+        segment = self.segments.of.get((t_us, track))
+        if segment is None:
+            return None
+        t = 1e-6 * (t_us - self.segments.origin_us)
         known = np.isfinite(self.p[segment, 0]) and self.since_s[segment] <= t <= self.until_s[segment]
         return self.p[segment] if known else None
 
@@ -87,9 +101,9 @@ class _Named:
     """(B, S, n) blocks in which the vehicle reported while the segment was seen."""
     compared: BoolArray
     """(B, S, n) those of them in which the segment was not aside."""
-    theta: FloatArray
-    """(9,)."""
-    bias_std: float
+    residuals: Residuals
+    pose: CommonPose
+    errors: Errors
     first_s: float
     """When the first block begins, seconds from the first frame."""
     worth: float
@@ -111,13 +125,14 @@ def segment_names(segments: Segments, q: IdentifierParams, owner: IntArray) -> S
     best = _named(segments, q, owner, segments.theta)
     anew = _named(segments, q, np.full_like(owner, -1), np.zeros(THETA))
     best = anew if anew.worth > best.worth + _ANEW_NATS else best
+    segments, best = _cut_at_changes(segments, q, best)
     rival = _against_others(best.together, segments)
     p = Namings(rival, segments.apart).probabilities()
     # beside "none of ours" only what the score itself says counts
     p[:, :-1] *= expit(best.together) / expit(rival)
     p[:, -1] = 1.0 - np.sum(p[:, :-1], axis=1)
     p = _without_doubles(p, best, segments)
-    p = limit_by_place(p, best.together, _distances(segments, best.theta), best.bias_std)
+    p = limit_by_place(p, best.together, _distances(segments, best.pose.theta), best.errors.bias_std)
     p[~np.any(best.reported, axis=(0, 2))] = np.nan
     # for none of ours any report counts
     anybody = np.any(best.reported, axis=2, keepdims=True)
@@ -128,7 +143,25 @@ def segment_names(segments: Segments, q: IdentifierParams, owner: IntArray) -> S
     # beyond where it was compared a name holds for a while, unless the segment is aside there
     beyond = np.where(compared == reported, _ALONE_S, 0.0)
     since_s, until_s = best.first_s + q.block_s * compared + [[-1.0], [1.0]] * beyond
-    return SegmentNames(p=p, since_s=since_s, until_s=until_s)
+    return SegmentNames(segments=segments, p=p, since_s=since_s, until_s=until_s)
+
+
+def _cut_at_changes(segments: Segments, q: IdentifierParams, best: _Named) -> tuple[Segments, _Named]:
+    """The segments cut where they go on as another object, if all of it is worth more so, and who they are then."""
+    every = changes(segments, best.residuals, best.pose, best.errors, best.owner, q.block_s)
+    apart = exchanges(every)
+    # all at once, or else those of each exchange by themselves: one that is wrong may cost more than the others gain
+    tried = [every, *apart] if len(apart) > 1 else apart
+    for found in tried[:_TRIES]:
+        parts = segments.cut([(change.segment, change.at_s) for change in found])
+        owner = np.concatenate([best.owner, [change.after for change in found]])
+        owner[[change.segment for change in found]] = [change.before for change in found]
+        named = _named(parts, q, owner, best.pose.theta)
+        if named.worth > best.worth:
+            segments, best = parts, named
+            if found is every:
+                break
+    return segments, best
 
 
 def _span(blocks: BoolArray) -> IntArray:
@@ -165,8 +198,9 @@ def _named(segments: Segments, q: IdentifierParams, owner: IntArray, theta: Floa
         together=with_whole_chains(score, weighed, pose, errors, owner),
         reported=reported,
         compared=reported & (weighed.var < ASIDE_VAR),
-        theta=pose.theta,
-        bias_std=errors.bias_std,
+        residuals=residuals,
+        pose=pose,
+        errors=errors,
         first_s=residuals.blocks.first * q.block_s,
         worth=float(np.sum(_worth(score, owner))) - pose.cost,
     )
@@ -196,7 +230,7 @@ def _worth(score: FloatArray, owner: IntArray) -> FloatArray:
 
 def _against_others(score: FloatArray, segments: Segments) -> FloatArray:
     """(S, n) scores for the comparison with segments that cannot be the same vehicle: one that lasts beats many."""
-    lasts = _MISSED_PER_S * segments.seen_s[:, None] - _PIECE
+    lasts = (_MISSED_PER_S * segments.seen_s - _PIECE * segments.share)[:, None]
     return np.asarray(np.where(score > 0.0, score + lasts, score))
 
 

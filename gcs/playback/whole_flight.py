@@ -114,7 +114,7 @@ def _stretch(
     except np.linalg.LinAlgError:
         # as with places so far apart that no arithmetic holds them: the names of the tracks by themselves stay
         return named
-    return named if found is None else _chosen(named, segments, found, mission.identity.threshold)
+    return named if found is None else _chosen(named, found, mission.identity.threshold)
 
 
 def _owners(segments: Segments, names: dict[tuple[int, int], int], every: list[KnownFrame]) -> IntArray:
@@ -130,14 +130,13 @@ def _owners(segments: Segments, names: dict[tuple[int, int], int], every: list[K
     return np.where((first < n) & (np.max(votes, axis=1) > 0.0), first, -1)
 
 
-def _chosen(named: list[KnownFrame], segments: Segments, found: SegmentNames, threshold: float) -> list[KnownFrame]:
+def _chosen(named: list[KnownFrame], found: SegmentNames, threshold: float) -> list[KnownFrame]:
     """The snapshots by the whole flight, or as they are where they expect more right names."""
     whole, gained, had = list[KnownFrame](), 0.0, 0.0
     for known in named:
-        pooled, t = dict(known.p), 1e-6 * (known.at_us - segments.origin_us)
+        pooled = dict(known.p)
         for track, before in known.p.items():
-            segment = segments.of.get((known.at_us, track))
-            p = None if segment is None else found.at(segment, t)
+            p = found.at(known.at_us, track)
             if p is not None:
                 pooled[track] = _pooled(p, before)
                 gained += _named_share(pooled[track], threshold)

@@ -1,0 +1,136 @@
+"""Where a segment goes on as another object, by how well each vehicle's reports fit what was before and what follows.
+
+A tracker may go on with a neighbour where two are side by side, or one of them was missed, and no name tells it if
+neither was named then. So each segment is weighed as any two vehicles, before and after each of its blocks:
+
+    gain(k) = max_i V_i(blocks < k) + max_j V_j(blocks ≥ k) − max_i [V_i(blocks < k) + V_i(blocks ≥ k)]
+
+with V_i the score of a part as vehicle i (``assoc.whole_flight.chains``), 0 as none of ours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.geometry.ground import ground_tracks
+from assoc.whole_flight.chains import CommonPose, scores_as_parts
+from assoc.whole_flight.evidence import Segments
+from assoc.whole_flight.residuals import Errors, Residuals
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_NEARBY_NATS, _ALONE_NATS = 4.0, 12.0
+"""Least gain of a change where another object is nearby or was, or the track has a gap, and of one anywhere else."""
+_LEAST_STRAY = 3
+"""Fewest blocks for which a segment is none of ours."""
+_NEARBY_M, _GAP_S = 4.0, 0.45
+"""Distance to another object, metres, and time out of sight, seconds, at which tracks change their object."""
+_AROUND_S = 1.5
+"""How far from the change of blocks that is looked for, seconds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A segment that goes on as another object."""
+
+    segment: int
+    at_s: float
+    """Seconds from the first frame."""
+    after: int
+    """Vehicle that it is from then on, −1 none of ours."""
+    before: int
+    """The same until then."""
+
+
+def changes(
+    segments: Segments, residuals: Residuals, pose: CommonPose, errors: Errors, owner: IntArray, block_s: float
+) -> list[Change]:
+    """The most telling change of each segment that has one, the one that gains most first.
+
+    Args:
+        segments: The pieces of tracks.
+        residuals: Of all pairs, with outliers.
+        pose: The camera's, and what is common.
+        errors: Of the vehicles' positions.
+        owner: (S,) vehicle of each segment, −1 none.
+        block_s: Length of a block, seconds.
+    """
+    nearest, gap = _surroundings(segments, pose.theta)
+    t = segments.history.t[: segments.history.n]
+    found = list[tuple[float, Change]]()
+    for segment in range(len(owner)):
+        parts = scores_as_parts(segments, residuals, pose, errors, owner, segment)
+        if parts is None:
+            continue
+        rows, before, after = parts
+        i, j = np.argmax(before, axis=1), np.argmax(after, axis=1)
+        whole = np.max(before + after, axis=1)
+        gain = np.max(before, axis=1) + np.max(after, axis=1) - whole
+        gain[0] = -np.inf
+        n = before.shape[1] - 1
+        best: tuple[float, Change] | None = None
+        for k in np.flatnonzero(gain > _NEARBY_NATS).tolist():
+            at_s, risky = _moment(t, nearest[:, segment], gap[:, segment], (residuals.blocks.first + rows[k]) * block_s)
+            # where it strays it is aside already; who is none of ours for a moment is not another object
+            named = i[k] < n and j[k] < n
+            if not named and not _LEAST_STRAY <= k <= len(rows) - _LEAST_STRAY:
+                continue
+            worth = gain[k] - (_NEARBY_NATS if risky else _ALONE_NATS)
+            if worth > 0.0 and (best is None or worth > best[0]):
+                change = Change(segment, at_s, int(j[k]) if j[k] < n else -1, int(i[k]) if i[k] < n else -1)
+                best = worth, change
+        if best is not None:
+            found.append(best)
+    return [change for _, change in sorted(found, key=lambda each: -each[0])]
+
+
+def exchanges(found: Sequence[Change]) -> list[list[Change]]:
+    """The changes in groups that share a vehicle, in their order: they are right together, or wrong."""
+    groups = list[tuple[set[int], list[Change]]]()
+    for change in found:
+        vehicles, group = {change.before, change.after} - {-1}, [change]
+        for each in [each for each in groups if each[0] & vehicles]:
+            groups.remove(each)
+            vehicles, group = vehicles | each[0], each[1] + group
+        groups.append((vehicles, group))
+    return [group for _, group in groups]
+
+
+def _surroundings(segments: Segments, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(F, S) distance of each segment to the nearest other one, metres, and how long it has been out of sight, s."""
+    history = segments.history
+    t = history.t[: history.n]
+    places = ground_tracks(history, 0, theta, np.arange(segments.seen.shape[1])).p
+    seen = np.isfinite(places[..., 0])
+    rows = np.arange(len(t))[:, None]
+    last = np.maximum.accumulate(np.where(seen, rows, -1), axis=0)
+    gap = np.where(seen[1:] & (last[:-1] >= 0), t[1:, None] - t[np.maximum(last[:-1], 0)], 0.0)
+    gap = np.concatenate([np.zeros((1, seen.shape[1])), gap])
+    # where another object was within the last moment counts, too
+    held = np.where((last >= 0) & (t[:, None] - t[np.maximum(last, 0)] < _AROUND_S), last, -1)
+    where = np.where((held >= 0)[..., None], places[np.maximum(held, 0), np.arange(seen.shape[1])], np.nan)
+    nearest = np.full(seen.shape, np.inf)
+    for k in range(seen.shape[1]):
+        away = np.linalg.norm(where - places[:, k : k + 1], axis=2)
+        away[:, k] = np.inf
+        nearest[:, k] = np.min(np.where(np.isfinite(away), away, np.inf), axis=1, initial=np.inf)
+    return nearest, gap
+
+
+def _moment(t: FloatArray, nearest: FloatArray, gap: FloatArray, about_s: float) -> tuple[float, bool]:
+    """When near a time the object of a track changed, seconds, and whether it is where tracks do."""
+    around = np.flatnonzero(np.abs(t - about_s) <= _AROUND_S)
+    if not len(around):
+        return about_s, True
+    widest = around[np.argmax(gap[around])]
+    if gap[widest] > _GAP_S:
+        return float(t[widest]) - 1e-3, True
+    closest = around[np.argmin(nearest[around])]
+    if nearest[closest] < _NEARBY_M:
+        return float(t[closest]), True
+    return about_s, False
