@@ -48,8 +48,8 @@ _MOST_ROWS, _MOST_REST = 40, 30
 """Blocks of a segment that are weighed, and those of the rest of its chain."""
 _ASIDE_STDS, _ASIDE_M = 3.0, 0.5
 """A block so many σ_b and metres from the segment's median is aside."""
-ASIDE_VAR = 1e4
-"""Variance of a block that is aside, m²: it does not count."""
+_ASIDE_NATS = 1.0
+"""Cost of each block that is aside, nats."""
 _SEGMENT_STD_M = 0.4
 """1σ per axis of where the boxes of a segment are on the vehicle, against those of its other segments, metres."""
 _OUTLIER_Z2, _BLOCKS_TO_OUTLIER = 9.0, 4
@@ -96,9 +96,8 @@ def pair_scores(
         rows = residuals.rows(segment, vehicle, _MOST_ROWS)
         rest = np.flatnonzero((owner == vehicle) & ~segments.apart[segment])
         rest = rest[rest != segment]
-        score[segment, vehicle] = usual[segment] + _compared(
-            residuals, r, errors, vehicle, (rows, np.full_like(rows, segment)), rest
-        )
+        score[segment, vehicle] = usual[segment] - _ASIDE_NATS * residuals.aside[segment, vehicle]
+        score[segment, vehicle] += _compared(residuals, r, errors, vehicle, (rows, np.full_like(rows, segment)), rest)
     return np.asarray(np.maximum(score, NEVER))
 
 
@@ -231,12 +230,13 @@ def without_outliers(residuals: Residuals, pose: CommonPose, errors: Errors) -> 
         pose: The camera's, and what is common.
         errors: Of the vehicles' positions.
     """
-    r, var = residuals.at(pose.theta, pose.common), residuals.var.copy()
+    r, var, count = residuals.at(pose.theta, pose.common), residuals.var.copy(), residuals.blocks.count.copy()
     for segment, vehicle in np.argwhere(_near(residuals, r, errors)).tolist():
         every = np.flatnonzero(residuals.blocks.count[:, segment, vehicle] > 0)
-        aside = _at_the_ends(r[every, segment, vehicle], _ASIDE_STDS * errors.bias_std + _ASIDE_M)
-        var[every[aside], segment, vehicle] = ASIDE_VAR
-        rows = residuals.rows(segment, vehicle, _MOST_ROWS)
+        reach_m = _ASIDE_STDS * np.sqrt(errors.bias_std**2 + var[every, segment, vehicle]) + _ASIDE_M
+        aside = _at_the_ends(r[every, segment, vehicle], reach_m)
+        count[every[aside], segment, vehicle] = 0.0
+        rows = thinned(every[~aside], _MOST_ROWS)
         y = _stacked(r[rows, segment, vehicle])
         cov = residuals.covariance(vehicle, rows, rows, errors) + _shared(np.zeros_like(rows), _ANYWHERE_M)
         for _ in range(len(rows) // _BLOCKS_TO_OUTLIER):
@@ -246,10 +246,11 @@ def without_outliers(residuals: Residuals, pose: CommonPose, errors: Errors) -> 
             if z2[worst] < _OUTLIER_Z2:
                 break
             var[rows[worst], segment, vehicle] *= z2[worst]
-    return replace(residuals, var=var)
+    aside = np.count_nonzero(count != residuals.blocks.count, axis=0)
+    return replace(residuals, var=var, blocks=replace(residuals.blocks, count=count), aside=aside)
 
 
-def _at_the_ends(r: FloatArray, reach_m: float) -> BoolArray:
+def _at_the_ends(r: FloatArray, reach_m: FloatArray) -> BoolArray:
     """(a,) which of a segment's residuals (a, 2) are before the first, or after the last, that is near their median."""
     away = np.linalg.norm(r - np.median(r, axis=0), axis=1) > reach_m
     near = np.flatnonzero(~away)
@@ -258,7 +259,7 @@ def _at_the_ends(r: FloatArray, reach_m: float) -> BoolArray:
         # the next one is on its way
         aside[: near[0] + (near[0] > 0)] = True
         aside[near[-1] + (near[-1] == len(r) - 1) :] = True
-    return aside
+    return away if aside.all() else aside
 
 
 def _compared(

@@ -20,7 +20,6 @@ from assoc.hypotheses.place_alone import limit_by_place
 from assoc.hypotheses.priors import prior_of
 from assoc.params import IdentifierParams
 from assoc.whole_flight.chains import (
-    ASIDE_VAR,
     CommonPose,
     fit_pose,
     learn_errors,
@@ -197,7 +196,7 @@ def _named(segments: Segments, q: IdentifierParams, owner: IntArray, theta: Floa
         score=score,
         together=with_whole_chains(score, weighed, pose, errors, owner),
         reported=reported,
-        compared=reported & (weighed.var < ASIDE_VAR),
+        compared=weighed.blocks.count > 0,
         residuals=residuals,
         pose=pose,
         errors=errors,

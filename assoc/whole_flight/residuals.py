@@ -59,6 +59,8 @@ class Residuals:
     """(B, n, 2) velocity of each vehicle, m/s."""
     jumped: FloatArray
     """(B, n) Σ ln (1 + jump²/m²) of the vehicle's reports so far."""
+    aside: IntArray
+    """(S, n) blocks that are left out, since the track comes from another object there, or goes on to one."""
     area_m2: float
     """Ground over which tracks are spread at a time."""
 
@@ -169,6 +171,7 @@ def residuals_at(segments: Segments, q: IdentifierParams, theta: FloatArray, err
         motion=np.where(compared, np.maximum(constant - share * blocks.log_null, -q.increment_max), 0.0),
         speed=_speeds(samples, log.n_vehicles, np.asarray((first + 0.5 + np.arange(last - first + 1)) * q.block_s)),
         jumped=np.cumsum(np.log1p(blocks.jump_var / errors.bias_std**2), axis=0),
+        aside=np.zeros(compared.shape[1:], np.int64),
         area_m2=min(_area_m2(tracks.p), 0.5 * float(np.exp(noise.log_area_at(theta)))),
     )
 
