@@ -24,12 +24,13 @@ from assoc.whole_flight.residuals import Errors, Residuals
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_NEARBY_NATS, _ALONE_NATS = 4.0, 12.0
+_NEARBY_NATS, _ALONE_NATS = 2.0, 12.0
 """Least gain of a change where another object is nearby or was, or the track has a gap, and of one anywhere else."""
 _LEAST_STRAY = 3
 """Fewest blocks for which a segment is none of ours."""
-_NEARBY_M, _GAP_S = 4.0, 0.45
-"""Distance to another object, metres, and time out of sight, seconds, at which tracks change their object."""
+_NEARBY_M, _GAP_S, _LEAP_M = 4.0, 0.45, 1.5
+"""Distance to another object, metres, time out of sight, seconds, and leap, metres, with which tracks change their
+object."""
 _AROUND_S = 1.5
 """How far from the change of blocks that is looked for, seconds."""
 
@@ -60,7 +61,7 @@ def changes(
         owner: (S,) vehicle of each segment, −1 none.
         block_s: Length of a block, seconds.
     """
-    nearest, gap = _surroundings(segments, pose.theta)
+    nearest, gap, leap = _surroundings(segments, pose.theta)
     t = segments.history.t[: segments.history.n]
     found = list[tuple[float, Change]]()
     for segment in range(len(owner)):
@@ -75,7 +76,8 @@ def changes(
         n = before.shape[1] - 1
         best: tuple[float, Change] | None = None
         for k in np.flatnonzero(gain > _NEARBY_NATS).tolist():
-            at_s, risky = _moment(t, nearest[:, segment], gap[:, segment], (residuals.blocks.first + rows[k]) * block_s)
+            begins_s = (residuals.blocks.first + rows[k]) * block_s
+            at_s, risky = _moment(t, nearest[:, segment], gap[:, segment], leap[:, segment], begins_s)
             # where it strays it is aside already; who is none of ours for a moment is not another object
             named = i[k] < n and j[k] < n
             if not named and not _LEAST_STRAY <= k <= len(rows) - _LEAST_STRAY:
@@ -101,35 +103,50 @@ def exchanges(found: Sequence[Change]) -> list[list[Change]]:
     return [group for _, group in groups]
 
 
-def _surroundings(segments: Segments, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(F, S) distance of each segment to the nearest other one, metres, and how long it has been out of sight, s."""
+def _surroundings(segments: Segments, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """How far the nearest other object is, how long it has been out of sight, and how far it has leapt since.
+
+    Returns:
+        (F, S) metres, (F, S) seconds and (F, S) metres of each segment in each frame: 0 where it was not seen.
+    """
     history = segments.history
     t = history.t[: history.n]
     places = ground_tracks(history, 0, theta, np.arange(segments.seen.shape[1])).p
-    seen = np.isfinite(places[..., 0])
-    rows = np.arange(len(t))[:, None]
-    last = np.maximum.accumulate(np.where(seen, rows, -1), axis=0)
-    gap = np.where(seen[1:] & (last[:-1] >= 0), t[1:, None] - t[np.maximum(last[:-1], 0)], 0.0)
-    gap = np.concatenate([np.zeros((1, seen.shape[1])), gap])
-    # where another object was within the last moment counts, too
-    held = np.where((last >= 0) & (t[:, None] - t[np.maximum(last, 0)] < _AROUND_S), last, -1)
-    where = np.where((held >= 0)[..., None], places[np.maximum(held, 0), np.arange(seen.shape[1])], np.nan)
-    nearest = np.full(seen.shape, np.inf)
-    for k in range(seen.shape[1]):
-        away = np.linalg.norm(where - places[:, k : k + 1], axis=2)
-        away[:, k] = np.inf
-        nearest[:, k] = np.min(np.where(np.isfinite(away), away, np.inf), axis=1, initial=np.inf)
-    return nearest, gap
+    nearest, gap, leap = (
+        np.full(segments.seen.shape, np.inf),
+        np.zeros(segments.seen.shape),
+        np.zeros(segments.seen.shape),
+    )
+    held = np.full(places.shape[1:], np.nan)
+    held_s = np.full(places.shape[1], -np.inf)
+    velocity = np.zeros_like(held)
+    for row, place in enumerate(places):
+        seen = np.flatnonzero(np.isfinite(place[:, 0]))
+        again = seen[np.isfinite(held_s[seen])]
+        gap[row, again] = t[row] - held_s[again]
+        moved = place[again] - held[again]
+        leap[row, again] = np.linalg.norm(moved - velocity[again] * gap[row, again, None], axis=1)
+        velocity[again] = moved / gap[row, again, None]
+        held[seen], held_s[seen] = place[seen], t[row]
+        # where another object was within the last moment counts, too
+        lately = np.flatnonzero(t[row] - held_s < _AROUND_S)
+        away = np.linalg.norm(place[seen][:, None] - held[lately], axis=2)
+        away[seen[:, None] == lately] = np.inf
+        nearest[row, seen] = np.min(away, axis=1, initial=np.inf)
+    return nearest, gap, leap
 
 
-def _moment(t: FloatArray, nearest: FloatArray, gap: FloatArray, about_s: float) -> tuple[float, bool]:
+def _moment(
+    t: FloatArray, nearest: FloatArray, gap: FloatArray, leap: FloatArray, about_s: float
+) -> tuple[float, bool]:
     """When near a time the object of a track changed, seconds, and whether it is where tracks do."""
     around = np.flatnonzero(np.abs(t - about_s) <= _AROUND_S)
     if not len(around):
         return about_s, True
-    widest = around[np.argmax(gap[around])]
-    if gap[widest] > _GAP_S:
-        return float(t[widest]) - 1e-3, True
+    for signs, least in ((leap, _LEAP_M), (gap, _GAP_S)):
+        first = around[np.argmax(signs[around])]
+        if signs[first] > least:
+            return float(t[first]) - 1e-3, True
     closest = around[np.argmin(nearest[around])]
     if nearest[closest] < _NEARBY_M:
         return float(t[closest]), True

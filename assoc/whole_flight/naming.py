@@ -184,10 +184,10 @@ def _named(segments: Segments, q: IdentifierParams, owner: IntArray, theta: Floa
         score = pair_scores(segments, weighed, pose, errors, owner)
         against = _against_others(score, segments)
         before, owner = owner, Namings(against, segments.apart).best()
-        if owner.tobytes() in tried:
+        if k and owner.tobytes() in tried:
             # two halves of an exchange, each of which follows the other, would take turns for ever
             owner = _best_change(before, owner, against, segments.apart)
-        if owner.tobytes() in tried:
+        if k and owner.tobytes() in tried:
             break
         tried.add(owner.tobytes())
     reported = residuals.blocks.count > 0

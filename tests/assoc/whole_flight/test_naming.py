@@ -60,7 +60,8 @@ def probabilities(evidence, name=lambda at_us, track: -1, owner=None):
     """Segments and their probabilities; ``owner`` as a function of the segments."""
     segments = evidence.segments(T0_US, T0_US + round(1e6 * SECONDS), name)
     start = np.full(segments.seen.shape[1], -1) if owner is None else owner(segments)
-    return segments, segment_names(segments, evidence.params, start).p
+    names = segment_names(segments, evidence.params, start)
+    return names.segments, names.p
 
 
 def named(segments, p, t, track):
@@ -143,15 +144,46 @@ def test_two_that_could_be_taken_for_one_another_for_the_whole_flight_are_not_su
     assert [named(segments, p, 5.0, track) for track in (3, 4)] == [2, 3]
 
 
+def test_tracks_that_were_exchanged_before_anybody_was_named_have_two_names_each():
+    def exchanged(t, m):
+        return np.arange(1, m + 1) if t < 10.0 else np.array([2, 1, *range(3, m + 1)])
+
+    segments, p = probabilities(flown(alike(apart_m=3.0), ids=exchanged))
+    assert [named(segments, p, 5.0, track) for track in (1, 2, 3, 4)] == [0, 1, 2, 3]
+    assert [named(segments, p, 15.0, track) for track in (1, 2, 3, 4)] == [1, 0, 2, 3]
+
+
+def test_a_track_that_goes_on_with_a_stranger_is_cut_there():
+    """The first vehicle is missed from 9 s on for the rest of the flight; its track takes a stranger's boxes."""
+
+    def taken_over(t, m):
+        return np.array([1, 2, 3, 4, 5 if t < 10.0 else 1])
+
+    fleet = Fleet(5, seed=2)
+    segments, p = probabilities(flown(fleet, ours=4, ids=taken_over, seen=lambda t, k: k != 0 or t < 9.9))
+    assert [named(segments, p, 5.0, track) for track in range(1, 6)] == [0, 1, 2, 3, -1]
+    assert [named(segments, p, 15.0, track) for track in range(1, 5)] == [-1, 1, 2, 3]
+
+
+def test_a_short_track_has_its_name_though_it_begins_with_another_object():
+    def taken_over(t, m):
+        return np.array([1, 2, 3, 4, 5 if t >= 3.0 else 1])
+
+    def seen(t, k):
+        return 3.0 <= t < 8.0 if k == 0 else True
+
+    segments, p = probabilities(flown(Fleet(5, seed=2), ours=4, ids=taken_over, seen=seen))
+    assert named(segments, p, 6.0, 1) == 0
+
+
 def test_a_name_does_not_outlast_its_vehicles_reports_by_much():
     """The first vehicle falls silent after 8 s; its track may have gone on with another one since."""
     evidence = flown(Fleet(4, seed=6), silent=lambda t, j: j == 0 and t > 8.0)
     segments = evidence.segments(T0_US, T0_US + 20_000_000, lambda at_us, track: -1)
     names = segment_names(segments, evidence.params, np.full(segments.seen.shape[1], -1))
-    first, second = segments.of[T0_US, 1], segments.of[T0_US, 2]
-    assert names.at(first, 9.0)[0] > 0.9
-    assert names.at(first, 15.0) is None
-    assert names.at(second, 15.0)[1] > 0.9
+    assert names.at(T0_US + 9_000_000, 1)[0] > 0.9
+    assert names.at(T0_US + 15_000_000, 1) is None
+    assert names.at(T0_US + 15_000_000, 2)[1] > 0.9
 
 
 def test_of_two_that_report_one_place_neither_is_sure():
