@@ -24,10 +24,12 @@ from assoc.whole_flight.residuals import Errors, Residuals
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_NEARBY_NATS, _ALONE_NATS = 2.0, 12.0
-"""Least gain of a change where another object is nearby or was, or the track has a gap, and of one anywhere else."""
-_LEAST_STRAY = 3
-"""Fewest blocks for which a segment is none of ours."""
+_EXCHANGE_NATS, _STRANGER_NATS, _ALONE_NATS = 2.0, 6.0, 12.0
+"""Least gain of a change from one vehicle to another, of one from or to none of ours, and of any with no other object
+nearby, no gap and no leap.
+"""
+_LEAST_BLOCKS = 3
+"""Fewest blocks before and after a change from or to none of ours: where a track strays for less it is aside."""
 _NEARBY_M, _GAP_S, _LEAP_M = 4.0, 0.45, 1.5
 """Distance to another object, metres, time out of sight, seconds, and leap, metres, with which tracks change their
 object."""
@@ -35,7 +37,7 @@ _AROUND_S = 1.5
 """How far from the change of blocks that is looked for, seconds."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Change:
     """A segment that goes on as another object."""
 
@@ -63,32 +65,27 @@ def changes(
     """
     nearest, gap, leap = _surroundings(segments, pose.theta)
     t = segments.history.t[: segments.history.n]
-    found = list[tuple[float, Change]]()
+    n, found = segments.log.n_vehicles, dict[int, tuple[float, Change]]()
     for segment in range(len(owner)):
         parts = scores_as_parts(segments, residuals, pose, errors, owner, segment)
         if parts is None:
             continue
         rows, before, after = parts
         i, j = np.argmax(before, axis=1), np.argmax(after, axis=1)
-        whole = np.max(before + after, axis=1)
-        gain = np.max(before, axis=1) + np.max(after, axis=1) - whole
-        gain[0] = -np.inf
-        n = before.shape[1] - 1
-        best: tuple[float, Change] | None = None
-        for k in np.flatnonzero(gain > _NEARBY_NATS).tolist():
+        gain = np.max(before, axis=1) + np.max(after, axis=1) - np.max(before + after, axis=1)
+        stranger = np.maximum(i, j) == n
+        lasts = np.minimum(np.arange(len(rows)), len(rows) - np.arange(len(rows))) >= np.where(
+            stranger, _LEAST_BLOCKS, 1
+        )
+        gain -= np.where(stranger, _STRANGER_NATS, _EXCHANGE_NATS)
+        for k in np.flatnonzero((gain > 0.0) & lasts).tolist():
             begins_s = (residuals.blocks.first + rows[k]) * block_s
             at_s, risky = _moment(t, nearest[:, segment], gap[:, segment], leap[:, segment], begins_s)
-            # where it strays it is aside already; who is none of ours for a moment is not another object
-            named = i[k] < n and j[k] < n
-            if not named and not _LEAST_STRAY <= k <= len(rows) - _LEAST_STRAY:
-                continue
-            worth = gain[k] - (_NEARBY_NATS if risky else _ALONE_NATS)
-            if worth > 0.0 and (best is None or worth > best[0]):
-                change = Change(segment, at_s, int(j[k]) if j[k] < n else -1, int(i[k]) if i[k] < n else -1)
-                best = worth, change
-        if best is not None:
-            found.append(best)
-    return [change for _, change in sorted(found, key=lambda each: -each[0])]
+            worth = gain[k] - (0.0 if risky else _ALONE_NATS)
+            if worth > found.get(segment, (0.0,))[0]:
+                who = [int(each) if each < n else -1 for each in (i[k], j[k])]
+                found[segment] = worth, Change(segment=segment, at_s=at_s, before=who[0], after=who[1])
+    return [change for _, change in sorted(found.values(), key=lambda each: -each[0])]
 
 
 def exchanges(found: Sequence[Change]) -> list[list[Change]]:
