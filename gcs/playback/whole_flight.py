@@ -2,7 +2,7 @@
 
 ``assoc.whole_flight`` finds the names, the camera's pose and the errors of the vehicles' positions together. What it
 gives counts 0.8, and 0.2 what is known of each track by itself (``gcs.playback.hindsight``): an answer is sure where
-both are. A stretch in which it expects fewer right names than are known already is left as it is: there the errors are
+both are. Where the whole flight is sure of the name that is the track's likeliest, it counts 0.95. A stretch in which it expects fewer right names than are known already is left as it is: there the errors are
 of another kind than it knows, as where a camera shakes. So is one that film and telemetry do not fit in.
 """
 
@@ -27,8 +27,12 @@ FITS = 0.5
 """Probability from which on film and telemetry count as belonging together."""
 _STRETCH_S, _MARGIN_S = 60.0, 30.0
 """Boxes of so long are named at once, by what was seen from so long before the first to so long after the last, s."""
-_WHOLE_SHARE = 0.8
-"""Weight of the whole flight against what is known of the track by itself."""
+_WHOLE_SHARE, _AGREED_SHARE = 0.8, 0.95
+"""Weight of the whole flight against what is known of the track by itself, and where it is sure of the name that is the
+track's likeliest, too.
+"""
+_AGREED, _LIKELIEST = 0.99, 0.5
+"""Probability from which on the whole flight is sure, and that of what is more likely than not."""
 _LEAST_GAIN = 0.97
 """A stretch counts where it gives so many of the names that are known without it, by their probabilities."""
 UNSURE = 0.89
@@ -152,11 +156,14 @@ def _named_share(p: FloatArray, threshold: float) -> float:
 
 
 def _pooled(whole: FloatArray, before: FloatArray) -> FloatArray:
-    """(n + 1,) 0.8 of what the whole flight says and 0.2 of what is known of the track alone; sure where both are."""
-    p = _WHOLE_SHARE * whole + (1.0 - _WHOLE_SHARE) * before
+    """(n + 1,) what the whole flight says, pooled with what is known of the track alone; sure where both agree."""
+    first = int(np.argmax(whole))
+    agreed = first < len(whole) - 1 and whole[first] >= _AGREED and before[first] > _LIKELIEST
+    share = _AGREED_SHARE if agreed else _WHOLE_SHARE
+    p = share * whole + (1.0 - share) * before
     first = int(np.argmax(p))
     over = p[first] - UNSURE
-    if over > 0.0 and min(whole[first], before[first]) < UNSURE:
+    if over > 0.0 and not agreed and min(whole[first], before[first]) < UNSURE:
         p[first] = UNSURE
         if first < len(p) - 1:
             p[-1] += over
