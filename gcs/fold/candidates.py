@@ -80,6 +80,7 @@ def _in_words(
     status = {each.system_id: each for each in state.vehicles}
     rows = identities.candidates
     names, sure = identities.system_id.tolist(), identities.confidence.tolist()
+    by_track = dict(zip(identities.track_id.tolist(), names, strict=True))
     none = rows.none_of_ours.tolist()
     found = []
     for track, ids in enumerate(rows.system_id.tolist()):
@@ -99,9 +100,12 @@ def _in_words(
             missing = missing_because(status.get(vehicle), age_s, contradicted=vehicle in contradicted)
             reasons = [missing] * bool(missing)
             # from a place where it was long ago any box is far
-            reasons += [why for why in _of_its_reports(status.get(vehicle), deviation, age_s) if why != missing]
+            of_reports = _of_its_reports(status.get(vehicle), distance_m, deviation, age_s)
+            reasons += [why for why in of_reports if why != missing]
+            if better and not own:
+                reasons.append(_better_box(better_sure, has_name=by_track.get(better) == vehicle))
             if not own:
-                reasons += _of_its_rivals(confidence, none[track], threshold, better, better_sure)
+                reasons += _of_its_rivals(confidence, none[track], threshold, better=bool(better))
             row.append(
                 Candidate(
                     system_id=vehicle,
@@ -142,20 +146,21 @@ def missing_because(status: VehicleRow | VehicleStatus | None, age_s: float, *, 
     return CONTRADICTED if contradicted else ""
 
 
-def _of_its_reports(status: VehicleStatus | None, deviation: float, age_s: float) -> Iterator[str]:
+def _of_its_reports(status: VehicleStatus | None, distance_m: float, deviation: float, age_s: float) -> Iterator[str]:
     """Fault of the place where a vehicle's reports put it."""
     if deviation > FAR_DEVIATIONS and age_s <= OLD_S:
-        yield f"too far: {min(deviation, 99):.0f} σ"
+        yield f"too far: up to {FAR_DEVIATIONS * distance_m / deviation:.1f} m is usual"
     if status is not None and status.doubted_for:
         yield DOUBTED
 
 
-def _of_its_rivals(
-    confidence: float, none_of_ours: float, threshold: float, better: int, better_confidence: float
-) -> Iterator[str]:
+def _better_box(sure: float, *, has_name: bool) -> str:
+    """Words for a box that the vehicle rather is, which has its name or not."""
+    return f"another box {'has its name' if has_name else 'fits it better'} ({certainty(sure)})"
+
+
+def _of_its_rivals(confidence: float, none_of_ours: float, threshold: float, *, better: bool) -> Iterator[str]:
     """Answer that is likelier than that the box is this vehicle."""
-    if better:
-        yield f"track {better} fits it better ({certainty(better_confidence)})"
     if none_of_ours > confidence and none_of_ours >= LEAST_SHOWN:
         yield "none of ours is likelier"
     elif confidence < threshold and not better:

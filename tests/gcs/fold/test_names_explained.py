@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import pytest
 
@@ -55,7 +56,10 @@ def test_the_candidates_of_a_box_are_the_fleet_with_what_speaks_against_each(sce
     assert (first.system_id, second.system_id) == (UGV, OTHER)
     assert first.confidence == box.confidence and first.distance_m < 3.0 and not first.against
     assert second.distance_m > 8.0
-    assert "too far" in second.against and f"track {scene.box(OTHER).track_id} fits it better (99%)" in second.against
+    far, better = second.against.split(", ")
+    assert better == "another box has its name (99%)"
+    usual_m = float(re.fullmatch(r"too far: up to (\d+\.\d) m is usual", far)[1])
+    assert 0.3 < usual_m < second.distance_m
     assert box.none_of_ours < 0.05
 
 

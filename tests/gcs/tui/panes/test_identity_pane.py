@@ -22,8 +22,8 @@ from tests.support.fake_station import WIDE, FakeStation, make_snapshot, polled,
 SNAPSHOT = replace(make_snapshot(), pose="known")
 UNNAMED = next(box for box in SNAPSHOT.boxes if box.track_id == 21)
 CANDIDATES = (
-    Candidate(system_id=15, confidence=0.34, distance_m=9.8, against="9.8 m from its report, 4 σ"),
-    Candidate(system_id=11, confidence=0.02, distance_m=31.0, against="track 3 fits it better (97%)"),
+    Candidate(system_id=15, confidence=0.34, distance_m=9.8, against="too far: up to 2.4 m is usual"),
+    Candidate(system_id=11, confidence=0.02, distance_m=31.0, against="another box has its name (97%)"),
     Candidate(system_id=17, confidence=0.0, against="no position for 12 s"),
 )
 
@@ -69,7 +69,14 @@ async def test_an_unnamed_box_shows_its_candidates_and_what_speaks_against_each(
         await pilot.press("up")
         said = text_of(app.query_one(IdentityPane))
         assert "no name for 8.0s" in said
-        for words in ("34%", "9.8 m", "4 σ", "track 3 fits it better (97%)", "no position for 12 s", "64%"):
+        for words in (
+            "34%",
+            "9.8 m",
+            "2.4 m is usual",
+            "another box has its name (97%)",
+            "no position for 12 s",
+            "64%",
+        ):
             assert words in said.replace("\n", " "), words
         assert "none of ours" in said and "█" in said
 
@@ -90,7 +97,7 @@ async def test_candidates_can_be_read_on_a_small_screen():
         assert "34% ██▊       9.8 m" in text_of(app.query_one(IdentityPane))
         await pilot.press("i", "z")
         said = " ".join(text_of(app.query_one(IdentityPane)).split())
-        assert "UGV-15 34%" in said and "9.8 m from its report, 4 σ" in said and "no position for 12 s" in said
+        assert "UGV-15 34%" in said and "too far: up to 2.4 m is usual" in said and "no position for 12 s" in said
 
 
 async def test_a_picked_box_that_gets_a_name_is_picked_as_its_vehicle():
@@ -205,7 +212,7 @@ async def test_the_pane_of_a_vehicle_without_a_box_says_which_box_it_may_be():
         await pilot.press(*["down"] * 6)
         said = " ".join(text_of(app.query_one(IdentityPane)).split())
         assert app.selected == 15
-        assert "upper right, where no box is" in said and "track 21: 34%, 9.8 m" in said and "4 σ" in said
+        assert "upper right, where no box is" in said and "track 21: 34%, 9.8 m" in said and "2.4 m is usual" in said
 
 
 @pytest.mark.parametrize(("later_s", "words"), [(0, "gone: no longer in the picture"), (12, "no new frame for 12s")])

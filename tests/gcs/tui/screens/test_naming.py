@@ -9,8 +9,8 @@ from gcs.tui.screens.naming import NameList, choices_of
 from tests.support.fake_station import WIDE, FakeStation, make_snapshot, running, screen_text
 
 CANDIDATES = (
-    Candidate(system_id=15, confidence=0.34, distance_m=9.8, against="too far: 4 σ"),
-    Candidate(system_id=12, confidence=0.02, distance_m=31.0, against="track 4 fits it better (99%)"),
+    Candidate(system_id=15, confidence=0.34, distance_m=9.8, against="too far: up to 2.4 m is usual"),
+    Candidate(system_id=12, confidence=0.02, distance_m=31.0, against="another box has its name (99%)"),
 )
 
 
@@ -30,7 +30,11 @@ async def test_the_picked_box_is_stated_with_two_keys():
         await pilot.press("up", "equals_sign")
         assert isinstance(app.screen, NameList)
         said = screen_text(app)
-        assert "Which vehicle is track 21" in said and "34%, 9.8 m, too far: 4 σ" in said and "none of ours" in said
+        assert (
+            "Which vehicle is track 21" in said
+            and "34%, 9.8 m, too far: up to 2.4 m is usual" in said
+            and "none of ours" in said
+        )
         await pilot.press("enter")
         assert station.stated == [(21, 15)]
         assert (app.selected, app.picked_track) == (15, 0)
