@@ -15,7 +15,7 @@ from gcs.errors import FlightError
 from gcs.report.vehicle_names import text_with_sender
 from gcs.snapshot import Alarm, Event, Snapshot
 from gcs.tui.draw.format import REPORTED_WORDS, age, clock
-from gcs.tui.draw.strips import cut_between_words, fitted, line, width_of
+from gcs.tui.draw.strips import cut_between_words, fitted, line
 from gcs.tui.palette import ALARM, FAINT, HEAD, PANEL, WARN, ink
 from gcs.tui.panes.alarms import ALARMS_UNKNOWN, Seen, is_final, unseen
 from infra.plain_text import plain
@@ -33,6 +33,10 @@ class Alert:
     level: Literal["alarm", "warning", "calm"] = "calm"
     """``alarm`` is loud; ``calm`` is also what was acknowledged."""
     text: str = ""
+    at: str = ""
+    """Time of day since which it is so, left out where the words take its room; empty for none."""
+    more: str = ""
+    """Number of others like it: ``(and 2 more)``, never cut; empty for none."""
     hinted: bool = False
     """True if the list of alarms has more about it."""
 
@@ -70,7 +74,7 @@ def alert_of(
     fresh = unseen(snapshot.alarms, seen)
     loud = [alarm for alarm in fresh if alarm.level == "alarm"]
     if loud:
-        return Alert(level="alarm", text=_summary(loud), hinted=True)
+        return _latest(loud, level="alarm", hinted=True)
     lately = [event for event in events if 0 <= snapshot.now_us - event.t_us < EVENT_SHOWN_US]
     # what the list of alarms has, or had, is told by it; older recordings have its words alone
     listed = {alarm.text for alarm in snapshot.alarms}
@@ -79,18 +83,32 @@ def alert_of(
     recent = [event for event in loose if event.text not in listed]
     if recent:
         counted = any(alarm.level == "alarm" for alarm in snapshot.alarms)
-        text = f"{clock(recent[-1].t_us)} {text_with_sender(recent[-1], snapshot.name_of)}"
-        return Alert(level="alarm" if counted else "warning", text=text)
+        text = text_with_sender(recent[-1], snapshot.name_of)
+        return Alert(level="alarm" if counted else "warning", text=text, at=clock(recent[-1].t_us))
     if fresh:
-        return Alert(level="warning", text=_summary(fresh), hinted=True)
+        return _latest(fresh, level="warning", hinted=True)
     if snapshot.alarms:
-        return Alert(text=f"seen: {_summary(snapshot.alarms)}")
+        return _latest(snapshot.alarms, before="seen: ")
     return Alert(text="no alarms" if is_final(snapshot) else ALARMS_UNKNOWN)
 
 
-def _summary(alarms: Sequence[Alarm]) -> str:
-    more = f" (and {len(alarms) - 1} more)" if len(alarms) > 1 else ""
-    return f"{clock(alarms[0].since_us)} {REPORTED_WORDS[alarms[0].reported]}{plain(alarms[0].text)}{more}"
+def _latest(
+    alarms: Sequence[Alarm],
+    before: str = "",
+    *,
+    level: Literal["alarm", "warning", "calm"] = "calm",
+    hinted: bool = False,
+) -> Alert:
+    """The newest of the worst, which is not known yet: one that lasts would hide all that come after it."""
+    worst = [each for each in alarms if (each.level, each.doubts_name) == (alarms[0].level, alarms[0].doubts_name)]
+    newest = max(worst, key=lambda each: each.since_us)
+    return Alert(
+        level=level,
+        text=f"{before}{REPORTED_WORDS[newest.reported]}{plain(newest.text)}",
+        at="" if before else clock(newest.since_us),
+        more=f"(and {len(alarms) - 1} more)" if len(alarms) > 1 else "",
+        hinted=hinted,
+    )
 
 
 class Banner(Widget):
@@ -103,16 +121,24 @@ class Banner(Widget):
         """Dark on red while it is an alarm; the marks and words alone are enough."""
         width = self.size.width
         if self.alert.level == "calm":
-            return line([(fitted(f" {plain(self.alert.text)}", width), ink(FAINT, HEAD))], width, HEAD)
+            text = _fitting(self.alert, " ", width)
+            return line([(text, ink(FAINT, HEAD))], width, HEAD)
         loud = self.alert.level == "alarm"
         style, paper = (ink(PANEL, ALARM, bold=True), ALARM) if loud else (ink(WARN, HEAD), HEAD)
-        text = f" {'!!' if loud else '! '} {plain(self.alert.text)}"
-        fitting = (hint for hint in HINTS if self.alert.hinted and cell_len(text) + len(hint) <= width)
-        hint = [(next(fitting, ""), style)]
-        room = width - width_of(hint)
-        text = fitted(cut_between_words(text, room), room)
-        return line([(text, style), *hint], width, paper)
+        text = _fitting(self.alert, f" {'!!' if loud else '! '} ", width)
+        room = width - cell_len(text.rstrip())
+        hint = next((hint for hint in HINTS if self.alert.hinted and len(hint) <= room), "")
+        return line([(fitted(text, width - len(hint)), style), (hint, style)], width, paper)
 
     async def on_click(self) -> None:
         """All alarms."""
         await self.run_action("app.pane('alarms')")
+
+
+def _fitting(alert: Alert, before: str, width: int) -> str:
+    """The words with the time where there is room for it, cut only where they do not fit without."""
+    text, more = plain(alert.text), f" {alert.more}" if alert.more else ""
+    dated = f"{before}{alert.at} {text}{more}"
+    if alert.at and cell_len(dated) <= width:
+        return dated
+    return cut_between_words(before + text, width - len(more)) + more

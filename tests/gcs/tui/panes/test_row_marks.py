@@ -63,6 +63,25 @@ def test_the_banner_shows_the_worst_and_not_the_newest():
         assert "conflict 11" in alert_of(snapshot, (), frozenset()).text
 
 
+def test_what_lasts_hides_nothing_that_comes_later():
+    lasting = replace(LOW, key="no keys", text="nothing is authenticated: anybody can pose as a vehicle", system_id=0)
+    came = replace(LOW, since_us=lasting.since_us + 1, text="UGV-13: battery low: 20%, 11.1 V", system_id=13)
+    alert = alert_of(replace(make_snapshot(live=True), alarms=(lasting, came)), (), frozenset())
+    assert (alert.text, alert.more) == (came.text, "(and 1 more)")
+
+
+async def test_the_time_gives_way_to_the_words_and_the_number_of_others_is_never_cut():
+    doubted = "UGV-12: its autopilot doubts its position: receiver and estimate are apart"
+    for text, shown in ((doubted, f" !! {doubted}"), (f"{doubted}, and longer still", " !! UGV-12: its")):
+        alarms = (replace(CONFLICT, text=text), replace(CONFLICT, key="b", since_us=CONFLICT.since_us - 1))
+        station = FakeStation(
+            live=True, snapshot=replace(make_snapshot(live=True), alarms=alarms[: 1 + (text != doubted)])
+        )
+        async with running(station, SMALL) as (app, _, _):
+            said = text_of(app.query_one(Banner)).rstrip()
+        assert said.startswith(shown) and said.endswith("are apart" if text == doubted else "… (and 1 more)"), said
+
+
 @pytest.mark.parametrize(("text", "hinted"), [("UGV-12: silent", True), (f"UGV-12: {'its receiver ' * 4}fails", False)])
 async def test_the_banner_rather_shows_its_words_than_its_keys(text, hinted):
     snapshot = replace(make_snapshot(live=True), alarms=(replace(SILENT, text=text),))
@@ -116,5 +135,5 @@ async def test_a_key_sorts_by_trouble_and_the_keys_that_pick_follow():
 
 
 def test_nothing_is_called_likelier_that_is_shown_as_none():
-    assert list(_of_its_rivals(0.001, 0.004, 0.7, 0, 0.0)) == ["not sure enough: 70% needed"]
-    assert list(_of_its_rivals(0.1, 0.4, 0.7, 0, 0.0)) == ["none of ours is likelier"]
+    assert list(_of_its_rivals(0.001, 0.004, 0.7, better=False)) == ["not sure enough: 70% needed"]
+    assert list(_of_its_rivals(0.1, 0.4, 0.7, better=False)) == ["none of ours is likelier"]
