@@ -61,7 +61,7 @@ class RollCallRow:
     @property
     def first_named(self) -> str:
         """Time from the first frame that was looked at to its first name, ``14.7 s``; ``–``: never named."""
-        return f"{self.first_named_s:.1f} s" if self.boxes else "–"
+        return _seconds(self.first_named_s) if self.boxes else "–"
 
     @property
     def remark(self) -> str:
@@ -237,6 +237,10 @@ class RollCall:
         """From the first frame that was looked at to the last."""
         return (self._stop_us - self._start_us) * 1e-6
 
+    def after_first_frame(self, frame_us: int) -> str:
+        """Time from the first frame that was looked at to another one, ``14.7 s``, as ``first_named`` counts it."""
+        return _seconds((frame_us - self._start_us) * 1e-6)
+
     def rows(self) -> list[RollCallRow]:
         """One a vehicle, in the mission's order."""
         return [self._row(system_id, entry) for system_id, entry in self._entries.items()]
@@ -282,6 +286,10 @@ class RollCall:
         unknown = self._unknown(entry)
         why = f"its place or the camera's is not known in {unknown} of {self.frames} frames" if unknown else ""
         return "never where the camera looked", why
+
+
+def _seconds(seconds: float) -> str:
+    return f"{seconds:.1f} s"
 
 
 def _marks(events: Iterable[Event]) -> int:

@@ -78,10 +78,8 @@ class VehicleRecord:
     """Frames by who else it might have been."""
     named_us: int = 0
     """Time for which its box had its name: from each such frame to the next one, ``LONGEST_STEP_US`` at most."""
-    first_us: int = 0
-    """Time at which it was named first, 0 never."""
     sure_us: int = 0
-    """Time at which its name was confirmed first, 0 never."""
+    """Frame in which its name was confirmed first, 0 never."""
     changes: list[tuple[int, int, int]] = field(default_factory=list)
     """Time, Unix µs, and the tracks that had its name before and after."""
     changed: int = 0
@@ -183,9 +181,8 @@ class FlightSummary:
         part = self.part_of(at_us)
         vehicle.named.add(box.confidence)
         vehicle.residual_m.add(box.residual_m)
-        vehicle.first_us = vehicle.first_us or at_us
         if box.confidence >= CONFIRMED:
-            vehicle.sure_us = vehicle.sure_us or at_us
+            vehicle.sure_us = vehicle.sure_us or snapshot.t_us
         if box.runner_up:
             vehicle.runners_up[snapshot.name_of(box.runner_up)] += 1
         if math.isnan(vehicle.seen[part, 0]):

@@ -51,8 +51,8 @@ def vehicle_parts(record: FlightSummary) -> str:
 
 def _part(record: FlightSummary, vehicle: VehicleRecord, row: RollCallRow) -> str:
     rows = [
-        ("first named at", _moment(record, vehicle.first_us)),
-        ("first confirmed at", _moment(record, vehicle.sure_us)),
+        ("first named", row.first_named if row.boxes else "never"),
+        ("first confirmed", record.rollcall.after_first_frame(vehicle.sure_us) if vehicle.sure_us else "never"),
         ("confidence", _confidence(vehicle.named)),
         ("from its box to its report", _metres(vehicle.residual_m)),
         ("who else it might have been", _others(vehicle)),
@@ -64,10 +64,6 @@ def _part(record: FlightSummary, vehicle: VehicleRecord, row: RollCallRow) -> st
     ]
     head = f"<h3>{words(vehicle.name)} <span class='soft'>system id {vehicle.system_id}</span></h3>"
     return f"<article>{head}{table(('what', 'found'), rows, caption=f'What is known of {vehicle.name}')}</article>"
-
-
-def _moment(record: FlightSummary, t_us: int) -> str:
-    return clock((t_us - record.start_us) * 1e-6) if t_us else "never"
 
 
 def _confidence(named: Spread) -> str:
@@ -94,6 +90,9 @@ def _fixes(vehicle: VehicleRecord) -> str:
 def _changes(record: FlightSummary, vehicle: VehicleRecord) -> str:
     if not vehicle.changed:
         return "never"
-    told = [f"{_moment(record, t_us)} (track {before} to {after})" for t_us, before, after in vehicle.changes]
+    told = [
+        f"{clock((t_us - record.start_us) * 1e-6)} (track {before} to {after})"
+        for t_us, before, after in vehicle.changes
+    ]
     more = vehicle.changed - len(told)
     return ", ".join(told[:MOST_CHANGES]) + (f" and {more} more" if more else "")

@@ -175,6 +175,15 @@ def test_means_are_of_every_box_however_long_the_flight():
     assert "mean 2.00 m, most 5.00 m" in check_alone(report(near_and_far)).text
 
 
+def test_times_of_first_names_are_counted_once_from_the_first_frame():
+    before = (replace(snapshot(k), seen_us=0) for k in range(30))
+    named = (
+        snapshot(30 + k, boxes=[replace(box(1, 2), confidence=0.7 if k < 5 else 0.95)] * (k >= 2)) for k in range(9)
+    )
+    text = check_alone(report((*before, *named))).text
+    assert "first named 0.2 s" in text and "first confirmed 0.5 s" in text
+
+
 def test_names_on_the_map_stand_apart_where_tracks_end_together():
     fleet = tuple(MissionVehicle(system_id=k, name=f"UGV-{k}") for k in range(2, 10))
     record = FlightSummary(Mission(uav=MissionVehicle(system_id=1), ugv=fleet), 0, 7 * STEP, 0.1)
