@@ -120,7 +120,7 @@ class Troubles:
         self._on: set[tuple[str, int]] = set()
         self._parser = dialect.MAVLink(None)
         self._encoders: dict[tuple[int, int, str], Any] = {}
-        self._frozen: dict[int, tuple[int, int]] = {}
+        self._frozen: dict[tuple[int, str], tuple[int, int]] = {}
         self._boot_ms: dict[int, int] = {}
         """Time that is taken from the boot times of vehicles that booted again."""
         self._beats = dict.fromkeys(self._ids, 0)
@@ -150,7 +150,7 @@ class Troubles:
         name, system_id = parse_trouble(text, self._ids)
         self._on ^= {(name, system_id)}
         if name == "frozen":
-            self._frozen.pop(system_id, None)
+            self._frozen = {whose: place for whose, place in self._frozen.items() if whose[0] != system_id}
 
     def listen(self) -> None:
         """Take what came to the port; what is no trouble is passed over."""
@@ -191,26 +191,31 @@ class Troubles:
     def _changed(self, message: Message, system_id: int, on: set[str]) -> Message:
         """A message as it is with the troubles of its vehicle."""
         kind = message.get_type()
-        if kind == "GLOBAL_POSITION_INT":
-            place = self._frozen.setdefault(system_id, (message.lat, message.lon)) if "frozen" in on else None
-            message.lat, message.lon = place or (message.lat, message.lon)
-            message.lat += round(LIE_M * _DEGREES7_PER_M) if "lie" in on else 0
-            if ELSEWHERE in on and system_id in self._driving:
-                message.lat += round(ELSEWHERE_M * math.cos(_TURN * system_id) * _DEGREES7_PER_M)
-                message.lon += round(ELSEWHERE_M * math.sin(_TURN * system_id) * _DEGREES7_PER_M)
+        if kind in ("GLOBAL_POSITION_INT", "GPS_RAW_INT"):
+            self._misplace(message, system_id, on)
         if kind == "GPS_RAW_INT" and on & {"fix", "satellites"}:
             message.fix_type = dialect.GPS_FIX_TYPE_NO_FIX if "fix" in on else message.fix_type
             message.satellites_visible = 4
         if kind == "SYSTEM_TIME" and "clock" in on:
             message.time_unix_usec += 60_000_000
-        if kind == "GLOBAL_POSITION_INT" and "fix" in on:
-            message.lat = message.lon = 0
         if hasattr(message, "time_boot_ms"):
             if "reboot" in on:
                 self._boot_ms[system_id] = message.time_boot_ms
                 self._on.discard(("reboot", system_id))
             message.time_boot_ms = max(message.time_boot_ms - self._boot_ms.get(system_id, 0), 0)
         return message
+
+    def _misplace(self, message: Message, system_id: int, on: set[str]) -> None:
+        """Change the place in a message, of the receiver as of the filter: who is misled believes its receiver."""
+        whose = system_id, message.get_type()
+        place = self._frozen.setdefault(whose, (message.lat, message.lon)) if "frozen" in on else None
+        message.lat, message.lon = place or (message.lat, message.lon)
+        message.lat += round(LIE_M * _DEGREES7_PER_M) if "lie" in on else 0
+        if ELSEWHERE in on and system_id in self._driving:
+            message.lat += round(ELSEWHERE_M * math.cos(_TURN * system_id) * _DEGREES7_PER_M)
+            message.lon += round(ELSEWHERE_M * math.sin(_TURN * system_id) * _DEGREES7_PER_M)
+        if "fix" in on:
+            message.lat = message.lon = 0
 
     def _beside(self, system_id: int, on: set[str]) -> Iterator[Message]:
         """Messages that go with a heartbeat."""

@@ -23,7 +23,7 @@ def sent(troubles, seconds=20, system_id=11):
         for message in (
             dialect.MAVLink_heartbeat_message(10, 3, 128, 10, 4, 3),
             dialect.MAVLink_global_position_int_message(1000 * (60 + second), 10**8 + second * 100, *([0] * 7)),
-            dialect.MAVLink_gps_raw_int_message(0, 3, 0, 0, 0, 80, 120, 0, 0, 14),
+            dialect.MAVLink_gps_raw_int_message(0, 3, 10**8 + second * 100, 0, 0, 80, 120, 0, 0, 14),
             dialect.MAVLink_attitude_message(1000 * (60 + second), *([0.0] * 6)),
             dialect.MAVLink_system_time_message(10**15, 1000 * (60 + second)),
         ):
@@ -137,6 +137,15 @@ def test_a_trouble_of_nobody_alone_is_the_whole_fleets():
     troubles.toggle("elsewhere")
     own = {system_id: of(POSITION, sent(troubles, system_id=system_id)[0])[0] for system_id in (11, 12)}
     assert own[11].lat != own[12].lat and all(0.0111195 * hypot(place) > 39.0 for place in own.values())
+
+
+@pytest.mark.parametrize("trouble", ["lie 11", "frozen 11", "fix 11", "elsewhere"])
+def test_the_receiver_of_who_is_misled_tells_the_same_place(trouble):
+    troubles = Troubles(IDS)
+    troubles.toggle(trouble)
+    own, _ = sent(troubles)
+    places, received = ([(m.lat, m.lon) for m in of(kind, own)] for kind in (POSITION, GPS))
+    assert places == received and places[1] != (10**8 + 100, 0)
 
 
 def test_troubles_come_by_a_port_of_this_computer_and_noise_there_is_passed_over():
