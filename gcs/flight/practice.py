@@ -41,7 +41,7 @@ class PractisedFleet:
         if key == "reboot":
             self._on.discard(trouble)  # it is over at once
         ends = trouble not in self._on and key != "reboot"
-        self._on_event(trouble[1], f"practised: {TROUBLES[key]}{'; it ends' if ends else ''}")
+        self._on_event(trouble[1], f"practised{', ended' if ends else ''}: {TROUBLES[key]}")
 
     def _of(self, key: str, system_id: int) -> tuple[str, int]:
         concerns_none = key in OF_THE_FLEET or (key in OF_CAMERAS and system_id not in self._films)

@@ -52,14 +52,15 @@ ROLE_COLOURS: Final[Mapping[Role, Colour]] = {"films": ACCENT, "named": GOOD, "o
 HINTS: Final = (
     ("enter", "fly"),
     ("q", "quit"),
-    ("↑↓", "vehicle"),
-    ("space", "in or out"),
+    ("space", "in/out"),
     ("f", "films"),
     ("r", "rename"),
     ("v", "video"),
-    ("s", "serial port"),
+    ("s", "serial"),
     ("t", "theme"),
+    ("↑↓", "vehicle"),
 )
+"""Keys for the last row; all but the arrows, which every list has, fit in 80 columns."""
 
 
 class StartApp(TerminalApp):

@@ -31,7 +31,8 @@ class ChoiceList(ModalScreen[str | None]):
     ChoiceList > Vertical { width: 72; max-width: 100%; height: auto; max-height: 100%; padding: 0 2; }
     ChoiceList > Vertical { background: $panel; }
     ChoiceList Static { background: $panel; }
-    ChoiceList OptionList { height: auto; max-height: 100%; border: none; padding: 0; background: $surface; }
+    ChoiceList OptionList { height: auto; max-height: 90%; border: none; padding: 0; background: $surface; }
+    ChoiceList OptionList:focus { border: none; }
     ChoiceList OptionList > .option-list--option-highlighted { background: $block-cursor-background; }
     """
 

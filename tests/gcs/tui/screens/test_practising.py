@@ -1,7 +1,9 @@
 """X begins and ends troubles of a simulated fleet; a real one has none."""
 
+import pytest
+
 from gcs.flight.practice import PractisedFleet
-from tests.support.fake_station import FakeStation, running, screen_text
+from tests.support.fake_station import SMALL, WIDE, FakeStation, running, screen_text
 
 
 async def test_a_trouble_begins_and_ends_with_two_keys_each():
@@ -14,12 +16,25 @@ async def test_a_trouble_begins_and_ends_with_two_keys_each():
         await pilot.press("enter", "X")
         assert "nearly empty – is on, ends it" in screen_text(app)
         await pilot.press("enter", "X", "end", "enter")
-    battery = "practised: its battery is nearly empty"
+    battery = "its battery is nearly empty"
     assert told == [
-        (11, battery),
-        (11, f"{battery}; it ends"),
+        (11, f"practised: {battery}"),
+        (11, f"practised, ended: {battery}"),
         (0, "practised: no vehicle is where the film shows one"),
     ]
+
+
+@pytest.mark.parametrize("size", [SMALL, WIDE])
+async def test_the_list_says_what_enter_does_however_many_troubles_there_are(size):
+    station = FakeStation(live=True)
+    station.practice = PractisedFleet(9, lambda *_: None)
+    async with running(station, size) as (app, pilot, _):
+        await pilot.press("X")
+        for key in ("home", "end"):
+            await pilot.press(key)
+            lines = screen_text(app).splitlines()
+            assert any("enter begins or ends it; esc closes" in each for each in lines)
+            assert not any("▔" in each or "▎" in each for each in lines)
 
 
 async def test_a_real_fleet_has_no_troubles_to_practise_with():

@@ -6,7 +6,8 @@ import pytest
 
 from gcs.flight import devices
 from gcs.mission.roster import HeardVehicle, mission_of
-from gcs.tui.start_app import StartApp
+from gcs.tui.panes.key_hints import KeyHints
+from gcs.tui.start_app import HINTS, StartApp
 from infra.wall_clock import now_us
 from mavlink.errors import LinkError
 from mavlink.protocol.encoder import COPTER, ROVER
@@ -49,6 +50,13 @@ async def press(listening, *keys, chosen=None):
         table = app.query_one("#panes") if app.is_running and len(app.screen_stack) == 1 else None
         lines = [] if table is None else [table.render_line(y).text for y in range(table.size.height)]
     return app, "\n".join(lines)
+
+
+async def test_every_key_but_the_arrows_is_in_the_last_row():
+    app = StartApp(air(COPTER_1, *ROVERS), {})
+    async with app.run_test(size=SMALL):
+        last = app.query_one(KeyHints).render_line(0).text
+    assert [key for key, word in HINTS if key != "↑↓" and f" {key} {word} " not in last] == []
 
 
 async def test_enter_flies_with_who_is_heard():
