@@ -16,6 +16,8 @@ from vision.track.tracks import Tracks
 
 NONE_LIKELIER = 0.5
 """Probability of "none of ours" above which it is why a name went."""
+BACK_US = 2_000_000
+"""Time that a name must last on the box that lost it until it is said to be back: near its limit it comes and goes."""
 
 
 class NameChanges:
@@ -31,6 +33,10 @@ class NameChanges:
         self._at_border: frozenset[int] = frozenset()
         self.by_track: dict[int, int] = {}
         self.began_anew = False
+        self._lost: dict[int, int] = {}
+        """Track that lost its name, by vehicle: what was said last of it."""
+        self._back: dict[int, Event] = {}
+        """Event that waits until the name has lasted on that track, by vehicle."""
 
     def update(
         self,
@@ -58,8 +64,11 @@ class NameChanges:
             found = {track: (vehicle, sure) for track, vehicle, sure in zip(*columns, strict=True)}
         self.by_track = {track: vehicle for track, (vehicle, _) in found.items() if vehicle}
         lost = {track: vehicle for track, vehicle in before.items() if vehicle not in self.by_track.values()}
-        events = self._given(t_us, before, found)
+        events = [*self._lasting(t_us), *self._given(t_us, before, found)]
         for track, vehicle in lost.items():
+            if self._back.pop(vehicle, None) is not None:
+                continue  # that it was lost is what was said last
+            self._lost[vehicle] = track
             text = f"track {track} is no longer {self.mission.name_of(vehicle)}: "
             if vehicle in self.mission.ugv_ids:
                 text += self._reason(track, vehicle, identities, state, suspected)
@@ -78,8 +87,21 @@ class NameChanges:
                 text = f"track {track} is {self.mission.name_of(vehicle)} ({certainty(sure)})"
                 text += f", no longer {self.mission.name_of(former)}" if former else ""
                 level: Level = "warning" if former else "info"
-                events.append(Event(t_us=t_us, level=level, kind="identity", text=text, system_id=vehicle))
+                event = Event(t_us=t_us, level=level, kind="identity", text=text, system_id=vehicle)
+                if self._lost.get(vehicle) == track and not former:
+                    self._back[vehicle] = event
+                else:
+                    self._lost.pop(vehicle, None)
+                    self._back.pop(vehicle, None)
+                    events.append(event)
         return events
+
+    def _lasting(self, t_us: int) -> list[Event]:
+        """Events of names that are back for good, each of the time at which it came back."""
+        lasting = [vehicle for vehicle, event in self._back.items() if t_us - event.t_us >= BACK_US]
+        for vehicle in lasting:
+            del self._lost[vehicle]
+        return [self._back.pop(vehicle) for vehicle in lasting]
 
     def _reason(
         self,

@@ -1,0 +1,59 @@
+"""Each real change of a name is one event: a name near its limit comes and goes from frame to frame."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from gcs.fold.name_changes import BACK_US, NameChanges
+from gcs.mission.mission import Mission, MissionVehicle
+
+STEP_US = 200_000
+MISSION = Mission(uav=MissionVehicle(system_id=1), ugv=tuple(MissionVehicle(system_id=i) for i in (11, 12)))
+STATE = SimpleNamespace(
+    vehicles=[SimpleNamespace(system_id=i, contested=False, position_state="ok", refused_for="") for i in (1, 11, 12)]
+)
+SIZE = 640, 480
+
+
+def told(*names):
+    """Times in frames and words of the events, where each frame has the vehicles of tracks 3 and 4, 0 for no name."""
+    changes, events = NameChanges(MISSION), []
+    place = np.full(2, 200.0)
+    tracks = SimpleNamespace(track_id=np.array([3, 4]), cx=place, cy=place, w=place / 10, h=place / 10)
+    for frame, vehicles in enumerate(names):
+        identities = SimpleNamespace(
+            track_id=tracks.track_id,
+            system_id=np.array(vehicles),
+            confidence=np.full(2, 0.75),
+            candidates=SimpleNamespace(none_of_ours=np.zeros(2)),
+        )
+        events += changes.update(frame * STEP_US, identities, STATE, tracks, SIZE)
+    return [(event.t_us // STEP_US, event.text) for event in events]
+
+
+NAMED, LOST = [(12, 0)], [(0, 0)]
+IS, GONE = "track 3 is UGV-12 (75%)", "track 3 is no longer UGV-12: the evidence does not suffice"
+
+
+def test_a_name_that_flickers_back_is_not_told_each_time():
+    names = NAMED * 5 + LOST + NAMED * 7 + LOST * 2 + NAMED * 3 + LOST + NAMED * 20
+    assert told(*names) == [(0, IS), (5, GONE), (19, IS)]
+
+
+def test_a_name_that_lasts_is_told_and_so_is_its_next_loss():
+    lasting = NAMED * (BACK_US // STEP_US + 1)
+    assert told(*lasting, *LOST, *lasting, *LOST) == [(0, IS), (11, GONE), (12, IS), (23, GONE)]
+
+
+@pytest.mark.parametrize(
+    ("later", "words"),
+    [
+        ([(0, 12)], "track 4 is UGV-12 (75%)"),
+        ([(11, 0)], "track 3 is UGV-11 (75%)"),
+        ([(12, 0), (0, 12)], "track 4 is UGV-12 (75%)"),
+        ([(12, 0), (11, 0)], "track 3 is UGV-11 (75%), no longer UGV-12"),
+    ],
+)
+def test_another_name_or_another_track_is_told_at_once(later, words):
+    assert told(*NAMED, *LOST, *later) == [(0, IS), (1, GONE), (1 + len(later), words)]
