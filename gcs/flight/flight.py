@@ -314,8 +314,8 @@ class Flight:
             )
 
     def _add_practised(self, system_id: int, text: str) -> None:
-        name = self._first.pipeline.mission.name_of(system_id) if system_id else "practice"
-        self.add_event(Event(t_us=now_us(), level="info", kind="operator", text=f"{name}: {text}", system_id=system_id))
+        whose = f"{self._first.pipeline.mission.name_of(system_id)}: " if system_id else ""
+        self.add_event(Event(t_us=now_us(), level="info", kind="operator", text=f"{whose}{text}", system_id=system_id))
 
     def _add_operator_event(self, system_id: int, text: str) -> None:
         self.add_event(

@@ -114,7 +114,9 @@ class Contradictions:
         left = left if len(left) <= len(fits) else set()
         # of two that report one place the one that was there before is right
         self._cleared = ((self._cleared | at_former) & set(identities.conflict)) - apart - left
-        conflict = set(identities.conflict) - self._cleared
+        # where several send in its name none of them is its word
+        conflict = set(identities.conflict) - self._cleared - state.contested
+        apart, left = apart - state.contested, left - state.contested
         # likewise, and in frames that are far apart the identifier may follow nobody
         conflict = conflict if followed and len(conflict) <= max(len(fits), FEW) else set()
         self._apart_us = _since(self._apart_us, apart, t_us)

@@ -21,7 +21,8 @@ from gcs.tui.panes.alarms import ALARMS_UNKNOWN, Seen, is_final, unseen
 from infra.plain_text import plain
 
 EVENT_SHOWN_US = 8_000_000
-"""For how long an alarm of the event log that is in no list of alarms is shown: time to read two lines."""
+"""For how long an alarm is news, and one of the event log that is in no list of alarms is shown: time to read two
+lines."""
 HINTS = ("  a: what to do, A: seen ", "  a: what to do ")
 """The first that does not cut the words; the footer has the key, too."""
 
@@ -74,7 +75,7 @@ def alert_of(
     fresh = unseen(snapshot.alarms, seen)
     loud = [alarm for alarm in fresh if alarm.level == "alarm"]
     if loud:
-        return _latest(loud, level="alarm", hinted=True)
+        return _latest(loud, snapshot.now_us, level="alarm", hinted=True)
     lately = [event for event in events if 0 <= snapshot.now_us - event.t_us < EVENT_SHOWN_US]
     # what the list of alarms has, or had, is told by it; older recordings have its words alone
     listed = {alarm.text for alarm in snapshot.alarms}
@@ -86,22 +87,24 @@ def alert_of(
         text = text_with_sender(recent[-1], snapshot.name_of)
         return Alert(level="alarm" if counted else "warning", text=text, at=clock(recent[-1].t_us))
     if fresh:
-        return _latest(fresh, level="warning", hinted=True)
+        return _latest(fresh, snapshot.now_us, level="warning", hinted=True)
     if snapshot.alarms:
-        return _latest(snapshot.alarms, before="seen: ")
+        return _latest(snapshot.alarms, snapshot.now_us, before="seen: ")
     return Alert(text="no alarms" if is_final(snapshot) else ALARMS_UNKNOWN)
 
 
 def _latest(
     alarms: Sequence[Alarm],
+    now_us: int,
     before: str = "",
     *,
     level: Literal["alarm", "warning", "calm"] = "calm",
     hinted: bool = False,
 ) -> Alert:
-    """The newest of the worst, which is not known yet: one that lasts would hide all that come after it."""
+    """The newest for as long as it is news, then the newest of the worst: what lasts hides nothing that comes later."""
     worst = [each for each in alarms if (each.level, each.doubts_name) == (alarms[0].level, alarms[0].doubts_name)]
-    newest = max(worst, key=lambda each: each.since_us)
+    news = [each for each in alarms if each.level == alarms[0].level and now_us - each.since_us < EVENT_SHOWN_US]
+    newest = max(news or worst, key=lambda each: each.since_us)
     return Alert(
         level=level,
         text=f"{before}{REPORTED_WORDS[newest.reported]}{plain(newest.text)}",

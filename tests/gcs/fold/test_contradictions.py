@@ -16,7 +16,9 @@ def on(snapshot):
     return KEY in {alarm.key for alarm in snapshot.alarms}
 
 
-def played(contradictions, frames, residual_m=(), *, first_us=0, step_s=0.2, conflict=(), fleet=range(11, 17)):
+def played(
+    contradictions, frames, residual_m=(), *, first_us=0, step_s=0.2, conflict=(), contested=(), fleet=range(11, 17)
+):
     """Frames in which the first vehicles are tracks 1, 2, … so far from where they report to be; when the next is."""
     k, ids = len(residual_m), np.array(fleet)
     empty = np.zeros((k, 0))
@@ -29,7 +31,8 @@ def played(contradictions, frames, residual_m=(), *, first_us=0, step_s=0.2, con
         conflict=list(conflict),
         candidates=SimpleNamespace(system_id=empty.astype(int), distance_m=empty, report_age_s=empty),
     )
-    state = SimpleNamespace(system_id=ids, std_m=np.ones(len(ids)), p_enu=np.outer(ids, [100.0, 0.0, 0.0]))
+    places = np.outer(ids, [100.0, 0.0, 0.0])
+    state = SimpleNamespace(system_id=ids, std_m=np.ones(len(ids)), p_enu=places, contested=frozenset(contested))
     step_us = round(step_s * 1e6)
     for t_us in range(first_us, first_us + frames * step_us, step_us):
         contradictions.update(t_us, found, state, seen=found.track_id.tolist(), stated=())
@@ -51,6 +54,16 @@ def test_frames_that_are_far_apart_accuse_nobody_and_acquit():
     assert contradictions.standing == {11}
     played(contradictions, 5, [0.3, 0.3], first_us=at_us, step_s=3.0)
     assert not contradictions.standing
+
+
+@pytest.mark.parametrize("how", [{"residual_m": [40.0, 0.3, 0.3]}, {"residual_m": [0.3, 0.3], "conflict": [11]}])
+def test_what_several_send_in_its_name_accuses_nobody(how):
+    contradictions = Contradictions()
+    at_us = played(contradictions, 20, [0.3, 0.3])
+    at_us = played(contradictions, 20, first_us=at_us, contested=[11], **how)
+    assert not contradictions.standing and not contradictions.suspected
+    played(contradictions, 20, first_us=at_us, **how)
+    assert contradictions.standing == {11}
 
 
 def test_who_leaves_the_fleet_is_accused_no_more():
@@ -140,7 +153,7 @@ def test_frames_that_follow_no_track_accuse_nobody(apart_s, accused):
     columns = ("track_id", "system_id", "confidence", "residual_m", "position_age_s")
     watch, none = Contradictions(), dict.fromkeys(columns, np.empty(0))
     found = SimpleNamespace(**none, candidates=SimpleNamespace(), conflict=(UGV,))
-    state = SimpleNamespace(system_id=np.array([UGV]), std_m=np.ones(1), p_enu=np.zeros((1, 3)))
+    state = SimpleNamespace(system_id=np.array([UGV]), std_m=np.ones(1), p_enu=np.zeros((1, 3)), contested=frozenset())
     for k in range(4):
         watch.update(round((9 + k * apart_s) * 1e6), found, state, seen=(), stated=())
     assert watch.standing == watch.suspected == accused

@@ -63,6 +63,14 @@ def test_the_banner_shows_the_worst_and_not_the_newest():
         assert "conflict 11" in alert_of(snapshot, (), frozenset()).text
 
 
+def test_a_later_alarm_is_on_the_banner_while_it_is_news():
+    base = make_snapshot(live=True)
+    for ago_s, shown in ((2, "silent 12"), (20, "conflict 11")):
+        came = replace(SILENT, since_us=base.now_us - ago_s * 1_000_000)
+        alert = alert_of(replace(base, alarms=(CONFLICT, came)), (), frozenset())
+        assert (alert.text, alert.more) == (shown, "(and 1 more)")
+
+
 def test_what_lasts_hides_nothing_that_comes_later():
     lasting = replace(LOW, key="no keys", text="nothing is authenticated: anybody can pose as a vehicle", system_id=0)
     came = replace(LOW, since_us=lasting.since_us + 1, text="UGV-13: battery low: 20%, 11.1 V", system_id=13)
