@@ -204,7 +204,7 @@ WORDS = frozenset(
 )
 """Words on video and map that are no names."""
 VALUE = re.compile(r"(?<![\w-])(\d{1,2}%|[+±]?\d+(\.\d+)? ?(km|m|s|h)|~?\?+)(?![\w-])")
-COUNT = re.compile(r"(?<!\S)\+(\d+)(?!\S)")
+COUNT = re.compile(r"(?<!\S)\+(\d+)(?: names)?(?!\S)")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -92,8 +92,8 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         text="no heartbeat",
         on_and_off="it is heard on and off",
         meaning=f"nothing received for {SILENT_S:g} s, or no heartbeat for {NO_HEARTBEAT_S:g} s though positions come",
-        advice="its radio or power is gone, it is out of range, or all it sends is refused; its last position stays on "
-        "the map",
+        advice="its radio or power is gone, it is out of range, or all it sends is refused or garbled; its last "
+        "position stays on the map",
         # what is held comes, and is an alarm of its own
         condition=lambda row, now: _silent(row) and not _is_held(row, now),
     ),
@@ -104,8 +104,8 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         kind="vehicle",
         text="position stale",
         on_and_off="its positions come and go",
-        meaning=f"heartbeats come, and no position for twice its usual interval and more than {UNSTEADY_S:g} s",
-        advice="check its stream rates and its receiver; it cannot be named meanwhile",
+        meaning=f"heartbeats come, and no new position for twice its usual interval and more than {UNSTEADY_S:g} s",
+        advice="check its stream rates; its receiver hangs if it drives and reports one place",
         condition=lambda row, _: row.position_state == "stale" and row.heartbeat_age_s < SPEAKS_S,
         kept_while=lambda row, _: row.position_state == "stale" and _silent(row),
         lasts_s=UNSTEADY_S,
@@ -116,8 +116,8 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         kind="vehicle",
         text="position lost",
         on_and_off="its positions come and go",
-        meaning=f"heartbeats come, and no position for more than {LOST_S:g} s, and four times as long as usual",
-        advice="check its stream rates and its receiver; it cannot be named meanwhile",
+        meaning=f"heartbeats come, and no new position for more than {LOST_S:g} s, and four times as long as usual",
+        advice="check its stream rates; its receiver hangs if it drives and reports one place",
         condition=lambda row, _: row.position_state == "lost" and row.heartbeat_age_s < SPEAKS_S,
         kept_while=lambda row, _: row.position_state == "lost" and _silent(row),
         lasts_s=BACK_S,

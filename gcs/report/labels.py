@@ -71,7 +71,7 @@ class Labelling:
     places: tuple[Place, ...] = ()
     """Places of the labels that found room, in the order given."""
     counts: tuple[Place, ...] = ()
-    """``+3``: so many labels found none here."""
+    """``+3``: so many labels found none here; ``+24 names`` of the whole picture, in its corner."""
     legend: tuple[Place, ...] = ()
     """Meanings of the shorter texts."""
     former: Mapping[int, tuple[int, int, int]] = field(default_factory=dict)
@@ -102,15 +102,15 @@ def place_labels(
     labels = [label for label in (_inside(label, grid) for label in labels) if label is not None]
     present = {label.key: label for label in labels}
     explained = {place.key for place in former.legend if place.key in present and present[place.key].legend}
-    spare = ""
+    spare = False
     for last in (*[False] * LEGEND_ROUNDS, True):
         occupied = Occupied(grid, [label.anchor for label in labels], list(marks))
-        remainder = occupied.take_first(spare, range(grid.rows)) if spare else None
+        remainder = _room_for_count(occupied, len(labels)) if spare else None
         legend = [_legend_place(occupied, present[key]) for key in sorted(explained)]
         places, unplaced = _place_all(labels, occupied, former)
         counts, missing = _count(unplaced, occupied, former)
         if missing and not spare and not last:
-            spare = f"+{len(labels)}"
+            spare = True
             continue
         wanted = {place.key for place in places if place.form >= present[place.key].short and present[place.key].legend}
         if wanted <= explained or last:
@@ -122,7 +122,8 @@ def place_labels(
         missing += len(unexplained)
         places = [place for place in places if place.key not in unexplained]
     if missing and remainder is not None:
-        counts.append(Place(key=COUNT_KEY, text=f"+{missing}", rect=remainder))
+        rect, word = remainder
+        counts.append(Place(key=COUNT_KEY, text=f"+{missing}{word}", rect=rect))
     offsets = {
         p.key: (p.form, p.rect[0] - p.anchor[0], p.rect[1] - p.anchor[1])
         for p in (*places, *counts)
@@ -146,6 +147,14 @@ def _inside(label: Label, grid: Grid) -> Label | None:
         return None
     anchor = (left, top, right - left, bottom - top)
     return label if anchor == label.anchor else replace(label, anchor=anchor)
+
+
+def _room_for_count(occupied: Occupied, most: int) -> tuple[Cells, str] | None:
+    """Room for how many names of the whole picture are missing, and the word behind the number where that fits."""
+    for word in (" names", ""):
+        if rect := occupied.take_first(f"+{most}{word}", range(occupied.grid.rows)):
+            return rect, word
+    return None
 
 
 def _legend_place(occupied: Occupied, label: Label) -> Place | None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from gcs.report.box_shapes import box_bounds, box_corners, front_mark
 from gcs.report.label_grid import Grid
-from gcs.report.labels import Label, place_labels
+from gcs.report.labels import COUNT_KEY, Label, place_labels
 from gcs.report.overlay import (
     STANDING_RGB,
     box_labels,
@@ -163,7 +163,7 @@ def test_a_label_of_a_mark_outside_is_left_out():
 def test_what_finds_no_place_is_counted():
     labels = [Label(key=i, anchor=(5, 0, 1, 1), texts=("abcde", "ab")) for i in range(1, 9)]
     labelling = place_labels(labels, grid_of(10, 1))
-    assert sum(int(place.text) for place in labelling.counts) == 8 - len(labelling.places)
+    assert sum(int(place.text.split()[0]) for place in labelling.counts) == 8 - len(labelling.places)
     assert labelling.counts
 
 
@@ -181,8 +181,11 @@ def test_an_id_that_there_is_no_room_to_explain_is_counted(columns):
     shown = place_labels(labels, grid_of(columns, 9))
     short = {place.key for place in shown.places if place.form}
     assert short <= {place.key for place in shown.legend}
-    counted = sum(int(place.text) for place in shown.counts)
+    counted = sum(int(place.text.split()[0]) for place in shown.counts)
     assert counted > 0 and len(shown.places) + counted == len(labels)
+    of_all = [place for place in shown.counts if place.key == COUNT_KEY]
+    assert all(place.text.endswith(" names") and len(place.text) <= place.rect[2] for place in of_all)
+    assert of_all or columns > 12
 
 
 def test_in_a_crowd_only_names_that_are_not_sure_have_their_certainty():
@@ -211,7 +214,7 @@ def test_names_on_the_image_cover_neither_each_other_nor_the_header(scale):
     labelling = image_labels(crowd, scale=scale)
     rects = [place.rect for place in labelling.texts]
     assert all(overlap(a, b) == 0 for a, b in combinations(rects, 2))
-    assert len(labelling.places) + sum(int(place.text) for place in labelling.counts) == 40
+    assert len(labelling.places) + sum(int(place.text.split()[0]) for place in labelling.counts) == 40
     drawn = draw(crowd, scale=scale, labelling=labelling)
     bare = draw(crowd, scale=scale, labelling=replace(labelling, places=(), counts=(), legend=()))
     # every text lies in the image: no pixel of the header is touched, and something is drawn in each place
