@@ -35,8 +35,8 @@ class NameChanges:
         self.began_anew = False
         self._lost: dict[int, int] = {}
         """Track that lost its name, by vehicle: what was said last of it."""
-        self._back: dict[int, Event] = {}
-        """Event that waits until the name has lasted on that track, by vehicle."""
+        self._back_us: dict[int, int] = {}
+        """Time at which the name came back to that track, by vehicle, until that is said."""
 
     def update(
         self,
@@ -64,9 +64,9 @@ class NameChanges:
             found = {track: (vehicle, sure) for track, vehicle, sure in zip(*columns, strict=True)}
         self.by_track = {track: vehicle for track, (vehicle, _) in found.items() if vehicle}
         lost = {track: vehicle for track, vehicle in before.items() if vehicle not in self.by_track.values()}
-        events = [*self._lasting(t_us), *self._given(t_us, before, found)]
+        events = self._given(t_us, before, found)
         for track, vehicle in lost.items():
-            if self._back.pop(vehicle, None) is not None:
+            if self._back_us.pop(vehicle, None) is not None:
                 continue  # that it was lost is what was said last
             self._lost[vehicle] = track
             text = f"track {track} is no longer {self.mission.name_of(vehicle)}: "
@@ -83,25 +83,25 @@ class NameChanges:
         events = []
         for track, (vehicle, sure) in found.items():
             former = before.get(track)
-            if vehicle and vehicle != former:
-                text = f"track {track} is {self.mission.name_of(vehicle)} ({certainty(sure)})"
-                text += f", no longer {self.mission.name_of(former)}" if former else ""
-                level: Level = "warning" if former else "info"
-                event = Event(t_us=t_us, level=level, kind="identity", text=text, system_id=vehicle)
-                if self._lost.get(vehicle) == track and not former:
-                    self._back[vehicle] = event
-                else:
-                    self._lost.pop(vehicle, None)
-                    self._back.pop(vehicle, None)
-                    events.append(event)
+            if not vehicle or not self._is_to_tell(t_us, track, vehicle, former):
+                continue
+            self._lost.pop(vehicle, None)
+            self._back_us.pop(vehicle, None)
+            text = f"track {track} is {self.mission.name_of(vehicle)} ({certainty(sure)})"
+            replaced = former if former != vehicle else None
+            text += f", no longer {self.mission.name_of(replaced)}" if replaced else ""
+            level: Level = "warning" if replaced else "info"
+            events.append(Event(t_us=t_us, level=level, kind="identity", text=text, system_id=vehicle))
         return events
 
-    def _lasting(self, t_us: int) -> list[Event]:
-        """Events of names that are back for good, each of the time at which it came back."""
-        lasting = [vehicle for vehicle, event in self._back.items() if t_us - event.t_us >= BACK_US]
-        for vehicle in lasting:
-            del self._lost[vehicle]
-        return [self._back.pop(vehicle) for vehicle in lasting]
+    def _is_to_tell(self, t_us: int, track: int, vehicle: int, former: int | None) -> bool:
+        """Tell whether a name is new on its track, and for long enough where it is back on the one that lost it."""
+        if vehicle == former:
+            return t_us - self._back_us.get(vehicle, t_us) >= BACK_US
+        if former is None and self._lost.get(vehicle) == track:
+            self._back_us[vehicle] = t_us
+            return False
+        return True
 
     def _reason(
         self,

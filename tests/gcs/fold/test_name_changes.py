@@ -9,6 +9,8 @@ from gcs.fold.name_changes import BACK_US, NameChanges
 from gcs.mission.mission import Mission, MissionVehicle
 
 STEP_US = 200_000
+LASTS = BACK_US // STEP_US
+"""Frames until a name that is back is told."""
 MISSION = Mission(uav=MissionVehicle(system_id=1), ugv=tuple(MissionVehicle(system_id=i) for i in (11, 12)))
 STATE = SimpleNamespace(
     vehicles=[SimpleNamespace(system_id=i, contested=False, position_state="ok", refused_for="") for i in (1, 11, 12)]
@@ -38,12 +40,12 @@ IS, GONE = "track 3 is UGV-12 (75%)", "track 3 is no longer UGV-12: the evidence
 
 def test_a_name_that_flickers_back_is_not_told_each_time():
     names = NAMED * 5 + LOST + NAMED * 7 + LOST * 2 + NAMED * 3 + LOST + NAMED * 20
-    assert told(*names) == [(0, IS), (5, GONE), (19, IS)]
+    assert told(*names) == [(0, IS), (5, GONE), (19 + LASTS, IS)]
 
 
 def test_a_name_that_lasts_is_told_and_so_is_its_next_loss():
-    lasting = NAMED * (BACK_US // STEP_US + 1)
-    assert told(*lasting, *LOST, *lasting, *LOST) == [(0, IS), (11, GONE), (12, IS), (23, GONE)]
+    lasting = NAMED * (LASTS + 1)
+    assert told(*lasting, *LOST, *lasting, *LOST) == [(0, IS), (11, GONE), (12 + LASTS, IS), (23, GONE)]
 
 
 @pytest.mark.parametrize(
