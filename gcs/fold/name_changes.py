@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from vision.track.tracks import Tracks
 
 NONE_LIKELIER = 0.5
 """Probability of "none of ours" above which it is why a name went."""
+FADES_US = 1_000_000
+"""Time for which the evidence must not suffice until that is said: a name that is back by then was never gone."""
 BACK_US = 2_000_000
 """Time that a name must last on the box that lost it until it is said to be back: near its limit it comes and goes."""
 
@@ -33,6 +36,8 @@ class NameChanges:
         self._at_border: frozenset[int] = frozenset()
         self.by_track: dict[int, int] = {}
         self.began_anew = False
+        self._fading: dict[int, Event] = {}
+        """Event that is told once the name has been gone for long enough, by vehicle."""
         self._lost: dict[int, int] = {}
         """Track that lost its name, by vehicle: what was said last of it."""
         self._back_us: dict[int, int] = {}
@@ -69,12 +74,15 @@ class NameChanges:
             if self._back_us.pop(vehicle, None) is not None:
                 continue  # that it was lost is what was said last
             self._lost[vehicle] = track
-            text = f"track {track} is no longer {self.mission.name_of(vehicle)}: "
-            if vehicle in self.mission.ugv_ids:
-                text += self._reason(track, vehicle, identities, state, suspected)
+            reason = self._reason(track, vehicle, identities, state)
+            why = reason or self._doubt(track, vehicle, identities, suspected)
+            text = f"track {track} is no longer {self.mission.name_of(vehicle)}: {why}"
+            event = Event(t_us=t_us, level="info", kind="identity", text=text, system_id=vehicle)
+            if reason:
+                events.append(event)
             else:
-                text += "it is left out of the fleet"
-            events.append(Event(t_us=t_us, level="info", kind="identity", text=text, system_id=vehicle))
+                self._fading[vehicle] = event
+        events += self._faded(t_us)
         self._at_border = _tracks_at_border(tracks, size)
         self.began_anew = False
         return events
@@ -87,6 +95,7 @@ class NameChanges:
                 continue
             self._lost.pop(vehicle, None)
             self._back_us.pop(vehicle, None)
+            self._fading.pop(vehicle, None)
             text = f"track {track} is {self.mission.name_of(vehicle)} ({certainty(sure)})"
             replaced = former if former != vehicle else None
             text += f", no longer {self.mission.name_of(replaced)}" if replaced else ""
@@ -98,20 +107,23 @@ class NameChanges:
         """Tell whether a name is new on its track, and for long enough where it is back on the one that lost it."""
         if vehicle == former:
             return t_us - self._back_us.get(vehicle, t_us) >= BACK_US
-        if former is None and self._lost.get(vehicle) == track:
+        if former is not None or self._lost.get(vehicle) != track:
+            return True
+        if self._fading.pop(vehicle, None) is None:
             self._back_us[vehicle] = t_us
-            return False
-        return True
+        else:
+            del self._lost[vehicle]
+        return False
 
-    def _reason(
-        self,
-        track: int,
-        vehicle: int,
-        identities: Identities | None,
-        state: FleetState,
-        suspected: Collection[int],
-    ) -> str:
-        """Why a track does not carry a vehicle's name any more."""
+    def _faded(self, t_us: int) -> list[Event]:
+        """Events of names that have been gone for long enough."""
+        faded = [vehicle for vehicle, event in self._fading.items() if t_us - event.t_us >= FADES_US]
+        return [replace(self._fading.pop(vehicle), t_us=t_us) for vehicle in faded]
+
+    def _reason(self, track: int, vehicle: int, identities: Identities | None, state: FleetState) -> str:
+        """Why a track cannot carry a vehicle's name any more; empty: it could."""
+        if vehicle not in self.mission.ugv_ids:
+            return "it is left out of the fleet"
         status = {each.system_id: each for each in state.vehicles}[vehicle]
         if self.began_anew:
             return "names begin anew"
@@ -121,20 +133,25 @@ class NameChanges:
             return "the camera's pose is unknown" if state.uav.position_valid else "the UAV's position is lost"
         if status.contested:
             return "several senders use its id"
-        rows = np.flatnonzero(identities.track_id == track)
-        if not len(rows):
+        if track not in identities.track_id:
             return "it left the picture" if track in self._at_border else "the track was lost"
         if track in self.by_track:
             return f"it is {self.mission.name_of(self.by_track[track])}"
         if status.position_state in ("refused", "lost"):
             because = f": {status.refused_for}" if status.position_state == "refused" and status.refused_for else ""
             return f"its positions are {status.position_state}{because}"
+        return ""
+
+    def _doubt(self, track: int, vehicle: int, identities: Identities | None, suspected: Collection[int]) -> str:
+        """What takes a vehicle's name from a track that could carry it."""
+        assert identities is not None
         if vehicle in suspected:
             return CONTRADICTED
-        none = float(identities.candidates.none_of_ours[rows[0]])
-        if none > NONE_LIKELIER:
-            return f"none of ours is likelier ({certainty(none)})"
-        return "the evidence does not suffice"
+        row = int(np.flatnonzero(identities.track_id == track)[0])
+        none = float(identities.candidates.none_of_ours[row])
+        return (
+            f"none of ours is likelier ({certainty(none)})" if none > NONE_LIKELIER else "the evidence does not suffice"
+        )
 
 
 def _tracks_at_border(tracks: Tracks, size: tuple[int, int] | None) -> frozenset[int]:

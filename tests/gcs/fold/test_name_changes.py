@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gcs.fold.name_changes import BACK_US, NameChanges
+from gcs.fold.name_changes import BACK_US, FADES_US, NameChanges
 from gcs.mission.mission import Mission, MissionVehicle
 
 STEP_US = 200_000
-LASTS = BACK_US // STEP_US
-"""Frames until a name that is back is told."""
+FADES, LASTS = FADES_US // STEP_US, BACK_US // STEP_US
+"""Frames until it is told that a name is gone, and that it is back."""
 MISSION = Mission(uav=MissionVehicle(system_id=1), ugv=tuple(MissionVehicle(system_id=i) for i in (11, 12)))
 STATE = SimpleNamespace(
     vehicles=[SimpleNamespace(system_id=i, contested=False, position_state="ok", refused_for="") for i in (1, 11, 12)]
@@ -38,14 +38,20 @@ NAMED, LOST = [(12, 0)], [(0, 0)]
 IS, GONE = "track 3 is UGV-12 (75%)", "track 3 is no longer UGV-12: the evidence does not suffice"
 
 
-def test_a_name_that_flickers_back_is_not_told_each_time():
-    names = NAMED * 5 + LOST + NAMED * 7 + LOST * 2 + NAMED * 3 + LOST + NAMED * 20
-    assert told(*names) == [(0, IS), (5, GONE), (19 + LASTS, IS)]
+def test_a_name_that_flickers_is_not_told_each_time():
+    names = NAMED * 5 + LOST * 9 + NAMED * 7 + LOST * 2 + NAMED * 3 + LOST * 20 + NAMED * 30
+    assert told(*names) == [(0, IS), (5 + FADES, GONE), (46 + LASTS, IS)]
+
+
+def test_a_name_that_is_back_at_once_was_never_gone():
+    assert told(*(NAMED * 5 + LOST * FADES) * 9, *NAMED) == [(0, IS)]
 
 
 def test_a_name_that_lasts_is_told_and_so_is_its_next_loss():
-    lasting = NAMED * (LASTS + 1)
-    assert told(*lasting, *LOST, *lasting, *LOST) == [(0, IS), (11, GONE), (12 + LASTS, IS), (23, GONE)]
+    lasting, gone = NAMED * (LASTS + 1), LOST * (FADES + 1)
+    end = len(lasting + gone)
+    expected = [(0, IS), (LASTS + 1 + FADES, GONE), (end + LASTS, IS), (end + LASTS + 1 + FADES, GONE)]
+    assert told(*lasting, *gone, *lasting, *gone) == expected
 
 
 @pytest.mark.parametrize(
@@ -58,4 +64,9 @@ def test_a_name_that_lasts_is_told_and_so_is_its_next_loss():
     ],
 )
 def test_another_name_or_another_track_is_told_at_once(later, words):
-    assert told(*NAMED, *LOST, *later) == [(0, IS), (1, GONE), (1 + len(later), words)]
+    gone = LOST * (FADES + 1)
+    assert told(*NAMED, *gone, *later) == [(0, IS), (1 + FADES, GONE), (len(gone) + len(later), words)]
+
+
+def test_a_name_that_moves_meanwhile_is_told_of_its_new_track_alone():
+    assert told(*NAMED, *LOST, *[(0, 12)] * 20) == [(0, IS), (2, "track 4 is UGV-12 (75%)")]
