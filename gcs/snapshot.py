@@ -380,7 +380,10 @@ class Snapshot:
     clock_us: int = 0
     """Time on clocks: the latest ``t_us`` so far, since the next frame may have been taken earlier; 0: ``t_us``."""
     analysed: bool = True
-    """False: a place of a recording that the analysis has not reached; there are no vehicles and no boxes."""
+    """False: a place of a recording that the analysis has not reached, or before the flight; there are no vehicles and
+    no boxes."""
+    begins_us: int = 0
+    """Time at which the flight begins, at a place of its recording before that; 0 elsewhere."""
     provisional: bool = False
     """Worked out from the last seconds of a recording alone, until the analysis from the start reaches this place."""
     width: int

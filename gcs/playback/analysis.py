@@ -57,6 +57,7 @@ class Analysis:
         mission: who flew.
         video: None where there is none.
         times_us: (n,) when each frame was taken, Unix µs; of telemetry alone: moments to show it at.
+        awaited_us: from when on the flight waited for a video, infinite where it does not say so.
         warnings: what an analyst should know before names are trusted, one line each.
         faults: packets that could not be worked on.
     """
@@ -103,7 +104,7 @@ class Analysis:
         self._log, self._looks, self._turns = opened.log, opened.looks, opened.turns
         self._frames_order_us = np.maximum.accumulate(self.times_us)
         self._stall_s = stall_after_s(self._frames_order_us)
-        self._awaited_us = video_awaited_us(session.folder)
+        self.awaited_us = video_awaited_us(session.folder)
         self.warnings = tuple(session_warnings(opened))
         self._company = company or InStep(self._warn)
         if trouble := self._company.join(self, followed=followed):
@@ -396,7 +397,7 @@ class Analysis:
         if self.opened.frames_us is None:
             return health
         if not (before := int(np.searchsorted(self._frames_order_us, t_us, side="right"))):
-            return replace(health, video="waiting" if self.video and self._awaited_us <= t_us else "none")
+            return replace(health, video="waiting" if self.video and self.awaited_us <= t_us else "none")
         if t_us - int(self._frames_order_us[before - 1]) <= self._stall_s * 1e6:
             return health
         ended = before == len(self.times_us) and not self.as_flown

@@ -10,6 +10,7 @@ How sure every vehicle's name was over a whole recording, in few numbers however
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from bisect import insort
@@ -367,8 +368,11 @@ class Replay:
             view._decoded.close()
 
     def _begin_us(self) -> int:
-        """Place where it begins to play: at the first frame if it comes soon, so that nobody waits for a picture."""
-        if self._analysis.opened.frames_us is None or self._times[0] > self._start_us + SOON_US:
+        """Place where it begins to play: at the first frame if it comes soon, so that nobody waits for a picture; or
+        soon after a flight began to wait for one: before that it had only been listened to who is there."""
+        awaited_us = self._analysis.awaited_us
+        soon_us = SOON_US + max(self._start_us, awaited_us if math.isfinite(awaited_us) else 0.0)
+        if self._analysis.opened.frames_us is None or self._times[0] > soon_us:
             return self._start_us
         return int(self._times[0])
 
@@ -432,7 +436,9 @@ class Replay:
         t_us = self.now_us
         frame = self._frame_at(t_us)
         if len(self._done) and t_us <= self._reached_us:
-            return ReplayPlace(self._done, max(self._done.place(t_us), 0), frame, self._finished)
+            place = self._done.place(t_us)
+            store = self._done if place >= 0 else None
+            return ReplayPlace(store, place if store else -t_us // PERIOD_US, frame, self._finished)
         provisional = self._preview.at(t_us)
         if provisional:
             return ReplayPlace(*provisional, frame, final=False)
@@ -460,14 +466,16 @@ class Replay:
         self._latest = replace(base, image=image, frame=place.frame, frame_us=frame_us, alarms=alarms)
 
     def _blank(self, frame: int, image: NDArray[np.uint8] | None) -> Snapshot:
-        """A place of which nothing is known but its frame."""
+        """A place of which nothing is known but its frame: not reached by the analysis, or before the flight."""
         mission = self._analysis.mission
+        begins_us = self._done.start_us if len(self._done) else 0
         width, height = self._analysis.opened.size.size or (0, 0) if image is None else (image.shape[1], image.shape[0])
         return Snapshot(
             t_us=self.now_us,
             frame=frame,
             frame_us=int(self._times[frame]) if frame >= 0 else 0,
             analysed=False,
+            begins_us=begins_us if self.now_us < begins_us else 0,
             width=width,
             height=height,
             image=image,

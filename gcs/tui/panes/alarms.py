@@ -55,7 +55,7 @@ def worst_alarm(snapshot: Snapshot, system_id: int) -> Alarm | None:
 
 def is_final(snapshot: Snapshot) -> bool:
     """Tell whether all alarms are known: not so at a replay's place that its analysis has not come by."""
-    return snapshot.analysed and not snapshot.provisional
+    return (snapshot.analysed or snapshot.begins_us > 0) and not snapshot.provisional
 
 
 def alarm_counts(alarms: Sequence[Alarm]) -> tuple[int, int]:

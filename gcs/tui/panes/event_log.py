@@ -17,6 +17,7 @@ from gcs.tui.draw.event_rows import EventRow, found_events, rows_of
 from gcs.tui.draw.format import REPORTED_WORDS, clock
 from gcs.tui.draw.strips import Part, cut_between_words, fitted, folded, line, width_of
 from gcs.tui.palette import ACCENT, BRIGHT, FAINT, HEAD, WARN, ink, level_colour
+from gcs.tui.panes.alarms import is_final
 from gcs.tui.panes.pane import Pane
 from infra.plain_text import plain
 from mavlink.state import Level
@@ -201,8 +202,7 @@ class EventPane(Pane):
 
     def _is_unknown_now(self) -> bool:
         """Tell whether the analysis of a recording has not come by yet."""
-        now = self.snapshot
-        return not self._live and now is not None and (now.provisional or not now.analysed)
+        return not self._live and self.snapshot is not None and not is_final(self.snapshot)
 
     def _room(self, shown: Sequence[EventRow], width: int, height: int) -> int:
         """Last row to which the log can be scrolled: the oldest event is on top."""

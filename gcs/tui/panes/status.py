@@ -159,7 +159,8 @@ def _disk_trouble(health: Health) -> str:
 def _names(snapshot: Snapshot, room: Room, cells: tuple[int, int, int]) -> StatusSlot:
     """Number of confirmed names, faint while it is held for want of a frame, and no count once it is too old."""
     if not snapshot.analysed:
-        return StatusSlot(cells=cells, parts=_words(WARN, NOT_ANALYSED), pane="identity")
+        begins = f"begins {clock(snapshot.begins_us)}" if snapshot.begins_us else ""
+        return StatusSlot(cells=cells, parts=_words(WARN, begins or NOT_ANALYSED), pane="identity")
     named, total = named_count(snapshot)
     stalled = any(row.standing == "no new frame" for row in snapshot.vehicles)
     count = f"{'–' if stalled else named}/{total}"
