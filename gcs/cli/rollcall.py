@@ -7,7 +7,7 @@ from typing import Any
 
 from gcs.certainty import certainty
 from gcs.cli.output.console import print_lines
-from gcs.cli.output.tables import print_table
+from gcs.cli.output.tables import print_sentences, print_table
 from gcs.report.rollcall import RollCall, RollCallRow
 
 _COLUMNS = ("id", "name", "first named", "boxes", "of frames in view", "confidence", "remark")
@@ -15,9 +15,9 @@ _COLUMNS = ("id", "name", "first named", "boxes", "of frames in view", "confiden
 
 def print_rollcall(calls: RollCall) -> None:
     """The roll call to read: one line a vehicle, and the sums."""
-    print_table(_COLUMNS, map(_cells, calls.rows()), right=("id", *_COLUMNS[2:6]))
+    print_table(_COLUMNS, map(_cells, calls.rows()), right=("id", *_COLUMNS[2:6]), noted="name")
     skipped = f"; {calls.skipped}" if calls.skipped else ""
-    print_lines(
+    print_sentences(
         f"{calls.named} of {len(calls.rows())} vehicles named; {calls.boxes} boxes in {calls.frames} frames, "
         f"{calls.unnamed} unnamed; {calls.span_s:.1f} s{skipped}"
     )

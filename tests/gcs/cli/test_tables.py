@@ -27,7 +27,7 @@ print_table(("name", "count"), [({HOSTILE!r}, "12")], right=("count",))
 def on_a_terminal(script):
     """What a script writes where its output is a terminal."""
     ours, its = pty.openpty()
-    environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "80", "LINES": "24"}
+    environment = {"COLUMNS": "80", **os.environ, "TERM": "xterm-256color", "LINES": "24"}
     with subprocess.Popen(
         [sys.executable, "-c", script], stdout=its, stderr=its, stdin=its, env=environment
     ) as process:
@@ -61,6 +61,24 @@ def test_a_terminal_gets_one_bar_and_a_table_and_no_orders_from_others():
     assert written.count("\n") < 40  # it is drawn over itself
     assert SHOWN in written
     assert "─" in written  # below the names of the columns
+
+
+REMARK = "no position for 15.1 s; not known whether in view in 51 frames; and more of the same kind besides"
+NOTES = f"""
+from gcs.cli.output.tables import print_table
+print_table(("id", "name", "remark"), [("11", "UGV-11", {REMARK!r}), ("12", "UGV-12", "")], noted="name")
+"""
+
+
+@pytest.mark.parametrize("columns", [80, 160])
+def test_sentences_of_rows_are_below_the_table_of_a_narrow_terminal(monkeypatch, columns):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    lines = on_a_terminal(NOTES).splitlines()
+    if columns == 80:
+        assert not any("remark" in line for line in lines)
+        assert " ".join(lines[-2:]).endswith(f"UGV-11: {REMARK}") and all(len(line) <= 80 for line in lines)
+    else:
+        assert any("UGV-11" in line and REMARK in line for line in lines)
 
 
 @pytest.mark.parametrize(("took_s", "lines"), [(LINE_PAUSE_S / 2, 0), (2.5 * LINE_PAUSE_S, 2), (1000.0, 10)])
