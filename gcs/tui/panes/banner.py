@@ -81,7 +81,7 @@ def alert_of(
     listed = {alarm.text for alarm in snapshot.alarms}
     listed |= {event.text.partition(": ")[2] for event in lately if event.text.startswith("over after ")}
     loose = [event for event in lately if event.level == "alarm" and event.kind != "text" and not event.alarm]
-    recent = [event for event in loose if event.text not in listed]
+    recent = [event for event in loose if event.text not in listed and not _is_listed(event, snapshot.alarms)]
     if recent:
         counted = any(alarm.level == "alarm" for alarm in snapshot.alarms)
         text = text_with_sender(recent[-1], snapshot.name_of)
@@ -91,6 +91,12 @@ def alert_of(
     if snapshot.alarms:
         return _latest(snapshot.alarms, snapshot.now_us, before="seen: ")
     return Alert(text="no alarms" if is_final(snapshot) else ALARMS_UNKNOWN)
+
+
+def _is_listed(event: Event, alarms: Sequence[Alarm]) -> bool:
+    """Tell whether the list has what an event says of a vehicle in its own words: it came then."""
+    about = (alarm for alarm in alarms if event.system_id and alarm.system_id == event.system_id)
+    return any(abs(alarm.since_us - event.t_us) < EVENT_SHOWN_US for alarm in about)
 
 
 def _latest(

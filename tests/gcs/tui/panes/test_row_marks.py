@@ -8,7 +8,7 @@ import pytest
 
 from gcs.fold.candidates import _of_its_rivals
 from gcs.health.alarms import urgency
-from gcs.snapshot import Alarm
+from gcs.snapshot import Alarm, Event
 from gcs.tui.palette import ALARM, GOOD, WARN, ink
 from gcs.tui.panes.banner import Banner, alert_of
 from gcs.tui.panes.fleet import FleetPane
@@ -69,6 +69,15 @@ def test_a_later_alarm_is_on_the_banner_while_it_is_news():
         came = replace(SILENT, since_us=base.now_us - ago_s * 1_000_000)
         alert = alert_of(replace(base, alarms=(CONFLICT, came)), (), frozenset())
         assert (alert.text, alert.more) == (shown, "(and 1 more)")
+
+
+def test_what_the_list_says_of_a_vehicle_is_not_said_again_in_words_of_the_log():
+    base = make_snapshot(live=True)
+    words = "system 12: 3 packets refused, no signature (127.0.0.1:37975 on udpin:127.0.0.1:14550)"
+    logged = Event(t_us=base.now_us - 1_000_000, level="alarm", kind="vehicle", text=words, system_id=12)
+    listed = replace(SILENT, level="warning", since_us=base.now_us - 2_000_000, text="unsigned packets are rejected")
+    for alarms, shown in (((listed,), listed.text), ((replace(listed, system_id=13),), words)):
+        assert shown in alert_of(replace(base, alarms=alarms), [logged], frozenset()).text
 
 
 def test_what_lasts_hides_nothing_that_comes_later():
