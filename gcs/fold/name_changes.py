@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
 
 import numpy as np
 
@@ -17,14 +16,13 @@ from vision.track.tracks import Tracks
 
 NONE_LIKELIER = 0.5
 """Probability of "none of ours" above which it is why a name went."""
-FADES_US = 1_000_000
-"""Time for which the evidence must not suffice until that is said: a name that is back by then was never gone."""
-BACK_US = 2_000_000
-"""Time that a name must last on the box that lost it until it is said to be back: near its limit it comes and goes."""
+FADES_US, BACK_US = 1_000_000, 2_000_000
+"""Time until it is told that a name is gone or elsewhere while its track goes on, and that it is back on the track that
+lost it: near its limit it comes and goes."""
 
 
 class NameChanges:
-    """Compares the identities of each frame with those before.
+    """Compares the identities of each frame with what was told of them.
 
     Attributes:
         by_track: system id by the track that carries its name now.
@@ -36,12 +34,12 @@ class NameChanges:
         self._at_border: frozenset[int] = frozenset()
         self.by_track: dict[int, int] = {}
         self.began_anew = False
-        self._fading: dict[int, Event] = {}
-        """Event that is told once the name has been gone for long enough, by vehicle."""
-        self._lost: dict[int, int] = {}
-        """Track that lost its name, by vehicle: what was said last of it."""
-        self._back_us: dict[int, int] = {}
-        """Time at which the name came back to that track, by vehicle, until that is said."""
+        self._told: dict[int, int] = {}
+        """Track that was told to be a vehicle, by vehicle."""
+        self._last: dict[int, int] = {}
+        """The same, and of vehicles without a name the track that had it."""
+        self._untold: dict[int, tuple[int, int]] = {}
+        """Track that a vehicle is now, 0 none, and since when, where that is not told yet."""
 
     def update(
         self,
@@ -52,7 +50,7 @@ class NameChanges:
         size: tuple[int, int] | None,
         suspected: Collection[int] = (),
     ) -> list[Event]:
-        """Take in one frame; returns an event for each name that came, changed or went.
+        """Take in one frame; returns an event for each name that came, changed or went, and lasts.
 
         Args:
             t_us: its time.
@@ -62,63 +60,58 @@ class NameChanges:
             size: its width and height, px, None unknown.
             suspected: vehicles whose positions contradict the video now.
         """
-        before = self.by_track
         found: dict[int, tuple[int, float]] = {}
         if identities is not None:
             columns = identities.track_id.tolist(), identities.system_id.tolist(), identities.confidence.tolist()
             found = {track: (vehicle, sure) for track, vehicle, sure in zip(*columns, strict=True)}
         self.by_track = {track: vehicle for track, (vehicle, _) in found.items() if vehicle}
-        lost = {track: vehicle for track, vehicle in before.items() if vehicle not in self.by_track.values()}
-        events = self._given(t_us, before, found)
-        for track, vehicle in lost.items():
-            if self._back_us.pop(vehicle, None) is not None:
-                continue  # that it was lost is what was said last
-            self._lost[vehicle] = track
+        events = self._given(t_us, found)
+        named = set(self.by_track.values())
+        self._untold = {who: since for who, since in self._untold.items() if who in named or who in self._told}
+        for vehicle, track in list(self._told.items()):
+            if vehicle in named:
+                continue
             reason = self._reason(track, vehicle, identities, state)
-            why = reason or self._doubt(track, vehicle, identities, suspected)
-            text = f"track {track} is no longer {self.mission.name_of(vehicle)}: {why}"
-            event = Event(t_us=t_us, level="info", kind="identity", text=text, system_id=vehicle)
-            if reason:
-                events.append(event)
-            else:
-                self._fading[vehicle] = event
-        events += self._faded(t_us)
+            if self._lasts(t_us, vehicle, 0, 0 if reason else FADES_US):
+                del self._told[vehicle]
+                reason = reason or self._doubt(track, vehicle, identities, suspected)
+                text = f"track {track} is no longer {self.mission.name_of(vehicle)}: {reason}"
+                events.append(Event(t_us=t_us, level="info", kind="identity", text=text, system_id=vehicle))
         self._at_border = _tracks_at_border(tracks, size)
         self.began_anew = False
         return events
 
-    def _given(self, t_us: int, before: dict[int, int], found: dict[int, tuple[int, float]]) -> list[Event]:
+    def _given(self, t_us: int, found: dict[int, tuple[int, float]]) -> list[Event]:
+        """Events of names that tracks have and that are not told."""
         events = []
-        for track, (vehicle, sure) in found.items():
-            former = before.get(track)
-            if not vehicle or not self._is_to_tell(t_us, track, vehicle, former):
+        told = {track: vehicle for vehicle, track in self._told.items()}
+        for track, vehicle in self.by_track.items():
+            before = self._told.get(vehicle, 0)
+            back_us = BACK_US if not before and self._last.get(vehicle) == track else 0
+            if before == track:
+                self._untold.pop(vehicle, None)
                 continue
-            self._lost.pop(vehicle, None)
-            self._back_us.pop(vehicle, None)
-            self._fading.pop(vehicle, None)
-            text = f"track {track} is {self.mission.name_of(vehicle)} ({certainty(sure)})"
-            replaced = former if former != vehicle else None
-            text += f", no longer {self.mission.name_of(replaced)}" if replaced else ""
-            level: Level = "warning" if replaced else "info"
+            if not self._lasts(t_us, vehicle, track, FADES_US if before in found else back_us):
+                continue
+            self._told[vehicle] = self._last[vehicle] = track
+            text = f"track {track} is {self.mission.name_of(vehicle)} ({certainty(found[track][1])})"
+            level: Level = "info"
+            if other := told.get(track):
+                level, text = "warning", f"{text}, no longer {self.mission.name_of(other)}"
+                if self._told[other] == track:  # else it is another one now, which is told, too
+                    del self._told[other]
             events.append(Event(t_us=t_us, level=level, kind="identity", text=text, system_id=vehicle))
         return events
 
-    def _is_to_tell(self, t_us: int, track: int, vehicle: int, former: int | None) -> bool:
-        """Tell whether a name is new on its track, and for long enough where it is back on the one that lost it."""
-        if vehicle == former:
-            return t_us - self._back_us.get(vehicle, t_us) >= BACK_US
-        if former is not None or self._lost.get(vehicle) != track:
-            return True
-        if self._fading.pop(vehicle, None) is None:
-            self._back_us[vehicle] = t_us
-        else:
-            del self._lost[vehicle]
-        return False
-
-    def _faded(self, t_us: int) -> list[Event]:
-        """Events of names that have been gone for long enough."""
-        faded = [vehicle for vehicle, event in self._fading.items() if t_us - event.t_us >= FADES_US]
-        return [replace(self._fading.pop(vehicle), t_us=t_us) for vehicle in faded]
+    def _lasts(self, t_us: int, vehicle: int, track: int, wait_us: int) -> bool:
+        """Tell whether a vehicle has been a track, or none, for so long; what does is to be told."""
+        was, since_us = self._untold.get(vehicle, (-1, t_us))
+        since_us = since_us if was == track else t_us
+        self._untold[vehicle] = track, since_us
+        if t_us - since_us < wait_us:
+            return False
+        del self._untold[vehicle]
+        return True
 
     def _reason(self, track: int, vehicle: int, identities: Identities | None, state: FleetState) -> str:
         """Why a track cannot carry a vehicle's name any more; empty: it could."""
@@ -135,8 +128,6 @@ class NameChanges:
             return "several senders use its id"
         if track not in identities.track_id:
             return "it left the picture" if track in self._at_border else "the track was lost"
-        if track in self.by_track:
-            return f"it is {self.mission.name_of(self.by_track[track])}"
         if status.position_state in ("refused", "lost"):
             because = f": {status.refused_for}" if status.position_state == "refused" and status.refused_for else ""
             return f"its positions are {status.position_state}{because}"
@@ -145,6 +136,8 @@ class NameChanges:
     def _doubt(self, track: int, vehicle: int, identities: Identities | None, suspected: Collection[int]) -> str:
         """What takes a vehicle's name from a track that could carry it."""
         assert identities is not None
+        if track in self.by_track:
+            return f"it is {self.mission.name_of(self.by_track[track])}"
         if vehicle in suspected:
             return CONTRADICTED
         row = int(np.flatnonzero(identities.track_id == track)[0])

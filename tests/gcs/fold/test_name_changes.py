@@ -59,14 +59,27 @@ def test_a_name_that_lasts_is_told_and_so_is_its_next_loss():
     [
         ([(0, 12)], "track 4 is UGV-12 (75%)"),
         ([(11, 0)], "track 3 is UGV-11 (75%)"),
-        ([(12, 0), (0, 12)], "track 4 is UGV-12 (75%)"),
-        ([(12, 0), (11, 0)], "track 3 is UGV-11 (75%), no longer UGV-12"),
     ],
 )
-def test_another_name_or_another_track_is_told_at_once(later, words):
+def test_a_name_that_is_new_to_its_track_is_told_at_once(later, words):
     gone = LOST * (FADES + 1)
-    assert told(*NAMED, *gone, *later) == [(0, IS), (1 + FADES, GONE), (len(gone) + len(later), words)]
+    assert told(*NAMED, *gone, *later) == [(0, IS), (1 + FADES, GONE), (1 + FADES + 1, words)]
 
 
-def test_a_name_that_moves_meanwhile_is_told_of_its_new_track_alone():
-    assert told(*NAMED, *LOST, *[(0, 12)] * 20) == [(0, IS), (2, "track 4 is UGV-12 (75%)")]
+def test_a_name_that_moves_is_told_of_its_new_track_alone():
+    assert told(*NAMED, *LOST, *[(0, 12)] * 20) == [(0, IS), (2 + FADES, "track 4 is UGV-12 (75%)")]
+
+
+def test_a_name_that_jumps_between_two_tracks_is_told_once():
+    assert told(*NAMED * 3, *[(0, 12), (12, 0), (0, 12), (0, 12), (12, 0)] * 5) == [(0, IS)]
+
+
+def test_one_sentence_has_who_is_it_now_and_who_no_longer():
+    other = "track 3 is UGV-11 (75%), no longer UGV-12"
+    assert told(*NAMED, *[(11, 0)] * 20) == [(0, IS), (1, other)]
+
+
+def test_an_exchange_is_a_sentence_of_each_track():
+    begin = [(0, "track 3 is UGV-12 (75%)"), (0, "track 4 is UGV-11 (75%)")]
+    now = ["track 3 is UGV-11 (75%), no longer UGV-12", "track 4 is UGV-12 (75%), no longer UGV-11"]
+    assert told((12, 11), *[(11, 12)] * 20) == [*begin, *((1 + FADES, each) for each in now)]
