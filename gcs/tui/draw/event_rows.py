@@ -27,6 +27,8 @@ class EventRow:
     """The newest of those that it stands for; its text has the numbers of all: ``reached waypoint 1–12``."""
     times: int
     """Number of events; 1 where the text tells of how many vehicles they are."""
+    routine: bool = False
+    """True if it tells what goes on all the time, and of the whole fleet."""
 
 
 def found_events(events: Iterable[Event], query: str, names: Mapping[int, str]) -> list[Event]:
@@ -92,7 +94,7 @@ def _as_a_fleet(rows: list[EventRow]) -> list[EventRow]:
     event = replace(
         reached[-1].event, system_id=0, kind="vehicle", text=f"{len(vehicles)} vehicles reached {WAYPOINT}{span}"
     )
-    whole, folded = EventRow(event, 1), set(map(id, reached[:-1]))
+    whole, folded = EventRow(event, 1, routine=True), set(map(id, reached[:-1]))
     return [whole if row is reached[-1] else row for row in rows if id(row) not in folded]
 
 

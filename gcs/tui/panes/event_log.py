@@ -45,6 +45,8 @@ KIND_FROM, HOUR_FROM = 76, 50
 """Narrower logs have no word for the kind, and minutes and seconds alone."""
 LONGEST_ROWS: Final = 2
 """Rows that an event takes at most without the focus."""
+ROOMY: Final = 6
+"""Rows from which on a log has room for what is routine."""
 UNTIL_HERE: Final = " ┄ from here as flown, not analysed"
 
 
@@ -184,10 +186,12 @@ class EventPane(Pane):
         if not shown:
             none = f" nothing has “{plain(self.words)}”: esc ends the search" if self.words else " nothing yet"
             return [line([(fitted(none, width), ink(FAINT))], width)]
+        calm = not self._back and not self.has_focus
+        if calm and height < ROOMY:
+            shown = [row for row in shown if not row.routine] or shown
         stop = len(shown) - (min(self._back, self._room(shown, width, height)) if self._back else 0)
         rows: list[Strip] = []
         alarm = next((row for row in reversed(shown) if row.event.level == "alarm"), None)
-        calm = not self._back and not self.has_focus
         above = self._rows_of(alarm, width) if alarm is not None and calm else []
         above = above if len(above) + LONGEST_ROWS <= height else []
         for row in reversed(shown[:stop]):

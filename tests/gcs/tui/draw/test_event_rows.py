@@ -128,6 +128,19 @@ async def test_chatter_is_folded_on_the_screen():
         assert "Reached waypoint #1–12 × 12" in said
 
 
+async def test_a_short_log_leaves_out_what_is_routine_until_it_has_the_focus():
+    station = FakeStation(live=True)
+    station.said = [event(f"track {n}", 0, "identity") for n in range(9)]
+    station.said += [event("Reached waypoint #3", vehicle, at_s=9) for vehicle in range(11, 17)]
+    async with running(station) as (app, pilot, _):
+        log = app.query_one(EventPane)
+        assert "track 8" in text_of(log) and "reached waypoint 3" not in text_of(log)
+        await pilot.press("e")
+        assert "6 vehicles reached" in text_of(log)
+    async with running(station, WIDE) as (app, _, _):
+        assert "6 vehicles reached waypoint 3" in text_of(app.query_one(EventPane))
+
+
 async def test_a_pick_makes_only_the_rows_of_the_vehicles_anew_that_it_concerns(monkeypatch):
     async with running(FakeStation(live=True), WIDE) as (app, pilot, _):
         log = app.query_one(EventPane)
