@@ -184,17 +184,23 @@ def _vehicle(snapshot: Snapshot, row: VehicleRow, box: Box | None, width: int) -
     if row.elsewhere:
         too = " too" if row.standing in NAMED else ""
         lines += _text(("seen by", f"{', '.join(map(plain, row.elsewhere))}{too}: C shows it", INK), width)
-    lines += _text(("against", *_against(snapshot, row, box)), width)
-    lines += _text(("should be", expected_place(snapshot, row), INK), width)
+    against, colour = _against(snapshot, row, box)
+    lines += _text(("against", against, colour), width)
+    lines += _text(("should be", _unless_said(expected_place(snapshot, row), ": ", against), INK), width)
     lines += _text(("do", what_to_do(snapshot, row), INK), width)
     if box is not None:
         return lines + _candidates(snapshot, box, width)
     other = _likeliest_box(snapshot, row.system_id)
     if other is not None:
         name = f"track {other[0].track_id}" if not other[0].system_id else plain(snapshot.name_of(other[0].system_id))
-        words = as_far_as_known(snapshot, _in_words(other[1]))
+        words = _unless_said(as_far_as_known(snapshot, _in_words(other[1])), ", ", against)
         lines += _text(("likeliest", f"{name}: {words}", INK), width)
     return lines
+
+
+def _unless_said(text: str, between: str, said: str) -> str:
+    """A text without those of its parts that are among those that are said, with semicolons between."""
+    return between.join(part for part in text.split(between) if part not in said.split("; "))
 
 
 def _standing(words: str, standing: Standing, since_us: int, snapshot: Snapshot, width: int) -> list[list[Part]]:

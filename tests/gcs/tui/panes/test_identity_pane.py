@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gcs.health.vehicle_alarms import CONTRADICTED
 from gcs.snapshot import Alarm, Candidate
 from gcs.tui.draw.format import standing_of_row
 from gcs.tui.draw.mosaic import fit
@@ -213,6 +214,28 @@ async def test_the_pane_of_a_vehicle_without_a_box_says_which_box_it_may_be():
         said = " ".join(text_of(app.query_one(IdentityPane)).split())
         assert app.selected == 15
         assert "upper right, where no box is" in said and "track 21: 34%, 9.8 m" in said and "2.4 m is usual" in said
+
+
+async def test_a_reason_is_said_once_of_a_vehicle():
+    lies = Candidate(
+        system_id=15, confidence=0.45, distance_m=30.3, against=f"{CONTRADICTED}, none of ours is likelier"
+    )
+    alarm = Alarm(
+        key="conflict 15",
+        level="alarm",
+        kind="identity",
+        text=f"UGV-15: {CONTRADICTED}",
+        advice="",
+        since_us=SNAPSHOT.t_us,
+        system_id=15,
+        doubts_name=True,
+    )
+    snapshot = replace(changed(candidates=(lies,)), alarms=(alarm,), conflicts=frozenset({15}))
+    async with running(FakeStation(snapshot=snapshot), size=WIDE) as (app, pilot, _):
+        await pilot.press(*["down"] * 6)
+        said = " ".join(text_of(app.query_one(IdentityPane)).split())
+    assert app.selected == 15 and said.count(CONTRADICTED) == 1
+    assert "should be not known" in said and "45%, 30.3 m away, none of ours is likelier" in said
 
 
 @pytest.mark.parametrize(("later_s", "words"), [(0, "gone: no longer in the picture"), (12, "no new frame for 12s")])
