@@ -50,6 +50,8 @@ TROUBLES: Mapping[str, str] = MappingProxyType(
     }
 )
 """Troubles that there are, by name."""
+OF_AIRCRAFT = ("attitude",)
+"""Troubles that nobody feels of a ground vehicle: nothing is worked out from its attitude."""
 OF_SIGNING = ("unsigned", "signature", "stale")
 """Troubles that show only in a fleet that signs."""
 STALE_US = 300_000_000

@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 from collections.abc import Callable, Collection, Sequence
 
-from sim.practice import OF_CAMERAS, OF_SIGNING, OF_THE_FLEET, TROUBLES
+from sim.practice import OF_AIRCRAFT, OF_CAMERAS, OF_SIGNING, OF_THE_FLEET, TROUBLES
 
 
 class PractisedFleet:
@@ -30,6 +30,7 @@ class PractisedFleet:
         return [
             (key, f"{TROUBLES[key]}{' – is on, ends it' if self._of(key, system_id) in self._on else ''}")
             for key in self._keys
+            if key not in OF_AIRCRAFT or system_id in self._films
         ]
 
     def toggle(self, key: str, system_id: int) -> None:

@@ -46,3 +46,8 @@ async def test_a_real_fleet_has_no_troubles_to_practise_with():
 def test_troubles_of_signing_are_offered_where_signatures_count():
     offered = [[key for key, _ in PractisedFleet(9, print, signs=signs).troubles(11)] for signs in (True, False)]
     assert set(offered[0]) - set(offered[1]) == {"unsigned", "signature", "stale"} and len(offered[1]) > 20
+
+
+def test_a_trouble_that_nobody_feels_of_a_ground_vehicle_is_not_offered_for_one():
+    fleet = PractisedFleet(9, print, films=(1,))
+    assert [("attitude" in dict(fleet.troubles(each))) for each in (1, 11)] == [True, False]
