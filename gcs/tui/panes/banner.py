@@ -130,7 +130,7 @@ class Banner(Widget):
         """Dark on red while it is an alarm; the marks and words alone are enough."""
         width = self.size.width
         if self.alert.level == "calm":
-            text = _fitting(self.alert, " ", width)
+            text = fitted(_fitting(self.alert, " ", width), width)
             return line([(text, ink(FAINT, HEAD))], width, HEAD)
         loud = self.alert.level == "alarm"
         style, paper = (ink(PANEL, ALARM, bold=True), ALARM) if loud else (ink(WARN, HEAD), HEAD)
