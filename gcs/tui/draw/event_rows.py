@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import groupby
 from typing import Final
 
 from gcs.snapshot import Event
@@ -16,6 +17,10 @@ WAYPOINT: Final = "waypoint"
 REACHED: Final = re.compile(r"reached waypoint #(\d{1,6})(?:–(\d{1,6}))?", re.IGNORECASE)
 MOST_ON_THEIR_WAY: Final = 4
 """Vehicles that have a row each for their waypoints."""
+GONE: Final = re.compile(r"track \d+ is no longer (?P<name>.+?): (?P<why>.+)")
+GIVEN: Final = re.compile(r"track \d+ is (?P<name>.+ \(\d+%\))")
+TOGETHER: Final = 3
+"""Names that are gone, or that are given, in one frame and are one row."""
 NUMBER: Final = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?|\d+(?:\.\d+)?")
 
 
@@ -78,7 +83,7 @@ def rows_of(events: Sequence[Event]) -> list[EventRow]:
             run = _EventRun(event)
         latest[whose] = len(runs)
         runs.append(run)
-    return _as_a_fleet([run.row for run in runs if run is not None])
+    return _in_one_frame(_as_a_fleet([run.row for run in runs if run is not None]))
 
 
 def _as_a_fleet(rows: list[EventRow]) -> list[EventRow]:
@@ -96,6 +101,32 @@ def _as_a_fleet(rows: list[EventRow]) -> list[EventRow]:
     )
     whole, folded = EventRow(event, 1, routine=True), set(map(id, reached[:-1]))
     return [whole if row is reached[-1] else row for row in rows if id(row) not in folded]
+
+
+def _in_one_frame(rows: list[EventRow]) -> list[EventRow]:
+    """The same with one row in place of those of names that went, or came, in one frame and for one reason."""
+    found: list[EventRow] = []
+    for change, group in groupby(rows, _change):
+        alike = list(group)
+        if change is None or len(alike) < TOGETHER:
+            found += alike
+            continue
+        names = ", ".join(match["name"] for row in alike if (match := _name_change(row.event.text)))
+        event = replace(alike[0].event, system_id=0, text=f"{len(alike)} {change[1]}: {names}")
+        found.append(EventRow(event, 1))
+    return found
+
+
+def _change(row: EventRow) -> tuple[int, str] | None:
+    """Frame and words of a name that came or went; None of any other event."""
+    event, match = row.event, _name_change(row.event.text)
+    if match is None or row.times > 1 or (event.kind, event.level, event.reported) != ("identity", "info", ""):
+        return None
+    return event.t_us, f"names gone, {match['why']}" if match.re is GONE else "named"
+
+
+def _name_change(text: str) -> re.Match[str] | None:
+    return GONE.fullmatch(text) or GIVEN.fullmatch(text)
 
 
 def _is_on_its_way(event: Event) -> bool:

@@ -21,6 +21,20 @@ def rows(events):
     return [(row.event.text, row.times) for row in rows_of(events)]
 
 
+def test_names_that_go_or_come_together_are_one_row_each():
+    gone = [event(f"track {n} is no longer UGV-{n}: the evidence does not suffice", n, "identity") for n in (1, 2, 3)]
+    come = [event(f"track {n} is UGV-{n} (8{n}%)", n, "identity", at_s=3) for n in (1, 2, 3)]
+    assert rows([*gone, *come]) == [
+        ("3 names gone, the evidence does not suffice: UGV-1, UGV-2, UGV-3", 1),
+        ("3 named: UGV-1 (81%), UGV-2 (82%), UGV-3 (83%)", 1),
+    ]
+    other = event("track 4 is no longer UGV-4: it left the picture", 4, "identity")
+    later = event("track 3 is no longer UGV-3: the evidence does not suffice", 3, "identity", at_s=1)
+    assert len(rows([*gone[:2], other])) == len(rows([*gone[:2], later])) == 3, "another reason, another frame"
+    warned = [event(f"track {n} is UGV-{n} (89%), no longer UGV-9", n, "identity", "warning") for n in (1, 2, 3)]
+    assert len(rows(warned)) == 3
+
+
 def test_waypoints_of_one_vehicle_are_one_row_with_their_range():
     said = [event(f"Reached waypoint #{n}", at_s=n) for n in range(1, 13)]
     assert rows(said) == [("Reached waypoint #1–12", 12)]
