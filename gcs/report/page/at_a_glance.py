@@ -71,7 +71,7 @@ def _alarms(record: FlightSummary) -> list[Line]:
         troubles.setdefault((span.alarm.level != "alarm", span.alarm.key), []).append(span)
     told = []
     for (lesser, _), spans in troubles.items():
-        on_s = sum(_on_us(record, span) for span in spans) * 1e-6
+        on_s = _on_s(record, spans)
         often = f"{len(spans)} times, " if len(spans) > 1 else ""
         told.append((lesser, -on_s, f"{spans[0].alarm.text} ({often}{on_s:.1f} s)"))
     return [(text, "warn" if lesser else "bad") for lesser, _, text in sorted(told)]
@@ -79,11 +79,12 @@ def _alarms(record: FlightSummary) -> list[Line]:
 
 def _doubtful(record: FlightSummary, matched: Matched | None, lacks: Sequence[str]) -> str:
     calls = record.rollcall
-    doubts: Counter[str] = Counter()
+    doubts: dict[str, list[AlarmSpan]] = {}
     for span in record.alarms:
         if span.alarm.doubts_name:
-            doubts[record.name_of(span.alarm.system_id)] += _on_us(record, span)
-    lines = listed([(f"{name}: its name in doubt for {us * 1e-6:.1f} s", "bad") for name, us in doubts.most_common()])
+            doubts.setdefault(record.name_of(span.alarm.system_id), []).append(span)
+    longest = sorted(((_on_s(record, spans), name) for name, spans in doubts.items()), reverse=True)
+    lines = listed([(f"{name}: its name in doubt for {on_s:.1f} s", "bad") for on_s, name in longest])
     unsure = (row for row in calls.rows() if row.boxes and row.confidence < CONFIRMED)
     lines += listed([(f"{row.name}: {certainty(row.confidence)} sure, on average", "tentative") for row in unsure])
     lines += [(calls.skipped, "warn")] * bool(calls.skipped)
@@ -98,8 +99,13 @@ def _doubtful(record: FlightSummary, matched: Matched | None, lacks: Sequence[st
     return card("How far to trust it", summed, lines, "warn" if len(lines) > 1 else "good")
 
 
-def _on_us(record: FlightSummary, span: AlarmSpan) -> int:
-    return span.until_us - max(span.alarm.since_us, record.start_us)
+def _on_s(record: FlightSummary, spans: Sequence[AlarmSpan]) -> float:
+    """Time in which any of some alarms was on: two at once last no longer than one."""
+    on_us, reached_us = 0, record.start_us
+    for span in sorted(spans, key=lambda span: span.alarm.since_us):
+        on_us += max(span.until_us - max(span.alarm.since_us, reached_us), 0)
+        reached_us = max(reached_us, span.until_us)
+    return on_us * 1e-6
 
 
 def _percent(share: float) -> str:

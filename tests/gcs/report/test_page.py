@@ -231,6 +231,12 @@ def test_what_is_asked_first_is_said_first(seen, told, besides):
     assert told in first and besides in first
 
 
+def test_two_alarms_at_once_doubt_a_name_no_longer_than_one():
+    first, second = (replace(DOUBT, key=key, since_us=snapshot(k).t_us) for key, k in (("a", 1), ("b", 4)))
+    flown = [replace(snapshot(k), alarms=(first,) * (1 <= k <= 6) + (second,) * (4 <= k <= 8)) for k in range(9)]
+    assert "Alpha: its name in doubt for 0.7 s" in first_screen(check_alone(report(flown)))
+
+
 def test_a_name_holds_until_the_next_look_and_a_second_at_most():
     flown = [snapshot(k, boxes=[box(1, 2)]) for k in (0, 1, 2, 60)]
     record = FlightSummary(TWO_UGVS, flown[0].t_us, flown[-1].t_us, 0.1)
