@@ -110,6 +110,8 @@ class StartApp(TerminalApp):
         self._names: dict[int, str] = {}
         self._video = video
         self._picked = 0
+        self._pick_stays = False
+        """True once the operator has picked one, or done something with it: before, the first row is."""
         self._table = _HeardTable(id="panes")
 
     def compose(self) -> ComposeResult:
@@ -146,12 +148,12 @@ class StartApp(TerminalApp):
         ids = list(self.roles)
         if ids:
             place = ids.index(self._picked) if self._picked in ids else 0
-            self._picked = ids[min(max(place + steps, 0), len(ids) - 1)]
+            self._picked, self._pick_stays = ids[min(max(place + steps, 0), len(ids) - 1)], True
         self._show_all()
 
     def action_pick_vehicle(self, system_id: int) -> None:
         """One that was clicked."""
-        self._picked = system_id
+        self._picked, self._pick_stays = system_id, True
         self._show_all()
 
     def action_in_or_out(self) -> None:
@@ -232,7 +234,7 @@ class StartApp(TerminalApp):
     def _choose(self, system_id: int, role: Role) -> None:
         if role == "films":  # one films: who did before is as it would be without a choice
             self._chosen = {i: each for i, each in self._chosen.items() if each != "films"}
-        self._chosen[system_id] = role
+        self._chosen[system_id], self._pick_stays = role, True
         self._show_all()
 
     def _called(self, system_id: int, role: Role) -> str:
@@ -247,8 +249,8 @@ class StartApp(TerminalApp):
 
     def _show_all(self) -> None:
         roles = self.roles
-        if self._picked not in roles:
-            self._picked = next(iter(roles), 0)
+        if self._picked not in roles or not self._pick_stays:
+            self._picked = min(roles, default=0)
         heard = {each.system_id: each for each in self._listening.roster.vehicles}
         several = list(roles.values()).count("films") > 1
         rows = [(i, _row(i, self._called(i, role), role, heard.get(i), several)) for i, role in sorted(roles.items())]

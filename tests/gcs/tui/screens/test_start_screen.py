@@ -59,6 +59,27 @@ async def test_every_key_but_the_arrows_is_in_the_last_row():
     assert [key for key, word in HINTS if key != "↑↓" and f" {key} {word} " not in last] == []
 
 
+async def test_the_first_row_is_picked_until_the_operator_picks():
+    heard = air(ROVERS[2])
+    app = StartApp(heard, {})
+
+    async def picked(*keys):
+        for key in keys:
+            await pilot.press(key)
+        app._poll()
+        await pilot.pause()
+        table = app.query_one("#panes")
+        lines = [table.render_line(y).text for y in range(table.size.height)]
+        return next(line.split()[2] for line in lines if line.startswith("▌"))
+
+    async with app.run_test(size=SMALL) as pilot:
+        assert await picked() == "13"
+        heard.roster.vehicles = (COPTER_1, *ROVERS[1:])
+        assert await picked() == "1" and await picked("down") == "12"
+        heard.roster.vehicles = (COPTER_1, *ROVERS)
+        assert await picked() == "12"
+
+
 async def test_enter_flies_with_who_is_heard():
     app, _ = await press(air(COPTER_1, *ROVERS), "enter")
     mission = mission_of(app.found.roles, app.found.names)
