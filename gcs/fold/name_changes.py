@@ -134,7 +134,7 @@ class NameChanges:
         return ""
 
     def _doubt(self, track: int, vehicle: int, identities: Identities | None, suspected: Collection[int]) -> str:
-        """What takes a vehicle's name from a track that could carry it."""
+        """Doubt that takes a vehicle's name from a track that could carry it."""
         assert identities is not None
         if track in self.by_track:
             return f"it is {self.mission.name_of(self.by_track[track])}"
