@@ -2,8 +2,9 @@
 
 ``assoc.whole_flight`` finds the names, the camera's pose and the errors of the vehicles' positions together. What it
 gives counts 0.8, and 0.2 what is known of each track by itself (``gcs.playback.hindsight``): an answer is sure where
-both are. Where the whole flight is sure of the name that is the track's likeliest, it counts 0.95. A stretch in which it expects fewer right names than are known already is left as it is: there the errors are
-of another kind than it knows, as where a camera shakes. So is one that film and telemetry do not fit in.
+both are. Where the whole flight is sure of the name that is the track's likeliest, it counts 0.95. A stretch in which
+it expects fewer right names than are known already is left as it is: there the errors are of another kind than it
+knows, as where a camera shakes. So is one that film and telemetry do not fit in.
 """
 
 from __future__ import annotations
