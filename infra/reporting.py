@@ -99,7 +99,7 @@ class Hysteresis:
         self._worse_since = self._better_since = math.inf
 
     def rises(self, level: int, now: float) -> bool:
-        """Notes the level of now; whether it is to be reported."""
+        """Note the level of now; whether it is to be reported."""
         self._worse_since = min(self._worse_since, now) if level else math.inf
         self._better_since = min(self._better_since, now) if level < self.reported else math.inf
         if now - self._better_since >= self._falls_after:
@@ -154,7 +154,7 @@ class Backoff:
         return pause_s
 
     def succeeded(self) -> None:
-        """Ends the row."""
+        """End the row."""
         self._failures = 0
 
     def due(self, now_s: float) -> bool:

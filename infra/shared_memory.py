@@ -70,7 +70,7 @@ class Ring:
         return self._cursors[_READ]
 
     def put(self, record: bytes) -> bool:
-        """Puts in a record, which must not be empty; False where there is no room for it."""
+        """Put in a record, which must not be empty; False where there is no room for it."""
         written, room = self._cursors[_WRITTEN], self._room
         data = _HEAD.pack(len(record), crc32(record, written & _SEED_MASK)) + record
         if len(data) > room - (written - self._cursors[_READ]):
@@ -115,7 +115,7 @@ class NewestValue:
         self._memory = memory
 
     def put(self, value: bytes) -> bool:
-        """Replaces the value; False where there is no room for it, then the one before stays."""
+        """Replace the value; False where there is no room for it, then the one before stays."""
         stop = _HEAD.size + len(value)
         if stop > len(self._memory):
             return False

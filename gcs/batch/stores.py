@@ -199,7 +199,7 @@ class LocalResults:
 
     @contextlib.contextmanager
     def claim(self, *, older_s: float) -> Iterator[None]:
-        """Implements the protocol."""
+        """Implement the protocol."""
         with store_errors(self.address):
             self._folder.mkdir(parents=True, exist_ok=True)
             lock = open_to_append(self._folder / LOCK)
@@ -221,13 +221,13 @@ class LocalResults:
                         shutil.rmtree(path, ignore_errors=True)
 
     def scratch(self, name: str) -> Path:
-        """Implements the protocol."""
+        """Implement the protocol."""
         with store_errors(self.address):
             (self._folder / ASIDE).mkdir(parents=True, exist_ok=True)
             return Path(tempfile.mkdtemp(prefix=f"{name}-", dir=self._folder / ASIDE))
 
     def put(self, path: Path, name: str) -> None:
-        """Implements the protocol."""
+        """Implement the protocol."""
         with store_errors(f"{self.address}/{name}"):
             place = self._folder / name
             place.parent.mkdir(parents=True, exist_ok=True)
@@ -236,7 +236,7 @@ class LocalResults:
             path.replace(place)
 
     def write(self, data: bytes, name: str) -> None:
-        """Implements the protocol."""
+        """Implement the protocol."""
         scratch = self.scratch("write")
         try:
             with store_errors(f"{self.address}/{name}"):
@@ -246,24 +246,24 @@ class LocalResults:
             shutil.rmtree(scratch, ignore_errors=True)
 
     def read(self, name: str) -> bytes | None:
-        """Implements the protocol."""
+        """Implement the protocol."""
         with store_errors(f"{self.address}/{name}"), contextlib.suppress(FileNotFoundError):
             return (self._folder / name).read_bytes()
         return None
 
     def size(self, name: str) -> int | None:
-        """Implements the protocol."""
+        """Implement the protocol."""
         with store_errors(f"{self.address}/{name}"), contextlib.suppress(FileNotFoundError):
             return (self._folder / name).stat().st_size
         return None
 
     def remove(self, name: str) -> None:
-        """Implements the protocol."""
+        """Implement the protocol."""
         with store_errors(f"{self.address}/{name}"):
             (self._folder / name).unlink(missing_ok=True)
 
     def names(self, folder: str) -> list[str]:
-        """Implements the protocol."""
+        """Implement the protocol."""
         with store_errors(f"{self.address}/{folder}"), contextlib.suppress(FileNotFoundError):
             return sorted(path.name for path in (self._folder / folder).iterdir())
         return []
@@ -285,15 +285,15 @@ class RemoteResults:
         self._whole = address.partition("://")[0] in _PUT_WHOLE
 
     def claim(self, *, older_s: float) -> contextlib.AbstractContextManager[None]:
-        """Implements the protocol, against batches of other machines too; a store has nothing that is left aside."""
+        """Implement the protocol, against batches of other machines too; a store has nothing that is left aside."""
         return held(self._files, f"{self._folder}/{LOCK}", self.address)
 
     def scratch(self, name: str) -> Path:
-        """Implements the protocol."""
+        """Implement the protocol."""
         return Path(tempfile.mkdtemp(prefix=f"gcs-batch-{name}-"))
 
     def put(self, path: Path, name: str) -> None:
-        """Implements the protocol."""
+        """Implement the protocol."""
         with store_errors(f"{self.address}/{name}"):
             place = f"{self._folder}/{name}"
             if self._whole:
@@ -306,7 +306,7 @@ class RemoteResults:
             self._files.mv(written, place)
 
     def write(self, data: bytes, name: str) -> None:
-        """Implements the protocol."""
+        """Implement the protocol."""
         scratch = self.scratch("write")
         try:
             (scratch / "data").write_bytes(data)
@@ -315,7 +315,7 @@ class RemoteResults:
             shutil.rmtree(scratch, ignore_errors=True)
 
     def read(self, name: str) -> bytes | None:
-        """Implements the protocol."""
+        """Implement the protocol."""
         with store_errors(f"{self.address}/{name}"), contextlib.suppress(FileNotFoundError):
             data = self._files.cat_file(f"{self._folder}/{name}")
             if isinstance(data, bytes):
@@ -323,19 +323,19 @@ class RemoteResults:
         return None
 
     def size(self, name: str) -> int | None:
-        """Implements the protocol."""
+        """Implement the protocol."""
         with store_errors(f"{self.address}/{name}"), contextlib.suppress(FileNotFoundError):
             self._files.invalidate_cache()
             return int(self._files.size(f"{self._folder}/{name}"))
         return None
 
     def remove(self, name: str) -> None:
-        """Implements the protocol."""
+        """Implement the protocol."""
         with store_errors(f"{self.address}/{name}"), contextlib.suppress(FileNotFoundError):
             self._files.rm_file(f"{self._folder}/{name}")
 
     def names(self, folder: str) -> list[str]:
-        """Implements the protocol."""
+        """Implement the protocol."""
         with store_errors(f"{self.address}/{folder}"), contextlib.suppress(FileNotFoundError):
             self._files.invalidate_cache()
             found = self._files.ls(f"{self._folder}/{folder}".rstrip("/"), detail=False)

@@ -177,7 +177,7 @@ class CommandExecutor:
         }
 
     async def carry_out(self, key: str, ugv: int, report: Report) -> None:
-        """Carries an order out.
+        """Carry an order out.
 
         Args:
             key: of the order.
@@ -363,7 +363,7 @@ class CommandExecutor:
                 return not instead
 
     def _mode_watch(self) -> Callable[[], str]:
-        """Ends when another sender changes the flight mode."""
+        """End when another sender changes the flight mode."""
         since_s, mode = time.monotonic(), ""
 
         def watch() -> str:
@@ -376,7 +376,7 @@ class CommandExecutor:
         return watch
 
     def _camera_watch(self, ugv: int, report: Report) -> Callable[[], str]:
-        """Ends when the camera is seen not to turn at all; reports whether it follows, or that this is not known."""
+        """End when the camera is seen not to turn at all; report whether it follows, or that this is not known."""
         monitor: PointingMonitor | None = None
         reported: Verdict = "not yet"
         done = False

@@ -116,7 +116,7 @@ def mount_neutral() -> Command:
 
 
 def gimbal_control(system_id: int, component_id: int, *, take: bool, component: int = AUTOPILOT) -> Command:
-    """Takes or gives up primary control of the gimbal for a station."""
+    """Take or give up primary control of the gimbal for a station."""
     who = (system_id, component_id) if take else (_GIVE_UP, _GIVE_UP)
     other = (_UNCHANGED, _UNCHANGED) if take else (_GIVE_UP, _GIVE_UP)
     return Command(number=_CONFIGURE, params=(*who, *other), component=component)

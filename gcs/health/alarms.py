@@ -223,7 +223,7 @@ class Alarms:
         return tuple(raised), tuple(events)
 
     def _grows(self, key: str, count: int, now_us: int) -> bool:
-        """Notes a counter; whether it has grown lately."""
+        """Note a counter; whether it has grown lately."""
         # a count that is lower has begun anew, with the process that counts
         if count != self._counts.get(key, 0):
             self._grown_us[key] = now_us

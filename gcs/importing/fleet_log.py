@@ -239,7 +239,7 @@ def _on_one_clock(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
 
 
 def _without_stamps(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
-    """Works as ``_on_one_clock``, of a log that a station wrote as it received it, ``.rlog`` or ``.raw``.
+    """Work as ``_on_one_clock``, of a log that a station wrote as it received it, ``.rlog`` or ``.raw``.
 
     Raises:
         ImportFileError: no vehicle tells the date.

@@ -31,14 +31,14 @@ class _CotSink(Sink):
 
     @abstractmethod
     def _open(self) -> None:
-        """Opens the way out; OSError: it cannot be had now."""
+        """Open the way out; OSError: it cannot be had now."""
 
     @abstractmethod
     def _send(self, data: bytes) -> None:
-        """Sends one event; OSError: the way out is gone."""
+        """Send one event; OSError: the way out is gone."""
 
     def write(self, snapshot: Snapshot) -> None:
-        """Sends what is due; names that may change when the analysis gets there are not told."""
+        """Send what is due; names that may change when the analysis gets there are not told."""
         if snapshot.provisional:
             return
         replayed, name = self._source.replayed, self._source.name
@@ -68,7 +68,7 @@ class CotUdp(_CotSink):
         self._socket.sendto(data, self._address)
 
     def close(self) -> None:
-        """Closes the socket."""
+        """Close the socket."""
         self._socket.close()
 
 
@@ -82,7 +82,7 @@ class CotTcp(_CotSink):
         return socket.create_connection((self._url.host, self._url.port), timeout=CONNECT_S)
 
     def serve(self) -> None:
-        """Reads what the server sends, which would hold it up.
+        """Read what the server sends, which would hold it up.
 
         Raises:
             OSError: the server is gone.
@@ -99,7 +99,7 @@ class CotTcp(_CotSink):
         self._socket.sendall(data)
 
     def close(self) -> None:
-        """Ends the connection."""
+        """End the connection."""
         self._socket.close()
 
 

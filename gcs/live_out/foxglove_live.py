@@ -47,7 +47,7 @@ class FoxgloveLive(Sink):
             raise OSError(str(error).partition(": ")[2] or str(error)) from error
 
     def write(self, snapshot: Snapshot) -> None:
-        """Sends a frame; in a replay without names where those may change when the analysis gets there."""
+        """Send a frame; in a replay without names where those may change when the analysis gets there."""
         if snapshot.image is not None and snapshot.frame != self._frame and self._video.has_sinks():
             self._show(snapshot, snapshot.image)
         self._frame = snapshot.frame
@@ -60,7 +60,7 @@ class FoxgloveLive(Sink):
         self.sent += 1
 
     def close(self) -> None:
-        """Ends the server."""
+        """End the server."""
         self._server.stop()
 
     def _show(self, snapshot: Snapshot, image: NDArray[np.uint8]) -> None:

@@ -51,7 +51,7 @@ class SnapshotWriter:
         self.left_out = 0
 
     def put(self, snapshot: Snapshot) -> None:
-        """Replaces what is there."""
+        """Replace what is there."""
         number, image = self._cursor[0] + 1, snapshot.image
         shape: tuple[int, ...] = ()
         if self._images is not None and image is not None and image.nbytes <= PICTURE_BYTES:
@@ -65,7 +65,7 @@ class SnapshotWriter:
             self.left_out += 1
 
     def close(self) -> None:
-        """Lets go of the memory; it is free when the last reader is gone."""
+        """Let go of the memory; it is free when the last reader is gone."""
         self._file.close()
 
 

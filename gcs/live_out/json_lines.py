@@ -82,7 +82,7 @@ class JsonUdp(Sink):
         self._socket.setblocking(False)
 
     def write(self, snapshot: Snapshot) -> None:
-        """Sends it; one that is larger than a datagram is dropped."""
+        """Send it; one that is larger than a datagram is dropped."""
         line = json_line(snapshot, self._source)
         if len(line) > DATAGRAM_BYTES:
             self.dropped += 1
@@ -94,7 +94,7 @@ class JsonUdp(Sink):
             self.dropped += 1
 
     def close(self) -> None:
-        """Closes the socket."""
+        """Close the socket."""
         self._socket.close()
 
 
@@ -116,7 +116,7 @@ class JsonTcp(Sink):
         """Time at which each took something, or there was nothing for it to take."""
 
     def write(self, snapshot: Snapshot) -> None:
-        """Queues it for all clients."""
+        """Queue it for all clients."""
         self.serve()
         if not self._waiting:
             return
@@ -127,7 +127,7 @@ class JsonTcp(Sink):
         self.serve()
 
     def serve(self) -> None:
-        """Lets clients in, and sends what they take."""
+        """Let clients in, and send what they take."""
         while len(self._waiting) < MOST_CLIENTS:
             try:
                 client, _ = self._server.accept()
@@ -142,7 +142,7 @@ class JsonTcp(Sink):
         self.clients = len(self._waiting)
 
     def close(self) -> None:
-        """Ends all connections."""
+        """End all connections."""
         for client in (*self._waiting, self._server):
             client.close()
 

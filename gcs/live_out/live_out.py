@@ -71,7 +71,7 @@ class LiveOut:
         self._thread.start()
 
     def close(self) -> None:
-        """Ends all processes; twice does nothing."""
+        """End all processes; twice does nothing."""
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join(CLOSE_S)
@@ -131,7 +131,7 @@ class Outlet:
         self.supervisor.supervise()
 
     def close(self) -> None:
-        """Ends the process."""
+        """End the process."""
         self.supervisor.stop(CLOSE_S)
 
     def _start(self) -> ChildProcess[SinkReport]:

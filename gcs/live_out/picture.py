@@ -46,10 +46,10 @@ class _Picture(Sink):
 
     @abstractmethod
     def _open(self) -> av.container.OutputContainer:
-        """Begins a stream."""
+        """Begin a stream."""
 
     def write(self, snapshot: Snapshot) -> None:
-        """Sends one picture; where there is no image, boxes and names on a dark one.
+        """Send one picture; where there is no image, boxes and names on a dark one.
 
         Raises:
             OSError: it was not taken.
@@ -76,7 +76,7 @@ class _Picture(Sink):
         self.sent += 1
 
     def close(self) -> None:
-        """Ends the stream."""
+        """End the stream."""
         film, self._film = self._film, None
         if film is not None:
             with contextlib.suppress(av.FFmpegError):  # what is lost is the end of a picture

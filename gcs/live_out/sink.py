@@ -56,7 +56,7 @@ class Sink(ABC):
 
     @abstractmethod
     def __init__(self, url: SinkUrl, source: SinkSource) -> None:
-        """Opens it.
+        """Open it.
 
         Raises:
             OSError: it cannot be had now; it is tried again.
@@ -64,22 +64,22 @@ class Sink(ABC):
 
     @abstractmethod
     def write(self, snapshot: Snapshot) -> None:
-        """Tells of a snapshot.
+        """Tell of a snapshot.
 
         Raises:
             OSError: it has to be opened anew.
         """
 
     def serve(self) -> None:  # noqa: B027 - most have nobody to serve
-        """Looks after those who read; called many times a second."""
+        """Look after those who read; called many times a second."""
 
     @abstractmethod
     def close(self) -> None:
-        """Ends it."""
+        """End it."""
 
 
 def open_sink(url: SinkUrl, source: SinkSource) -> Sink:
-    """Opens what an address stands for.
+    """Open what an address stands for.
 
     Raises:
         OSError: it cannot be had now.

@@ -47,7 +47,7 @@ class Piece:
 
 
 def make_journal(size: int = RAM_BYTES) -> int:
-    """Allocate the memory of a new journal; returns its file descriptor.
+    """Allocate the memory of a new journal; return its file descriptor.
 
     Args:
         size: capacity in bytes.
@@ -98,7 +98,7 @@ class Journal:
         return self._words[_LOST]
 
     def recover(self) -> bool:
-        """Restores consistent counters after a process died at any point; returns whether rows wait."""
+        """Restore consistent counters after a process died at any point; return whether rows wait."""
         words = self._words
         if words[_TAIL] >= words[_HEAD]:
             words[_HEAD] = words[_TAIL] = 0

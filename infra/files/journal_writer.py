@@ -39,7 +39,7 @@ class JournalWriter:
         self._thread.start()
 
     def stop(self) -> bool:
-        """Has everything written and ends; whether it could: a disk that hangs is left after a minute."""
+        """Have everything written and end; return whether that was possible: a disk that hangs is left after a minute."""
         self._stop.set()
         self._journal.due.set()
         self._thread.join(HANG_S)
@@ -60,7 +60,7 @@ class JournalWriter:
                     time.sleep(GATHER_S)  # rather than to be woken for each batch
 
     def _bring(self, piece: Piece) -> None:
-        """Writes rows, and waits until a disk that does not take them does."""
+        """Write rows, and wait until a disk that does not take them does."""
         for file, data in piece.data.items():
             if data:
                 self._files[file].write(data, piece.rows[file])

@@ -47,7 +47,7 @@ class MessageChannel(Generic[Received]):
         return self._reading.fileno()
 
     def send(self, message: msgspec.Struct, timeout_s: float | None = None) -> None:
-        """Sends a message; without a timeout it waits for as long as the other end takes.
+        """Send a message; without a timeout it waits for as long as the other end takes.
 
         Raises:
             OSError: the other end is gone, this one is closed, or it was not taken in time.
@@ -72,12 +72,12 @@ class MessageChannel(Generic[Received]):
             raise EOFError from error
 
     def close_sending(self) -> None:
-        """Shows the other end that no more comes; twice does nothing."""
+        """Show the other end that no more comes; twice does nothing."""
         with self._sending:
             self._writing.close()
 
     def close(self) -> None:
-        """Closes both ways; to be called by who receives."""
+        """Close both ways; to be called by who receives."""
         self.close_sending()
         self._reading.close()
 

@@ -146,20 +146,20 @@ class ChildProcess(Generic[Report]):
         return False
 
     def end(self, timeout_s: float) -> None:
-        """Has it end by itself, else kills it."""
+        """Ask the process to end, else kill it."""
         self.channel.close_sending()
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(timeout_s)
         self.kill()
 
     def kill(self) -> None:
-        """Ends it at once; what it sent before can still be received."""
+        """End it at once; what it sent before can still be received."""
         self._process.kill()
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(KILL_S)
 
     def close(self) -> None:
-        """Closes the channel and forgets what the process wrote; to be called by who receives."""
+        """Close the channel and forget what the process wrote; to be called by who receives."""
         if self.ended and not self._output.closed:
             _log.info("process %d ended: %s, %s", self._process.pid, self._module, self.exit_reason)
         self.channel.close()

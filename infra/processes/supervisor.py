@@ -84,11 +84,11 @@ class Supervisor(Generic[Child]):
         begin(self.process)
 
     def supervise(self) -> None:
-        """Looks after the process from now on."""
+        """Look after the process from now on."""
         self._thread.start()
 
     def stop(self, timeout_s: float | None = None) -> None:
-        """Has the process end by itself, or ends it when it is silent for too long meanwhile."""
+        """Ask the process to end, and kill it when it is silent for too long meanwhile."""
         self._stopping.set()
         self.process.channel.close_sending()
         if self._thread.is_alive():
@@ -150,7 +150,7 @@ class Supervisor(Generic[Child]):
         return starved or self._excused(process)
 
     def _keep_spare(self) -> None:
-        """Starts a process that waits for its turn, where there is none."""
+        """Start a process that waits for its turn, where there is none."""
         if (self.spare is None or self.spare.ended) and time.monotonic() >= self._spare_due_s:
             self._spare_due_s = time.monotonic() + SPARE_AGAIN_S
             if self.spare is not None:

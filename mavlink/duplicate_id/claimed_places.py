@@ -64,7 +64,7 @@ class ClaimedPlaces:
         self._faster: SenderKey | None = None
 
     def add(self, sender: SenderKey, sample: GlobalPosition, std_m: float) -> PlaceConflict | None:
-        """Keeps a place and compares it with those of other senders.
+        """Keep a place and compare it with those of other senders.
 
         Args:
             sample: a place that may be one, see :func:`mavlink.estimation.positions.place_error`.

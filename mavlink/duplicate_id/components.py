@@ -72,17 +72,17 @@ class Components:
         return mode_name(it.type, it.autopilot, it.base_mode, it.custom_mode)
 
     def add_heartbeat(self, component_id: int, t_us: int) -> bool:
-        """Notes an autopilot's heartbeat at a Unix time; True when its component is the vehicle's autopilot."""
+        """Note an autopilot's heartbeat at a Unix time; True when its component is the vehicle's autopilot."""
         component = self._component(component_id)
         component.sends_heartbeats, component.last_us = True, t_us
         return self._is_autopilot(component, t_us)
 
     def keep_heartbeat(self, sample: Heartbeat) -> None:
-        """Keeps a heartbeat as the newest of its component."""
+        """Keep a heartbeat as the newest of its component."""
         self._component(sample.component_id).heartbeat = sample
 
     def add_report(self, component_id: int, t_us: int) -> bool:
-        """Notes a position or an attitude at a Unix time; True when its component is the vehicle's autopilot."""
+        """Note a position or an attitude at a Unix time; True when its component is the vehicle's autopilot."""
         component = self._component(component_id)
         component.last_us = component.reported_us = t_us
         return self._is_autopilot(component, t_us)

@@ -51,7 +51,7 @@ class AttitudeComparison:
         self._newest: dict[SenderKey, tuple[int, int, Attitude]] = {}
 
     def add(self, sender: SenderKey, boot_us: int, sample: Attitude) -> AttitudeConflict | None:
-        """Keeps an attitude and compares it with those of others a moment ago."""
+        """Keep an attitude and compare it with those of others a moment ago."""
         self._newest.pop(sender, None)
         conflict = None
         for other, (other_us, t_us, newest) in self._newest.items():
@@ -137,7 +137,7 @@ class _Alternation:
         self._first_us = self._last_us = 0
 
     def add(self, side: Hashable, sender: SenderKey, other: SenderKey, t_us: int) -> bool:
-        """Adds one packet; True when its side is another than before.
+        """Add one packet; True when its side is another than before.
 
         Args:
             other: of the other side's last packet.
@@ -182,7 +182,7 @@ class _Conflicts:
     def add(
         self, kind: ConflictKind, side: Hashable, sender: SenderKey, t_us: int, detail: str, other: SenderKey
     ) -> None:
-        """Adds one contradiction.
+        """Add one contradiction.
 
         Args:
             side: which of the two sides this packet is of.
@@ -194,7 +194,7 @@ class _Conflicts:
             self.declare(kind, detail, sender, alternation.other, t_us)
 
     def declare(self, kind: ConflictKind, detail: str, one: SenderKey, other: SenderKey, t_us: int) -> None:
-        """Notes that there are two senders for certain."""
+        """Note that there are two senders for certain."""
         if not self.is_active(t_us):
             self.newest = IdConflict(kind, detail, one, other)
         hold_us = _HOLD_HARDWARE_US if kind == "hardware" else _HOLD_US
@@ -240,7 +240,7 @@ class DuplicateIdDetector:
         self._autopilot: SenderKey | None = None
 
     def add_sender(self, sender: SenderKey, t_us: int) -> None:
-        """Notes who sent a packet."""
+        """Note who sent a packet."""
         before = self._sender
         if sender == before:
             return
@@ -260,7 +260,7 @@ class DuplicateIdDetector:
         return self._conflicts.is_active(t_us)
 
     def compare_kind(self, sample: Heartbeat, sender: SenderKey) -> tuple[str, str] | None:
-        """Compares the kind of vehicle with those reported before; the last and this in words when they differ."""
+        """Compare the kind of vehicle with those reported before; the last and this in words when they differ."""
         kind, before = (sample.type, sample.autopilot), self._kind
         self._kind = kind
         self._kinds.pop(kind, None)
@@ -274,7 +274,7 @@ class DuplicateIdDetector:
         return kind_name(before[0]), kind_name(kind[0])
 
     def compare_mode(self, sample: Heartbeat, sender: SenderKey) -> None:
-        """Compares armed and mode with those of another sender: who changes them changes them on all its radios."""
+        """Compare armed and mode with those of another sender: who changes them changes them on all its radios."""
         before, self._heartbeat = self._heartbeat, (sample, sender)
         if before is None or before[1] == sender or not abs(sample.t_us - before[0].t_us) < _TOGETHER_US:
             return
@@ -283,7 +283,7 @@ class DuplicateIdDetector:
             self._conflicts.add("mode", sender, sender, sample.t_us, f"{one} and {other}", before[1])
 
     def compare_boot_time(self, t_us: int, sender: SenderKey, booted_us: int) -> None:
-        """Compares when the vehicle was switched on, by its own Unix time: no delay of a link changes that."""
+        """Compare when the vehicle was switched on, by its own Unix time: no delay of a link changes that."""
         before, self._boot = self._boot, (booted_us, t_us, sender)
         if before is None or not abs(t_us - before[1]) < _TOGETHER_US or abs(booted_us - before[0]) < _BOOT_US:
             return
@@ -291,7 +291,7 @@ class DuplicateIdDetector:
         self._conflicts.add("boot", booted_us > before[0], sender, t_us, detail, before[2])
 
     def add_other_clock(self, t_us: int, sender: SenderKey, gap_s: float) -> None:
-        """Adds a boot time that is not of this vehicle's count, nor of the one before its reboot.
+        """Add a boot time that is not of this vehicle's count, nor of the one before its reboot.
 
         Args:
             t_us: Unix µs of its arrival.
@@ -312,13 +312,13 @@ class DuplicateIdDetector:
         return t_us - self._leading[1] >= _LEADS_US
 
     def add_usual_clock(self, t_us: int, sender: SenderKey) -> None:
-        """Adds a boot time that fits."""
+        """Add a boot time that fits."""
         self._usual_clock = sender
         if self._conflicts.is_running("clock", t_us):
             self._conflicts.add("clock", _USUAL_CLOCK, sender, t_us, "two clocks", self._other_clock)
 
     def compare_place(self, sample: GlobalPosition, sender: SenderKey, std_m: float) -> None:
-        """Compares a place, of any component, with those of other senders."""
+        """Compare a place, of any component, with those of other senders."""
         conflict = self._places.add(sender, sample, std_m)
         if conflict:
             detail = f"two places, {conflict.gap_m:.0f} m apart"
@@ -335,7 +335,7 @@ class DuplicateIdDetector:
         return self._places.trails(sender)
 
     def compare_autopilots(self, t_us: int, sender: SenderKey, rival: int) -> None:
-        """Compares two components that send an autopilot's heartbeat while only the one that is not in use reports.
+        """Compare two components that send an autopilot's heartbeat while only the one that is not in use reports.
 
         Args:
             t_us: Unix µs of the heartbeat.
@@ -348,21 +348,21 @@ class DuplicateIdDetector:
             self._conflicts.add("autopilot", sender.component, sender, t_us, detail, before)
 
     def compare_attitude(self, boot_us: int, sample: Attitude, sender: SenderKey) -> None:
-        """Compares an attitude with those of other senders."""
+        """Compare an attitude with those of other senders."""
         conflict = self._attitudes.add(sender, boot_us, sample)
         if conflict:
             detail = f"two attitudes, {math.degrees(conflict.gap):.0f}° apart"
             self._conflicts.add("attitude", sender, sender, sample.t_us, detail, conflict.other)
 
     def compare_late_attitude(self, sample: Attitude, sender: SenderKey, then: Pose | None) -> None:
-        """Compares an attitude that came late with the one that the vehicle reported for that time."""
+        """Compare an attitude that came late with the one that the vehicle reported for that time."""
         if then is not None and then.bracketed and turned_too_far(sample, then, then.age_s):
             self._other_clock = sender
             detail = "two clocks and two attitudes"
             self._conflicts.add("clock", _OTHER_CLOCK, sender, sample.t_us, detail, self._usual_clock)
 
     def compare_hardware(self, packet: Packet, sender: SenderKey, epoch: int) -> str:
-        """Compares the hardware id with the one before; returns what to report when the board was changed."""
+        """Compare the hardware id with the one before; return what to report when the board was changed."""
         hardware, known = hardware_id_of(packet), self._hardware
         if not hardware.text:
             return ""

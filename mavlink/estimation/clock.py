@@ -174,7 +174,7 @@ class VehicleClock:
         self._outlier_since_us = 0  # arrival of the first message in a row that did not fit, 0 for none
 
     def add_message(self, boot_ms: int, arrival_us: int, *, trails: bool = False) -> ClockReading:
-        """Learns from one message and returns its boot time.
+        """Learn from one message and return its boot time.
 
         A sender that leaves its boot time at zero has no clock, and one that cannot be followed (a simulator that runs
         at another speed) has none that helps: the boot time of their messages is their arrival.
@@ -233,14 +233,14 @@ class VehicleClock:
         return boot_us if -self.params.early_us <= late_us <= self.params.late_us else None
 
     def follow_faster_link(self, reading: ClockReading, arrival_us: int) -> ClockReading:
-        """Follows a message of the same count that came over a faster link: what came so far was late."""
+        """Follow a message of the same count that came over a faster link: what came so far was late."""
         newest = self._newest
         self._former = _FormerClock(newest, round(self._line(newest)), arrival_us, valid=True)
         self._restart(reading.boot_us, arrival_us)
         return ClockReading(reading.boot_us, ClockFit.FITS)
 
     def reset(self) -> None:
-        """Starts again, for a vehicle whose clock was another's."""
+        """Start again, for a vehicle whose clock was another's."""
         self._started = self._by_arrival = False
         self._zero_times = 0
         self.off_rate = 0.0
@@ -365,7 +365,7 @@ class VehicleClock:
         return -self.params.early_us <= arrival_us - boot_us - former.offset_us <= most_us
 
     def _add_outlier(self, boot_us: int, arrival_us: int, late: bool, trails: bool) -> tuple[bool, bool]:
-        """Collects messages on other lines, and follows one once it has run without this clock's for long enough.
+        """Collect messages on other lines, and follow one once it has run without this clock's for long enough.
 
         Returns:
             Whether the clock follows this message now, and whether that is because of a reboot.

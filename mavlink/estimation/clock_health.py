@@ -42,7 +42,7 @@ class TimeSyncExchanges:
         self._bins: deque[tuple[int, int, float]] = deque(maxlen=_BINS)  # start of the bin, least trip, offset then
 
     def clear(self) -> None:
-        """Removes all, for a vehicle that has rebooted."""
+        """Remove all, for a vehicle that has rebooted."""
         self._bins.clear()
         self.round_trip_s = math.nan
 
@@ -90,7 +90,7 @@ class ClockHealth:
         self._exchanges = TimeSyncExchanges()
 
     def restart(self) -> None:
-        """Starts again, for a vehicle that has rebooted."""
+        """Start again, for a vehicle that has rebooted."""
         self.error_s = math.nan
         self._exchanges.clear()
 
@@ -121,7 +121,7 @@ class ClockHealth:
         return f"its date is {self.error_s:+,.0f} s off"
 
     def add(self, sample: SystemTime | TimeSync) -> None:
-        """Adds one message about time."""
+        """Add one message about time."""
         if isinstance(sample, TimeSync):
             self._exchanges.add(sample)
         elif sample.unix_us:

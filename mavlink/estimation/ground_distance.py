@@ -22,7 +22,7 @@ class GroundDistance:
         self._terrain: TerrainReport | None = None
 
     def add(self, sample: DistanceSensor | TerrainReport) -> None:
-        """Keeps a sample that measures something."""
+        """Keep a sample that measures something."""
         if isinstance(sample, TerrainReport):
             # without a spacing the autopilot has no map of this place
             if sample.spacing_m > 0 and math.isfinite(sample.current_height_m):

@@ -39,11 +39,11 @@ class PositionRejections:
         self._counts: dict[str, int] = {}
 
     def count(self, reason: str) -> None:
-        """Counts a value that is left out; the rest of its report may be used."""
+        """Count a value that is left out; the rest of its report may be used."""
         self._counts[reason] = self._counts.get(reason, 0) + 1
 
     def add_position(self, t_us: int, reason: str, *, had_position: bool) -> Level | None:
-        """Counts a position that cannot be right.
+        """Count a position that cannot be right.
 
         Returns:
             How urgently an operator should know; None where it was reported a moment ago.
@@ -84,7 +84,7 @@ class JumpDetector:
         self._last_us = 0
 
     def add(self, verdict: Verdict, channel: Hashable, t_us: int, fix: Fix) -> None:
-        """Adds a report.
+        """Add a report.
 
         Args:
             verdict: from :meth:`mavlink.estimation.positions.Positions.add`.
@@ -146,7 +146,7 @@ class GpsReceivers:
         self._flapping = False
 
     def add(self, sample: GpsRaw, sender: SenderKey) -> tuple[Level, str]:
-        """Keeps a report; returns what an operator should know, an empty text for nothing.
+        """Keep a report; return what an operator should know, an empty text for nothing.
 
         A fix that comes and goes is reported once, and once more when it is steady again.
         """
@@ -297,7 +297,7 @@ class PositionDoubts:
         self._critical, self._armed = sample.status == _CRITICAL, sample.armed
 
     def add_fix(self, sample: GpsRaw, std_m: float, then: PositionEstimate | None, frame: LocalFrame) -> None:
-        """Compares a receiver's own fix with what the filter makes of it.
+        """Compare a receiver's own fix with what the filter makes of it.
 
         Args:
             std_m: 1σ of it.

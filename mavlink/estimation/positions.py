@@ -258,14 +258,14 @@ class Positions:
         self._reported_us = 0
 
     def clear(self) -> None:
-        """Removes every position, for a vehicle that has rebooted."""
+        """Remove every position, for a vehicle that has rebooted."""
         self._fixes.clear()
         self._elsewhere.clear()
         self._place = (math.nan, math.nan)
         self._reported_us = 0
 
     def change_frame(self, before: LocalFrame, now: LocalFrame, reach_m: float) -> None:
-        """Converts every position to another local frame; removes them where the newest is farther than it reaches."""
+        """Convert every position to another local frame; remove them where the newest is farther than it reaches."""
         self._fixes.replace_all(lambda fixes: in_frame(fixes, before, now))
         self._elsewhere.clear()
         if self.newest is not None and math.hypot(*self.newest[1][:3]) > reach_m:
@@ -316,7 +316,7 @@ class Positions:
         return self._altitude_trusted
 
     def add(self, boot_us: int, fix: Fix, place: tuple[float, float]) -> Verdict:
-        """Compares one report with those before and keeps it when it can be right.
+        """Compare one report with those before and keep it when it can be right.
 
         Args:
             boot_us: when it was made.

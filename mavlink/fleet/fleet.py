@@ -254,7 +254,7 @@ class Fleet:
             kept.extend(mine)  # type: ignore[arg-type]
 
     def add_packet(self, packet: Packet) -> tuple[Notice, ...]:
-        """Adds one packet, in order of arrival; returns what an operator should know."""
+        """Add one packet, in order of arrival; return what an operator should know."""
         message_id = packet.message_id
         if message_id not in DEFINITIONS:
             return ()  # its checksum could not be verified, so not even its sender is known
@@ -363,7 +363,7 @@ class Fleet:
         )
 
     def _after(self, vehicle: Vehicle, notices: tuple[Notice, ...]) -> tuple[Notice, ...]:
-        """Drops positions not yet collected of a vehicle that turns out to have two senders; returns the notices."""
+        """Drop positions not yet collected of a vehicle that turns out to have two senders; return the notices."""
         if notices and self._evidence and vehicle.in_conflict(notices[-1].t_us):
             kept = (report for report in self._evidence if report.vehicle is not vehicle)
             self._evidence = deque(kept, maxlen=_MAX_REPORTS)
@@ -415,7 +415,7 @@ class Fleet:
         return near_majority is False or (near_majority is None and far and vehicle is not self._uav)
 
     def _found_origin(self, vehicle: Vehicle, report: PositionReport) -> bool:
-        """Sets the origin if this report may; else keeps the report for when it is known."""
+        """Set the origin if this report may; else keep the report for when it is known."""
         sample, stand = report.sample, self._stand
         self._waiting_since_us = self._waiting_since_us or sample.t_us
         told = vehicle is self._uav or (stand is not None and altitude_known(sample.alt_m))
@@ -436,7 +436,7 @@ class Fleet:
         return True
 
     def _place_stand(self, stand: Stand) -> None:
-        """Takes the stand, whose altitude is known, for the origin."""
+        """Take the stand, whose altitude is known, for the origin."""
         self._stand, self._origin.home_alt_m = stand, stand.ground_alt_m
         self._origin.frame = LocalFrame(stand.lat_deg, stand.lon_deg, stand.alt_m)
 
@@ -460,7 +460,7 @@ class Fleet:
         return notices
 
     def _move_origin(self, sample: GlobalPosition) -> tuple[Notice, ...]:
-        """Puts the origin where a vehicle is; positions are converted, and those too far away dropped."""
+        """Put the origin where a vehicle is; positions are converted, and those too far away dropped."""
         before, distance_m = self.origin, self._origin.distance_m(sample)
         self._origin.move_to(sample)
         now = self.origin

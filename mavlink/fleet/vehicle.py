@@ -147,14 +147,14 @@ class Vehicle:
         self._change_reports, self._autopilot_reports = Throttle(_CHANGE_US), Throttle(_OTHER_AUTOPILOT_US)
 
     def count_packet(self, packet: Packet, message_id: int) -> Arrival | None:
-        """Counts a packet of a known message; None for a duplicate of one that came before."""
+        """Count a packet of a known message; None for a duplicate of one that came before."""
         arrival = self._reception.add_packet(packet, message_id)
         if arrival is not None and packet.component_id == self._components.autopilot:
             self._duplicate_id.add_sender(arrival.sender, packet.t_us)
         return arrival
 
     def reject_packet(self, packet: Packet) -> Notices:
-        """Counts a packet whose signature forbids to use it."""
+        """Count a packet whose signature forbids to use it."""
         level, text = self._reception.reject_packet(packet)
         if not text:
             return ()
@@ -269,7 +269,7 @@ class Vehicle:
         return notices + self.conflict_notices(packet.t_us)
 
     def learn_clock(self, sample: Attitude | GlobalPosition, arrival: Arrival) -> tuple[ClockReading, Notices]:
-        """Learns from a sample's boot time; what it shows of the clock, and notices."""
+        """Learn from a sample's boot time; what it shows of the clock, and notices."""
         clock, t_us, sender = self.clock, sample.t_us, arrival.sender
         trails = self._duplicate_id.trails(sender)
         reading = clock.add_message(sample.boot_ms, t_us, trails=trails)
@@ -320,7 +320,7 @@ class Vehicle:
         self.usual_delay_us += gain * (delay_us - self.usual_delay_us)
 
     def _check_other_clock(self, reading: ClockReading, t_us: int, sender: SenderKey) -> ClockReading:
-        """Decides whether an outlier is of a faster link, which the clock then follows, or of another sender."""
+        """Decide whether an outlier is of a faster link, which the clock then follows, or of another sender."""
         if reading.boot_us < FRESH_BOOT_US or self.positions.has(reading.boot_us):
             return reading
         early_us = self.clock.unix_of(reading.boot_us) - t_us
@@ -350,12 +350,12 @@ class Vehicle:
             self.rejections.count("attitude that is none")
 
     def reject_position(self, t_us: int, reason: str) -> Notices:
-        """Counts a position that is not used; a notice when the reason is new or was not reported for a while."""
+        """Count a position that is not used; a notice when the reason is new or was not reported for a while."""
         level = self.rejections.add_position(t_us, reason, had_position=self.positions.known)
         return (self._notice(t_us, level, f"position not used: {reason}"),) if level is not None else ()
 
     def compare_place(self, sample: GlobalPosition, arrival: Arrival) -> str:
-        """Compares a place with those of other senders, whichever component reports it.
+        """Compare a place with those of other senders, whichever component reports it.
 
         Returns:
             Why the report is no place at all, and was not compared; empty when it may be one.
@@ -367,7 +367,7 @@ class Vehicle:
         return error
 
     def add_position(self, report: PositionReport, frame: LocalFrame, home_alt_m: float) -> tuple[Fix | None, Notices]:
-        """Checks a report that is a place, and keeps it when it can be right.
+        """Check a report that is a place, and keep it when it can be right.
 
         Returns:
             The position in ENU (``frame``, home plane at ``home_alt_m``) if it is new evidence, and notices.
@@ -422,7 +422,7 @@ class Vehicle:
         return (self._notice(t_us, "warning", f"not used: {UNSTEADY_ALTITUDE}"),)
 
     def change_frame(self, before: LocalFrame, now: LocalFrame) -> None:
-        """Converts all that is kept of places to another local frame."""
+        """Convert all that is kept of places to another local frame."""
         self.positions.change_frame(before, now, FLEET_SPAN_M)
         self._jumps = JumpDetector()
 

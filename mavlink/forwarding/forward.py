@@ -94,12 +94,12 @@ class Forwarder:
         return any(output.link.overdue for output in self._outputs)
 
     def maintain(self) -> None:
-        """Connects outputs again; to be called every tenth of a second or so."""
+        """Connect outputs again; to be called every tenth of a second or so."""
         for output in self._outputs:
             output.link.maintain()
 
     def forward(self, packets: Sequence[Packet], send: Callable[[int, bytes, int], object]) -> None:
-        """Forwards packets in order, and what came back from outputs to vehicles.
+        """Forward packets in order, and what came back from outputs to vehicles.
 
         Args:
             packets: as the links brought them, verified; none is fine.
@@ -118,7 +118,7 @@ class Forwarder:
                 continue  # the link reports it itself
 
     def close(self) -> None:
-        """Closes every output."""
+        """Close every output."""
         for output in self._outputs:
             output.link.close()
 

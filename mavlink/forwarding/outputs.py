@@ -100,7 +100,7 @@ class Output:
         )
 
     def forward(self, raw: bytes) -> None:
-        """Sends a frame unless it came from here: a vehicle repeats on its links what a station sends it."""
+        """Send a frame unless it came from here: a vehicle repeats on its links what a station sends it."""
         if self._recently_returned.has(raw) or self._recently_tried.has(raw):
             self.count_withheld()
             return
@@ -119,11 +119,11 @@ class Output:
             yield raw, self.link.address(peer) or self.link.name
 
     def count_withheld(self) -> None:
-        """Counts a frame that is not to go out."""
+        """Count a frame that is not to go out."""
         self._withheld += 1
 
     def count_stopped(self) -> None:
-        """Counts a frame that came back and is not to go on."""
+        """Count a frame that came back and is not to go on."""
         self._stopped += 1
 
     def is_echo(self, raw: bytes) -> bool:
@@ -131,7 +131,7 @@ class Output:
         return self._recently_sent.has(raw)
 
     def note_inbound(self, raw: bytes, sender: str, target: int, refusal: str) -> None:
-        """Counts a frame that came back; ``refusal`` is why it went no further, empty: it went on."""
+        """Count a frame that came back; ``refusal`` is why it went no further, empty: it went on."""
         if self.allowed is None:
             key = InboundFrames(sender=sender, message="", target=0, refusal=refusal)
         else:

@@ -129,7 +129,7 @@ class Ingest:
 
     @property
     def supervisor(self) -> Supervisor[ChildProcess[IngestReport]]:
-        """Keeps the process running."""
+        """Keep the process running."""
         assert self._supervisor is not None
         return self._supervisor
 
@@ -163,7 +163,7 @@ class Ingest:
         return self._heard_us
 
     def send(self, link: int, data: bytes, peer: int = 0) -> None:
-        """Sends a frame to those on the other end of a link who are known; :meth:`health` reports what did not work.
+        """Send a frame to those on the other end of a link who are known; :meth:`health` reports what did not work.
 
         Args:
             link: its place among the URLs.
@@ -234,7 +234,7 @@ class Ingest:
         return reported
 
     def stop(self) -> None:
-        """Has everything written, ends the process and closes the links; stopping twice does nothing."""
+        """Have everything written, end the process and close the links; stopping twice does nothing."""
         if self._stopping.is_set():
             return
         self._stopping.set()
@@ -287,7 +287,7 @@ class Ingest:
             process.channel.send(msgspec.structs.replace(self._plan, generation=self._generation))
 
     def _require_opened(self, process: ChildProcess[IngestReport]) -> None:
-        """Waits until the first process has opened everything, and raises its error otherwise."""
+        """Wait until the first process has opened everything, and raise its error if it failed."""
         try:
             report = process.channel.receive(START_S)
         except EOFError as error:
@@ -299,7 +299,7 @@ class Ingest:
             raise LinkError("the ingest process did not start in time; is the machine overloaded?")
 
     def _watch(self, process: ChildProcess[IngestReport], timeout_s: float) -> float | None:
-        """Waits for the process's end, and looks for signs of life."""
+        """Wait for the process's end, and look for signs of life."""
         process.channel.receive(timeout_s)
         now_s = time.monotonic()
         if now_s >= self._health_s:
@@ -320,7 +320,7 @@ class Ingest:
         return f" while it took packets off {self.names[index - 1]}, of which at most {BATCH} are lost,"
 
     def _carry_counts_over(self) -> None:
-        """Keeps what the process before had counted."""
+        """Keep what the process before had counted."""
         last = self._published_health() or self._health
         self._before = tuple(link.counts for link in last.plus(self._before).links) or self._before
         links = tuple(replace(link, counts=LinkCounts()) for link in last.links)
@@ -328,7 +328,7 @@ class Ingest:
         self._memory.status.put(self._health.encode())
 
     def _note_gap(self, failure: str, alive_s: float) -> None:
-        """Waits until the next process has opened everything, and notes for how long no process received."""
+        """Wait until the next process has opened everything, and note for how long no process received."""
         trouble = ""
         try:
             self._require_opened(self.supervisor.process)

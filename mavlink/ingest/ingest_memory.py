@@ -78,7 +78,7 @@ class IngestMemory:
         peers: Sequence[int],
         auths: Sequence[int] | None,
     ) -> bool:
-        """Puts packets into the ring, all of them or, where there is no room, none; those are counted.
+        """Put packets into the ring, all of them or, where there is no room, none; those are counted.
 
         Args:
             record: number of the first of them in the log, those of the others follow; None: they are not in it.

@@ -174,7 +174,7 @@ class Signatures:
             self._verifier.accept_held(system_id, now_us())
 
     def close(self) -> None:
-        """Saves what is remembered of the streams."""
+        """Save what is remembered of the streams."""
         if self._store:
             self._store.close()
 
@@ -272,7 +272,7 @@ class Receiver:
             self.output_trouble = f"forwarding: {error!r}"
 
     def send(self, link: int, data: bytes, peer: int = 0) -> None:
-        """Sends and records a frame of this station's own or of a program behind an output.
+        """Send and records a frame of this station's own or of a program behind an output.
 
         Args:
             link: over which.
@@ -288,20 +288,20 @@ class Receiver:
             self._memory.slots[Slot.SENT] += 1
 
     def _record(self, batch: Batch) -> int | None:
-        """On the way to the log; returns the first record's number, None when they are lost."""
+        """On the way to the log; return the first record's number, None when they are lost."""
         pack, pairs = _TIME.pack, zip(batch.times_us, batch.frames, strict=True)
         data = b"".join([piece for t_us, raw in pairs for piece in (pack(t_us), raw)])
         return self._log.write_records(data, len(batch))
 
     def _note_senders(self, index: int, batch: Batch, number: int) -> None:
-        """Records who sent what beside the log, so that a replay distinguishes senders as the flight does."""
+        """Record who sent what beside the log, so that a replay distinguishes senders as the flight does."""
         link = self._links[index]
         for k, system_id in self._senders.changes(index, batch):
             peer = batch.peers[k]
             self._log.write_sender(number + k, batch.times_us[k], system_id, index, peer, link.address(peer), link.name)
 
     def _note_verdicts(self, index: int, packets: Sequence[Packet], number: int | None) -> None:
-        """Notes what is rejected, and which senders have been verified."""
+        """Note what is rejected, and which senders have been verified."""
         known = set()
         for k, packet in enumerate(packets):
             if packet.auth > Auth.GOOD:
@@ -314,7 +314,7 @@ class Receiver:
             self._links[index].trust(known, now_us())
 
     def _hide_secrets(self, index: int, batch: Batch) -> dict[int, Packet]:
-        """Takes keys out of a batch, before it is recorded; returns those packets as they came, by place."""
+        """Take keys out of a batch, before it is recorded; return those packets as they came, by place."""
         original: dict[int, Packet] = {}
         if _SETUP_SIGNING not in [raw[7:10] for raw in batch.frames]:
             return original  # nearly always

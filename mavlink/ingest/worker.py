@@ -44,7 +44,7 @@ _ROUNDS = 8
 
 
 def main() -> int:
-    """Waits for its turn, then runs until the station closes the channel.
+    """Wait for its turn, then run until the station closes the channel.
 
     Returns:
         The exit code, 3 when something cannot be opened.
@@ -124,7 +124,7 @@ class _IngestWorker:
         return ready
 
     def _drain(self, index: int, link: Link) -> bool:
-        """Takes what a link has; False where that is too much for one turn."""
+        """Take what a link has; False where that is too much for one turn."""
         for _ in range(_ROUNDS):
             self._memory.slots[Slot.IN_HAND] = index + 1
             batch = link.read_batch()
@@ -139,7 +139,7 @@ class _IngestWorker:
         return False
 
     def _handle_requests(self) -> None:
-        """Does what the station wants done."""
+        """Do what the station wants done."""
         try:
             while (request := self._station.receive(0.0)) is not None:
                 if isinstance(request, SendFrame):

@@ -139,7 +139,7 @@ def _pass_share(share: float) -> _Code:
 
 
 def attach(sock: socket.socket, code: bytes) -> None:
-    """Puts a filter on a socket, in place of the one before.
+    """Put a filter on a socket, in place of the one before.
 
     Raises:
         OSError: the system has no such filters, or does not take this one.
@@ -150,7 +150,7 @@ def attach(sock: socket.socket, code: bytes) -> None:
 
 
 def detach(sock: socket.socket) -> None:
-    """Takes the filter off; without one this does nothing."""
+    """Take the filter off; without one this does nothing."""
     try:
         sock.setsockopt(socket.SOL_SOCKET, _SO_DETACH_FILTER, 0)
     except OSError:

@@ -61,7 +61,7 @@ class FrameStream:
         return waiting > self._searched and self._clock_s() - self._since_s >= self.patience_s
 
     def add(self, data: bytes | None, t_us: int, batch: Batch) -> int:
-        """Adds to a batch the frames that these bytes complete, and those hidden behind an unfinished one for too long.
+        """Add to a batch the frames that these bytes complete, and those hidden behind an unfinished one for too long.
 
         Args:
             data: what came; None: nothing; empty: the end of the stream.
@@ -148,7 +148,7 @@ class Connection:
         return self.is_broken or self.frames.overdue
 
     def read_into(self, batch: Batch) -> tuple[bool, int]:
-        """Adds the frames that have come to a batch, at the end of the stream with those that were hidden.
+        """Add the frames that have come to a batch, at the end of the stream with those that were hidden.
 
         Returns:
             Whether the stream goes on, and how many of the frames have a right checksum.
@@ -181,5 +181,5 @@ class Connection:
             self.is_broken = True
 
     def close(self) -> None:
-        """Closes it; what waits to be sent is lost."""
+        """Close it; what waits to be sent is lost."""
         self.file.close()

@@ -78,7 +78,7 @@ class Allowance:
         return (seen + 0.5) * (1.0 / self.share - 1.0)
 
     def count(self, seen: int, away: float, dt_s: float, now_s: float) -> None:
-        """Notes how many passed in a time, and how many did not."""
+        """Note how many passed in a time, and how many did not."""
         part = min(dt_s / _SMOOTH_S, 1.0) if self.share < 1.0 else 1.0
         self.wanted_per_s += part * ((seen + away) / dt_s - self.wanted_per_s)
         self.turned_away += away
@@ -86,7 +86,7 @@ class Allowance:
             self.limited_s = now_s
 
     def spend(self, used_s: float, dt_s: float, now_s: float, *, now: bool = False) -> None:
-        """Takes what passed in a time off the allowance.
+        """Take what passed in a time off the allowance.
 
         Args:
             used_s: what passed, in seconds of the allowed rate.
@@ -135,7 +135,7 @@ class Shares:
         self._slower_s = -math.inf
 
     def adapt(self, traffic: PassedTraffic, systems: Mapping[Sender, int], dt_s: float, now_s: float) -> None:
-        """Sets the shares from what came.
+        """Set the shares from what came.
 
         Args:
             systems: for how many systems each known sender sends.
@@ -158,7 +158,7 @@ class Shares:
                 self.limited[sender].spend(used_s, dt_s, now_s, now=read_s > dt_s)
 
     def _count(self, traffic: PassedTraffic, dt_s: float, now_s: float) -> None:
-        """Attributes the drops, which the kernel counts together, to senders as their shares would have it."""
+        """Attribute the drops, which the kernel counts together, to senders as their shares would have it."""
         parts = [(self.likely, traffic.likely), (self.other, traffic.other)]
         parts += [(allowance, traffic.read.get(sender, 0)) for sender, allowance in self.limited.items()]
         held_back = [allowance.estimate_refused(seen) for allowance, seen in parts]
@@ -167,14 +167,14 @@ class Shares:
             allowance.count(seen, away * scale, dt_s, now_s)
 
     def forget(self, since_s: float, known: Mapping[Sender, int]) -> None:
-        """Forgets senders that were not limited since a time (monotonic), or are not known any more."""
+        """Forget senders that were not limited since a time (monotonic), or are not known any more."""
         for sender, allowance in list(self.limited.items()):
             rested = allowance.share >= 1.0 and allowance.credit_s >= allowance.burst_s
             if sender not in known or (rested and allowance.limited_s < since_s):
                 del self.limited[sender]
 
     def _adapt_read_rate(self, read_per_s: float, now_s: float, *, late: bool) -> None:
-        """Adapts the rate that this machine reads beside its other work."""
+        """Adapt the rate that this machine reads beside its other work."""
         if not late:
             self.read_per_s = min(READ_PER_S, _FASTER * self.read_per_s)
         elif now_s - self._slower_s >= _DRAIN_S:

@@ -75,7 +75,7 @@ class FloodLimiter:
         return self._counted
 
     def resume(self, system_drops: int, *, was_limited: bool) -> None:
-        """Counts what the socket has dropped since another process last counted: that one may have hung for long.
+        """Count what the socket has dropped since another process last counted: that one may have hung for long.
 
         Args:
             was_limited: whether a filter was at work; it went on while nobody read.
@@ -87,7 +87,7 @@ class FloodLimiter:
         self.turned_away += new - lost
 
     def note_fill(self, was_full: bool) -> None:
-        """Notes how full the receive buffer is; to be called before it is read.
+        """Note how full the receive buffer is; to be called before it is read.
 
         Args:
             was_full: whether the read before brought as many as it could.
@@ -116,7 +116,7 @@ class FloodLimiter:
         return min(max(now_s - self._since_s, TICK_S), _LONG_S)
 
     def adapt(self, now_s: float, dt_s: float, traffic: PassedTraffic, peers: Peers) -> None:
-        """Sets the shares from what came since the last time, and the filter from the shares.
+        """Set the shares from what came since the last time, and the filter from the shares.
 
         Args:
             now_s: monotonic.
@@ -149,7 +149,7 @@ class FloodLimiter:
         return not self.is_unsupported and self._now_s - part.limited_s < HOLD_S
 
     def count_drops(self) -> None:
-        """Adds new drops to the losses or to the filter's: the kernel has one count for both."""
+        """Add new drops to the losses or to the filter's: the kernel has one count for both."""
         drops = self._drops()
         new = (drops - self._counted) & 0xFFFFFFFF
         self._counted = drops

@@ -65,7 +65,7 @@ class StreamLink(Link):
         return batch
 
     def send(self, frame: bytes, peer: int = 0) -> bool:
-        """Sends to the other end, the only peer there is.
+        """Send to the other end, the only peer there is.
 
         Raises:
             LinkError: not connected, it broke, or it takes nothing at the moment.
@@ -79,10 +79,10 @@ class StreamLink(Link):
 
     @abstractmethod
     def maintain(self) -> None:
-        """Opens it again when need be, by :meth:`_opened`."""
+        """Open it again when need be, by :meth:`_opened`."""
 
     def close(self) -> None:
-        """Closes it."""
+        """Close it."""
         self._open = False
         self._lose()
 
@@ -129,7 +129,7 @@ class SerialLink(StreamLink):
         return serial_url(rest)
 
     def maintain(self) -> None:
-        """Opens the port again when it has come back."""
+        """Open the port again when it has come back."""
         if self._connection is None and self._open and self._backoff.due(time.monotonic()):
             try:
                 self._plug_in()
@@ -203,12 +203,12 @@ class TcpOut(StreamLink):
 
     @classmethod
     def prepare(cls, url: LinkUrl) -> tuple[LinkUrl, socket.socket | None]:
-        """Looks the host up: a process that receives must not wait for that."""
+        """Look the host up: a process that receives must not wait for that."""
         host, port = _resolve(url)
         return LinkUrl(scheme=url.scheme, host=host, port=port), None
 
     def maintain(self) -> None:
-        """Connects when need be."""
+        """Connect when need be."""
         now_s = time.monotonic()
         if self._calling is not None:
             self._look_for_answer(self._calling, now_s)

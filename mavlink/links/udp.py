@@ -52,7 +52,7 @@ class UdpIn(UdpLink):
 
     @classmethod
     def prepare(cls, url: LinkUrl) -> tuple[LinkUrl, socket.socket | None]:
-        """Takes the port, which then outlives the process that receives, with what is in its buffer."""
+        """Take the port, which then outlives the process that receives, with what is in its buffer."""
         return url, _bind(url)
 
     @property
@@ -74,7 +74,7 @@ class UdpIn(UdpLink):
         self.peers.restore(known, before.claims, before.mixed, before.last_peer, now_us())
 
     def send(self, frame: bytes, peer: int = 0) -> bool:
-        """Sends to all that sent good frames in the last minute, or to one sender.
+        """Send to all that sent good frames in the last minute, or to one sender.
 
         Args:
             peer: number of the one sender that is to get it, known or not; 0: all that are known, but only the first
@@ -122,11 +122,11 @@ class UdpOut(UdpLink):
 
     @classmethod
     def prepare(cls, url: LinkUrl) -> tuple[LinkUrl, socket.socket | None]:
-        """Connects a socket that outlives the process that receives: the other end goes on to send to its port."""
+        """Connect a socket that outlives the process that receives: the other end goes on to send to its port."""
         return url, _connect(url)
 
     def send(self, frame: bytes, peer: int = 0) -> bool:
-        """Sends to the address, the only peer there is.
+        """Send to the address, the only peer there is.
 
         Returns:
             False where an earlier frame found no listener there. That is no error: there may be one now.

@@ -110,7 +110,7 @@ class UdpLink(Link):
         return batch
 
     def _note_senders(self, batch: Batch, t_us: int) -> None:
-        """Notes the senders of a batch, and trusts new ones whose checksums are right."""
+        """Note the senders of a batch, and trusts new ones whose checksums are right."""
         if not batch.frames:
             return
         self._batches.append(batch)
@@ -143,12 +143,12 @@ class UdpLink(Link):
         return tuple(self.limiter.limits(self.peers, self._unknown_words))
 
     def maintain(self) -> None:
-        """Updates which shares pass; to be called every tenth of a second or so."""
+        """Update which shares pass; to be called every tenth of a second or so."""
         if self._open and self.limiter.due(self._clock_s()):
             self.adapt(now_us())
 
     def adapt(self, t_us: int) -> None:
-        """Updates the trust in senders, and which share of their datagrams passes."""
+        """Update the trust in senders, and which share of their datagrams passes."""
         self.peers.update_trust(t_us)
         if self._unknown_addresses:
             others = len(self._unknown_addresses) - 1
@@ -210,7 +210,7 @@ class UdpLink(Link):
         self.limiter.resume(before.system_drops, was_limited=before.narrow)
 
     def close(self) -> None:
-        """Closes the socket."""
+        """Close the socket."""
         self._open = False
         self._socket.close()
 
@@ -254,7 +254,7 @@ class UdpLink(Link):
     def _find_frames(
         self, batch: Batch, datagrams: Sequence[bytes], keys: Sequence[int], times_us: Sequence[int], now: int
     ) -> None:
-        """Adds what is in datagrams, with their senders (:func:`mavlink.links.peers.key_of`) and stamps, to a batch.
+        """Add what is in datagrams, with their senders (:func:`mavlink.links.peers.key_of`) and stamps, to a batch.
 
         A stamp that is not of the last seconds is replaced: the clock was set meanwhile.
         """
@@ -274,7 +274,7 @@ class UdpLink(Link):
         self._counters.add(sum(map(len, datagrams)), FrameCounts(good=good))
 
     def _split_datagram(self, batch: Batch, data: bytes, key: int, t_us: int) -> None:
-        """Adds the frames in a datagram that is not exactly one good frame."""
+        """Add the frames in a datagram that is not exactly one good frame."""
         frames, counts = split(data)
         self._counters.add(0, counts)
         if not frames:
@@ -291,7 +291,7 @@ class UdpLink(Link):
             batch.peers.append(number)
 
     def _note_bad_datagram(self, data: bytes, key: int) -> None:
-        """Counts a datagram without a frame, for its sender where that is trusted: the address may be forged."""
+        """Count a datagram without a frame, for its sender where that is trusted: the address may be forged."""
         alone = looks_like_one_frame(data)
         sender = self.peers.numbers.get(key, 0), system_of(data) if alone else MIXED
         if self.peers.trusts(sender):

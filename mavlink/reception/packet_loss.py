@@ -50,7 +50,7 @@ class SequenceLoss:
         self.received = 0.0
 
     def add(self, link: int, component_id: int, seq: int) -> None:
-        """Counts one packet."""
+        """Count one packet."""
         key = (link, component_id)
         last = self._last.get(key)
         if last is None and len(self._last) >= _MAX_SEQUENCES:
@@ -137,7 +137,7 @@ class PacketLoss:
         self._regular: dict[tuple[int, int], _RegularMessage] = {}
 
     def add(self, packet: Packet, message_id: int) -> None:
-        """Counts one packet."""
+        """Count one packet."""
         component_id = packet.component_id
         self.sequence.add(packet.peer, component_id, packet.seq)
         made_ms = packet.t_us // 1000 if message_id == _HEARTBEAT else packet.boot_ms

@@ -127,7 +127,7 @@ class _RateMeter:
         self._hz = 0.0
 
     def add(self, t_us: int) -> None:
-        """Counts one arrival."""
+        """Count one arrival."""
         self.last_us = t_us
         if not self._since_us:
             self._since_us = t_us
@@ -170,7 +170,7 @@ class _FirstCopies:
         return first if dated or first[1:] != (packet.link, packet.peer) else None
 
     def add(self, packet: Packet) -> None:
-        """Remembers a new packet."""
+        """Remember a new packet."""
         if not 0 <= packet.t_us - self._since_us < _DUPLICATE_MEMORY_US or len(self._newer) >= _MAX_REMEMBERED:
             self._older, self._newer, self._since_us = self._newer, {}, packet.t_us
         self._newer[hash(packet.raw)] = (packet.t_us, packet.link, packet.peer)
@@ -194,7 +194,7 @@ class _Channel:
         """Packets in a row that no other channel had brought before."""
 
     def add(self, packet: Packet, message_id: int) -> int:
-        """Counts a packet and returns the run of its sequence number."""
+        """Count a packet and return the run of its sequence number."""
         t_us, component_id, seq = packet.t_us, packet.component_id, packet.seq
         self.packets += 1
         self.rate.add(t_us)
@@ -221,7 +221,7 @@ class Reception:
         self._current = -1, 0, 0  # link, peer and time of the last packet over a channel that was up to date
 
     def add_packet(self, packet: Packet, message_id: int) -> Arrival | None:
-        """Counts a packet whose signature allows to use it.
+        """Count a packet whose signature allows to use it.
 
         Returns:
             How it came; None for a duplicate of one that came before.
@@ -252,7 +252,7 @@ class Reception:
         return Arrival(SenderKey(packet.link, packet.peer, run, packet.component_id), late, channel.lag)
 
     def reject_packet(self, packet: Packet) -> tuple[Level, str]:
-        """Counts a packet whose signature forbids to use it.
+        """Count a packet whose signature forbids to use it.
 
         Returns:
             What an operator should know, an empty text for nothing.
@@ -266,7 +266,7 @@ class Reception:
         return self.rejections.add(packet, sender_last_us=channel.rate.last_us if channel is not None else None)
 
     def set_delay(self, sender: SenderKey, delay_us: int) -> None:
-        """Notes how long after it was made, by the vehicle's clock, the last packet of a channel came."""
+        """Note how long after it was made, by the vehicle's clock, the last packet of a channel came."""
         lag = ChannelLag.BEHIND if delay_us > _BEHIND_US else ChannelLag.CURRENT
         self._channel_of(sender.link, sender.peer).lag = lag
 

@@ -71,7 +71,7 @@ class _PacketAges:
         self._streams: dict[tuple[int, int], _StreamHistory] = {}
 
     def add(self, packet: Packet) -> None:
-        """Remembers a signed packet that was verified and is newer than those before."""
+        """Remember a signed packet that was verified and is newer than those before."""
         key = packet.component_id, packet.raw[-13]
         stream = self._streams.get(key)
         if stream is None:
@@ -122,11 +122,11 @@ class PacketRejections:
         self._lag_s = math.nan
 
     def note_verified(self, t_us: int) -> None:
-        """Notes that a verified packet came."""
+        """Note that a verified packet came."""
         self._verified_us = t_us
 
     def note_signed(self, packet: Packet) -> None:
-        """Notes the timestamp of an accepted packet that carries a signature."""
+        """Note the timestamp of an accepted packet that carries a signature."""
         self._ages.add(packet)
 
     def is_recent(self, first_us: int, t_us: int) -> bool:
@@ -134,7 +134,7 @@ class PacketRejections:
         return t_us - first_us < SLOWEST_LINK_US
 
     def add(self, packet: Packet, *, sender_last_us: int | None) -> tuple[Level, str]:
-        """Counts a rejected packet that is no duplicate.
+        """Count a rejected packet that is no duplicate.
 
         Args:
             packet: its ``auth`` is above ``GOOD``.

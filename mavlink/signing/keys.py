@@ -90,7 +90,7 @@ def key_path(folder: Path, system_id: int) -> Path:
 
 
 def read_ring(folder: Path) -> KeyRing:
-    """Reads every key of a folder; a folder without keys gives an empty ring.
+    """Read every key of a folder; a folder without keys gives an empty ring.
 
     Raises:
         SigningError: no such folder, files that others may read or replace, or that hold no key.
@@ -106,7 +106,7 @@ def read_ring(folder: Path) -> KeyRing:
 
 
 def write_key(folder: Path, system_id: int, secret: bytes) -> tuple[Path, Key]:
-    """Puts a key into a folder, readable by its owner only; makes the folder if need be.
+    """Put a key into a folder, readable by its owner only; make the folder if needed.
 
     Raises:
         SigningError: there is one already, or it cannot be written.

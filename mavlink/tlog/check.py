@@ -83,7 +83,7 @@ class TlogCheck:
 
 
 def check(tlog: Tlog) -> TlogCheck:
-    """Checks a whole log."""
+    """Check a whole log."""
     index = tlog.index
     untimed = index.time_source == "none"
     cut_short, source = (0, index.time_source) if len(index) else _cut_short(tlog)

@@ -60,7 +60,7 @@ class TlogInfo:
 
 
 def info(tlog: Tlog) -> TlogInfo:
-    """Counts a log's records by sender and message."""
+    """Count a log's records by sender and message."""
     index = tlog.index
     return TlogInfo(
         first_us=int(index.t_us.min()),

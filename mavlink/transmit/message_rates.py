@@ -184,7 +184,7 @@ class MessageRates:
         self._low_rates: dict[tuple[int, int, str], Hysteresis] = {}
 
     def add_wanted(self, message_id: int, hz: float) -> None:
-        """Adds a message that is wanted of the UAV from now on.
+        """Add a message that is wanted of the UAV from now on.
 
         Args:
             message_id: which.
@@ -203,7 +203,7 @@ class MessageRates:
             self._peers = {key: peer for key, peer in self._peers.items() if key[0] in self._wanted}
 
     def add_packet(self, packet: Packet, now_s: float) -> None:
-        """Counts a packet, and reads the UAV's answers.
+        """Count a packet, and read the UAV's answers.
 
         Args:
             now_s: monotonic seconds.

@@ -97,7 +97,7 @@ class Transmitter:
         return [link for _, link in sorted(recent, reverse=True)]
 
     def note_packet(self, packet: Packet) -> None:
-        """Learns from a received packet where the UAV is, and where only others are.
+        """Learn from a received packet where the UAV is, and where only others are.
 
         Where the UAV's packets are held because nothing proves that they are made now, it gets heartbeats and nothing
         else: an autopilot that receives one raises the timestamps of its signatures to that of ours.
@@ -112,7 +112,7 @@ class Transmitter:
             self._others.add(packet.link)
 
     def send(self, raw: bytes, link: int | None = None) -> bool:
-        """Sends a frame if it may leave.
+        """Send a frame if it may leave.
 
         Args:
             raw: unsigned MAVLink 2; its sequence number is replaced by the station's own.
@@ -133,7 +133,7 @@ class Transmitter:
             return self._send_to(raw, link, self._addresses[link][0])
 
     def broadcast(self, raw: bytes) -> int:
-        """Sends a frame on every link on which the UAV is received, a heartbeat also where the station is announced.
+        """Send a frame on every link on which the UAV is received, a heartbeat also where the station is announced.
 
         Returns:
             On how many links it left.

@@ -46,7 +46,7 @@ class Arrivals:
         self._came: deque[tuple[int, float]] = deque(maxlen=_MOST_ARRIVALS)
 
     def add(self, size: int, at_s: float) -> None:
-        """Counts bytes that came at a Unix time."""
+        """Count bytes that came at a Unix time."""
         self._end += size
         self._came.append((self._end, at_s))
 

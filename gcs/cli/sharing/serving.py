@@ -57,7 +57,7 @@ class _GuardedServer(Server):
         return app
 
     async def on_startup(self, app: web.Application) -> None:
-        """Prints nothing."""
+        """Print nothing."""
 
     async def handle_index(self, request: web.Request) -> web.Response:
         """The page: it asks nobody else for a font, and takes keys without a click."""
@@ -67,7 +67,7 @@ class _GuardedServer(Server):
         return page
 
     async def handle_websocket(self, request: web.Request) -> web.WebSocketResponse:
-        """Runs a replay for one browser.
+        """Run a replay for one browser.
 
         Raises:
             HTTPServiceUnavailable: there are enough.
@@ -82,7 +82,7 @@ class _GuardedServer(Server):
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        """Refuses what does not come from its own pages; pages may ask nobody else."""
+        """Refuse what does not come from its own pages; pages may ask nobody else."""
         own = f"{LOOPBACK}:{self.port}"
         wants_screens = request.path.endswith("/ws")
         origin = request.headers.get("Origin", "" if wants_screens else f"http://{own}")
@@ -107,7 +107,7 @@ class _GuardedServer(Server):
 
 
 def serve_screens(command: str, title: str, port: int, show: Callable[[str], None]) -> None:
-    """Serves until Ctrl-C or a signal to end.
+    """Serve until Ctrl-C or a signal to end.
 
     Args:
         title: of the page until the screens are there.

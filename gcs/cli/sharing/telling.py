@@ -104,7 +104,7 @@ def telling(
 
 
 def _describe(sink: SinkUrl, path: Path, report: Callable[[str, Level], None]) -> None:
-    """Writes what a receiver of an RTP stream has to know; what is there already stays."""
+    """Write what a receiver of an RTP stream has to know; what is there already stays."""
     from gcs.live_out.picture import sdp  # the video library takes its time, and lines do without
 
     try:

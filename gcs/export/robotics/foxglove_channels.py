@@ -40,7 +40,7 @@ class FoxgloveChannels:
         self._in_scene: frozenset[str] = frozenset()
 
     def write(self, snapshot: Snapshot) -> None:
-        """Sends a frame's boxes, and where vehicles report to be."""
+        """Send a frame's boxes, and where vehicles report to be."""
         t_ns = 1000 * snapshot.t_us
         boxes = [box for box in snapshot.new_boxes if not box.coasting]
         if not snapshot.held:
@@ -58,7 +58,7 @@ class FoxgloveChannels:
                 self._fixes[row.system_id].log(fix, log_time=t_ns)
 
     def write_words(self, at_us: int, t_us: int, level: Level, kind: str, text: str) -> None:
-        """Sends a line of the log.
+        """Send a line of the log.
 
         Args:
             at_us: when it happened, Unix µs.
