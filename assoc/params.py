@@ -31,8 +31,8 @@ class ScheduleParams:
     """A named track whose distance to its report grows by more than this between two frames, metres, makes an update
     due at once ..."""
     residual_jump_stds: float = 5.0
-    """... while the search is locked only if that is so many 1σ of the reports' white noise too: two of them differ by
-    it once in 500 times."""
+    """... while the search is locked only if that is this many 1σ of the reports' white noise too: two of them differ
+    by it once in 500 times."""
     full_rate_s: float = 3.0
     """Time after such a jump during which ``idle_factor`` is not applied, seconds."""
     rewind_s: float = 1.0

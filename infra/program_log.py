@@ -32,7 +32,7 @@ MOST_BYTES = 16 << 20
 MOST_WAITING = 10_000
 """Lines that wait for a disk; more are counted and left out."""
 CLOSE_S = 1.0
-"""Closing waits so long for a disk that hangs."""
+"""Closing waits this long for a disk that hangs."""
 _VARIABLE = "ROLLCALL_LOG"
 """Passes the files and levels to child processes, as JSON."""
 

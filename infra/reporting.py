@@ -51,12 +51,12 @@ class Throttle:
 
 
 class ReportGrowth:
-    """Times to report a count that keeps growing: at first, whenever it has grown many times, and anew after a rest.
+    """Times to report a count that keeps growing: at first, whenever it has grown many times, and again after a rest.
 
     Args:
         first: least count that is reported.
-        factor: it is reported again when it is so many times what was reported.
-        rest: growth after so long without any is as new.
+        factor: it is reported again when it is this many times what was reported.
+        rest: growth after this long without any is as new.
         every: least time between two reports.
     """
 
@@ -68,7 +68,7 @@ class ReportGrowth:
         self._grown = self._reported_at = -math.inf
 
     def due(self, count: int, now: float = 0.0) -> bool:
-        """Tell whether a count is to be reported; one that is less than before was begun anew."""
+        """Tell whether a count is to be reported; one that is less than before was started again."""
         if count < self._count:
             self._count = self._reported = 0
         if count == self._count:
@@ -86,8 +86,8 @@ class Hysteresis:
     """A level of trouble, 0 for none, that is reported when it lasts, and forgotten only when it is over for a while.
 
     Args:
-        rises_after: it must be worse for so long to be reported.
-        falls_after: it must be better for so long before it can be reported again.
+        rises_after: it must be worse for this long to be reported.
+        falls_after: it must be better for this long before it can be reported again.
     """
 
     __slots__ = ("_better_since", "_falls_after", "_rises_after", "_worse_since", "reported")
@@ -111,7 +111,7 @@ class Hysteresis:
 
 
 class TokenBucket:
-    """Lets so many a second through for ever, and a burst at once.
+    """Lets this many a second through for ever, and a burst at once.
 
     Args:
         burst: tokens when full, as it is at first.

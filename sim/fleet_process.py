@@ -27,7 +27,7 @@ from sim.faults.fault_traffic import FaultTraffic, traffic
 from sim.faults.fleet_faults import LIES, SimulatedFleet, SimulatedSender
 
 UAV_ID, FIRST_UGV_ID, MOST = 1, 11, 245
-"""System ids of the UAV and of the first ground vehicle; with so many vehicles the last id is 254, as 255 is that of
+"""System ids of the UAV and of the first ground vehicle; with this many vehicles the last id is 254, as 255 is that of
 most ground stations."""
 PAUSE_S = 0.002
 """Shortest sleep between datagrams: what is due within it leaves in one bundle."""

@@ -152,7 +152,7 @@ def _with_farewell(packets: Iterable[TelemetryPacket]) -> Iterator[TelemetryPack
 
 
 def _nth_url(url: str, k: int) -> str:
-    """The same address, so many ports further on."""
+    """The same address, this many ports further on."""
     return re.sub(r":(\d+)(?=$|\?)", lambda port: f":{int(port[1]) + k}", url)
 
 

@@ -141,7 +141,7 @@ LEAST_STEPS = 100
 CHECKS = 12
 """Looks at the watched images in a run ..."""
 PATIENCE, EARLIEST = 4, 0.5
-"""... of which so many without a better figure end it, though not before this share of its steps: while the learning
+"""... of which this many without a better figure end it, though not before this share of its steps: while the learning
 rate is high, figures are worse than they become."""
 LOSS_EVERY = 10
 """Steps between rows of loss.csv."""

@@ -24,7 +24,7 @@ from vision.detect.boxes import prob_iou_pairs
 WIDTH_SHARE, SIGMA_CELLS = 0.16, (0.5, 2.0)
 """σ of a centre's target across a vehicle: a share of its width, within bounds; a choice."""
 CAR_ASPECT, MOST_SPREAD = 2.5, 2.5
-"""Vehicles of a higher aspect have targets that spread along them in proportion, so many times σ at most."""
+"""Vehicles of a higher aspect have targets that spread along them in proportion, this many times σ at most."""
 WRONG, RIGHT = 0.45, 0.8
 """Probabilistic overlap with a label up to which a box is wrong, and from which on it is right; in between partly: 0.62
 is an intersection over union of about a half."""

@@ -49,11 +49,11 @@ OFF_MIDDLE = 0.3
 MINING_SCORE = 0.15
 """Least score of a false alarm that is mined: half the operating score, for it may rise while training."""
 EXPLAINED_IOU, EXPLAINED_INSIDE = 0.1, 0.5
-"""A detection with so much overlap with a label, or with this share of it inside one, is no false alarm."""
+"""A detection with this much overlap with a label, or with this share of it inside one, is no false alarm."""
 LONG = 1.5
-"""A box without label of so many car lengths may be an unlabelled lorry or bus ..."""
+"""A box without label of this many car lengths may be an unlabelled lorry or bus ..."""
 CAR_LIKE, SURE = 0.7, 0.4
-"""... and one of so many car lengths and of this score a car that was overlooked. On street scenes, boxes of such a
+"""... and one of this many car lengths and of this score a car that was overlooked. On street scenes, boxes of such a
 score without label are half of them cars; smaller ones are pedestrians and roof windows."""
 EDGE_CARS = 1.0
 """Depth of the edge of a photograph, car lengths: vehicles that are cut there have a label or not."""
@@ -209,7 +209,7 @@ class Photographs:
         return [part(self.photographs[i], self._pixels(i), rng) for i in chosen]
 
     def _order(self, number: int) -> int:
-        """Index of the photograph that comes as so many-th: every one once, then again in another order."""
+        """Index of the photograph that comes as this many-th: every one once, then again in another order."""
         turn, place = divmod(number, len(self.photographs))
         return int(np.random.default_rng([self._seed, turn]).permutation(len(self.photographs))[place])
 

@@ -307,7 +307,7 @@ def _check(trainer: Trainer, held_out: Pool, out: Path, images: int) -> None:
 
 
 def _render_missing(out: Path, crops: int, seed: int, renderers: int) -> list[subprocess.Popen[bytes]]:
-    """Render what is missing beside the training, in so many processes."""
+    """Render what is missing beside the training, in this many processes."""
     jobs, shards = [], crops // PER_SHARD
     if not any((out / "held_out").glob("crops_*.npz")):
         jobs.append(render_crops(out / "held_out", HELD_OUT_SEED, 1, HELD_OUT_CROPS))

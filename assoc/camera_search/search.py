@@ -336,7 +336,7 @@ def _fitted(film: FilmedFleet, start: FloatArray, kind: MountKind, effort: tuple
         film: what is to be explained.
         start: x.
         kind: what the camera hangs on.
-        effort: how often it is assigned anew, and most steps of the fit in between.
+        effort: how often it is assigned again, and most steps of the fit in between.
     """
     base, together = _base(film, kind), _together(film)
     start = start * np.array([1.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])

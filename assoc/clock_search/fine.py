@@ -40,12 +40,12 @@ _FIXED_STD_S = 0.01
 _LAG_STD_S = 1e-3
 """Prior 1σ of the age of the camera's positions, seconds: a path has none, or it is part of the offset."""
 _RECENTRE_S = 0.08
-"""An offset that is moved further is looked at anew from there."""
+"""An offset that is moved further is looked at again from there."""
 _RECENTRES = 4
 _ITERATIONS = 5
 _BEFORE_S, _AFTER_S = 8.0, 3.0
-"""Reports so long before the film teach the null model the vehicles' speed; and after it those that a late video needs,
-seconds."""
+"""Reports this long before the film teach the null model the vehicles' speed; and after it those that a late video
+needs, seconds."""
 _KNOWN_YAW_STD, _FREE_YAW_STD = np.deg2rad(7.0), np.deg2rad(30.0)
 """1σ of a heading that is known, and of one about the coarse search's where it is not."""
 _YAW_RATE_STD = np.deg2rad(0.1)

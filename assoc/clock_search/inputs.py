@@ -139,7 +139,7 @@ def film_tracks(frames: Iterable[tuple[float, Observation]], length_s: float) ->
 
 
 def under_path(tracks: TrackHistory, path: CameraPath, ahead_s: float) -> TrackHistory:
-    """The film as taken by a camera on a path whose clock is ahead of the film's by so many seconds."""
+    """The film as taken by a camera on a path whose clock is ahead of the film's by this many seconds."""
     seen = copy(tracks)
     seen.R, seen.p = path.at(tracks.t + ahead_s)
     seen.z = np.full(len(tracks.t), path.ground_z)

@@ -9,7 +9,7 @@ Model of a pair that belongs together, per axis: residual = b(t) + white noise, 
 with M, V mean and variance of the bias from a scalar Kalman filter over blocks; N has a wider second part, so that a
 vehicle with a worse receiver than the others is not taken for clutter.
 
-Where biases wander too fast for that, only their size counts, with a residual that is drawn anew every τ' = 7 s:
+Where biases wander too fast for that, only their size counts, with a residual that is drawn again every τ' = 7 s:
 
     Δ ln ratio = Δt/τ' ln [0.9 N(r̄; 0, s) + 0.1 N(r̄; 0, 9 s)]/u,     s = 1.5² + σ_w²
 
@@ -43,7 +43,7 @@ _MOST_BORNE, _MAY_BE = 0.4, 3.0
 """Most that a pair gets in a block by bearing with a receiver that wanders, nats: it keeps a name, and makes none; and
 how far behind its track's best pair it is at most for that to count."""
 _WIDER = 5.0
-"""The wider part of N has so many bias variances more."""
+"""The wider part of N has this many bias variances more."""
 _LOG_NEAR, _LOG_WIDE = float(np.log(0.85)), float(np.log(0.15))
 """ln of the weights of the two parts of N: one vehicle in seven wanders more than the others."""
 _AREA_PER_HEIGHT2, _LEAST_AREA_M2, _MOST_AREA_M2 = 2.0, 50.0, 5e4

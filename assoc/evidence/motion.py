@@ -309,7 +309,7 @@ class ReportLog:
         return other
 
     def later(self, seconds: float) -> ReportLog:
-        """A copy in which all was reported so many seconds later."""
+        """A copy in which all was reported this many seconds later."""
         other, kept = copy(self), self._all()
         other._whole = replace(kept, t=kept.t + seconds)
         other._outliers = {(vehicle, t + seconds): found for (vehicle, t), found in self._outliers.items()}

@@ -33,7 +33,7 @@ _LEAST = 0.0
 """ln N from which a vehicle is weighed."""
 
 _REACH_STD = 6.0
-"""Biases of so many σ_b are no vehicle's own: one that reports to be further away from a track does not copy it."""
+"""Biases of this many σ_b are no vehicle's own: one that reports to be further away from a track does not copy it."""
 _WEAK = 8.0
 """Score, nats, below which a vehicle has no track of its own worth the name."""
 _EITHER_FIT, _EITHER_FIT_SHARE = 12.0, 0.1

@@ -33,7 +33,7 @@ _AHEAD_S = 1.0
 _JITTER = 1e-4
 """Part of σ² that is added to each knot's variance, so that the covariance can be inverted."""
 _MOST = 5.0
-"""Where the sway or θ would be so many σ off, the hypothesis is wrong."""
+"""Where the sway or θ would be this many σ off, the hypothesis is wrong."""
 _LEAST_VEHICLES = 3
 """Fewer do not tell a turn of the camera from what their own reports err."""
 _MOST_PAIRS = 12

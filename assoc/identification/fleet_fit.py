@@ -13,7 +13,7 @@ no box counts against the fit, a vehicle that need not be in view does not. Each
 which any two that drive alike bring.
 
 Receivers whose errors wander faster than any model of them make every pair lose by its motion although all boxes stay
-where the vehicles report to be. So V is also taken from place alone, with a residual that is drawn anew every few
+where the vehicles report to be. So V is also taken from place alone, with a residual that is drawn again every few
 seconds (:func:`assoc.evidence.likelihood.place_ratio`). What chance reaches among these very boxes is measured with
 decoys, for each of the two: the same reports, turned vehicle by vehicle.
 """
@@ -77,8 +77,8 @@ _PLACE_SHARE = 10.0
 """Evidence by place alone on top, nats: receivers seldom err like that, and films of the same formation show
 vehicles near the right places too."""
 _PLACED_S, _GROWN_S, _GROWTH = 1.0, 4.0, 6.0
-"""A fit rests on places alone for so long, seconds; on how vehicles drive once it explains so much more, nats, or for
-so long, seconds, as where few are in view."""
+"""A fit rests on places alone for this long, seconds; on how vehicles drive once it explains this much more, nats, or
+for this long, seconds, as where few are in view."""
 _UNPROVEN = 0.89
 """Most that a name can have until then: less than what counts as sure."""
 _LONGEST_STEP_S = 1.0

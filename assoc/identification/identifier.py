@@ -338,7 +338,7 @@ class Identifier:
         return replace(camera, R_enu_cam=camera.R_enu_cam * MIRROR, R_reported=reported)
 
     def _exchange_sides(self) -> None:
-        """Begin anew with the same frames and reports, left and right of the picture exchanged."""
+        """Begin again with the same frames and reports, left and right of the picture exchanged."""
         self._mirrored = not self._mirrored
         self._history.R *= MIRROR
         self._history.R_reported *= MIRROR

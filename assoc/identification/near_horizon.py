@@ -41,7 +41,7 @@ _EVERY_S = 0.5
 _MEMORY_S = 120.0
 """Time constant with which comparisons lose weight, seconds."""
 _LOST_S = 10.0
-"""A track that has not been seen for so long, seconds, is forgotten."""
+"""A track that has not been seen for this long, seconds, is forgotten."""
 _BIAS_TAU_S = 60.0
 """Correlation time of b, seconds."""
 _BIAS_M, _LENS_RAD = 5.0, float(np.deg2rad(0.5))
@@ -70,7 +70,7 @@ _USUAL_HALF_VIEW = 0.5
 _HAS_BOX = 0.7
 """Prior ln odds of each pair of track and vehicle: one in view has a box more often than not."""
 _LIKELY_NATS, _MOST_CELLS = 10.0, 150
-"""Cells of the grid are left out that are so much less likely, nats, and beyond so many."""
+"""Cells of the grid are left out that are this much less likely, nats, and beyond this many."""
 _TILT_STD_RAD = float(np.deg2rad(2.0))
 """Prior 1σ of the tilt: near the horizon it is hardly ever calibrated."""
 _SURE = 9.0

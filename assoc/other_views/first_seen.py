@@ -18,7 +18,7 @@ IntArray = NDArray[np.int64]
 _SAME, _ANOTHER = 0.8, 0.2
 """Probability from which on two tracks count as one object, and below which they do so no more."""
 _KEPT_US = 30_000_000
-"""A track that was not seen for so long is forgotten."""
+"""A track that was not seen for this long is forgotten."""
 
 
 class FirstSeen(NamedTuple):

@@ -23,7 +23,7 @@ IntArray = NDArray[np.int64]
 _SURE = 0.8
 """Probability from which on two answers that differ are a contradiction."""
 _MORE = 1.2
-"""A view that knows so many times less is the likelier one to be wrong."""
+"""A view that knows this many times less is the likelier one to be wrong."""
 
 
 @dataclass(frozen=True, slots=True)

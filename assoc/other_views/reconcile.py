@@ -36,7 +36,7 @@ _SURELY = 10.0
 _LEAST_SPAN_S = 2.0
 """Time over which a velocity is measured, at least, seconds."""
 _FLOOR_M2 = 0.25
-"""Variance of a place beside what a view tells of it: both find their poses anew all the time."""
+"""Variance of a place beside what a view tells of it: both find their poses again all the time."""
 
 
 @dataclass(frozen=True, slots=True)

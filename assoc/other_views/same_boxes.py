@@ -29,13 +29,13 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 REACH_S = 0.5
-"""A track goes on straight for so long after it was seen last, seconds: from one picture into another one."""
+"""A track goes on straight for this long after it was seen last, seconds: from one picture into another one."""
 _COURSE_S, _LEAST_COURSE_S = 1.0, 0.25
 """Time over which the course of a track is measured, at most and at least, seconds."""
 _AREA_M2 = 60.0
 """Ground that an object has for itself, m²."""
 _GATE = 3.0
-"""Shifts beyond so many σ are not tried."""
+"""Shifts beyond this many σ are not tried."""
 _APART_M = 1.0
 """Shifts that are closer are one."""
 _MOST_TRIED = 64
@@ -51,7 +51,7 @@ _AGAIN_S = 0.2
 _MEAN_S = 1.0
 """Time over which probabilities are averaged, seconds."""
 _FORGET_S = 10.0
-"""Pairs that were not compared for so long are forgotten, seconds."""
+"""Pairs that were not compared for this long are forgotten, seconds."""
 
 
 @dataclass(frozen=True, slots=True)

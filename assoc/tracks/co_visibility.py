@@ -19,7 +19,7 @@ _MOST = 8.0
 _PROBABLE = 0.95
 """Probability above which a vehicle surely is one of the tracks seen beside another."""
 _HISTORY_S = 5.0
-"""It must have been for so long, seconds: the first names of two that report one place may be wrong."""
+"""It must have been for this long, seconds: the first names of two that report one place may be wrong."""
 _LONGEST_STEP_S = 1.0
 """Time that counts between two updates, seconds."""
 

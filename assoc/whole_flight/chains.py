@@ -41,11 +41,11 @@ _PER_S = 0.25
 _ANYWHERE_M = 30.0
 """1σ of the place of a segment of which only the course counts, metres."""
 _REACH_STDS, _REACH_M = 5.0, 4.0
-"""A pair further apart than so many σ_b and metres is out of the question."""
+"""A pair further apart than this many σ_b and metres is out of the question."""
 _MOST_ROWS, _MOST_REST = 40, 30
 """Blocks of a segment that are weighed, and those of the rest of its chain."""
 _ASIDE_STDS, _ASIDE_M = 3.0, 0.5
-"""A block so many σ_b and metres from the segment's median is aside."""
+"""A block this many σ_b and metres from the segment's median is aside."""
 ASIDE_VAR = 1e4
 """Variance of a block that is aside, m²: it does not count."""
 _SEGMENT_STD_M = 0.4

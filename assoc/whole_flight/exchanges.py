@@ -24,7 +24,7 @@ _LATEST_S = 10.0
 _CLOSER = 0.85
 """They were nearer by this factor then, or stand side by side."""
 _UNSEEN_S = 1.0
-"""A track that was not seen is taken to be where it was so long ago, or will be then, seconds."""
+"""A track that was not seen is taken to be where it was this long ago, or will be then, seconds."""
 
 
 @dataclass(slots=True)

@@ -48,7 +48,7 @@ _MISSED_PER_S, _PIECE = 0.5, 2.0
 many, and is not one object after another.
 """
 _ALONE_S = 3.0
-"""A name holds for so long before and after its vehicle's reports were compared with the segment, seconds."""
+"""A name holds for this long before and after its vehicle's reports were compared with the segment, seconds."""
 _DOUBLE_NATS, _DOUBLE_LEAST = 8.0, 2.0
 """A vehicle without a segment of its own fits another's segment if its score there is this close, and this much."""
 _DOUBLE_COVER = 0.3

@@ -44,7 +44,7 @@ CONNECT_S = 10.0
 AHEAD = 4
 """Flights for each thread of the cluster that the scheduler knows of, and ..."""
 LEAST_AHEAD = 64
-"""... at least so many, so that a worker that joins late finds some."""
+"""... at least this many, so that a worker that joins late finds some."""
 
 
 def run_in_cluster(

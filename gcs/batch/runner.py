@@ -26,7 +26,7 @@ END_S = 2.0
 FRESH_AFTER_BYTES = 1 << 30
 """A worker that holds more after a flight makes way for a fresh one, as does ..."""
 FRESH_AFTER_FLIGHTS = 500
-"""... one that has done so many."""
+"""... one that has done this many."""
 MEMORY_SHARE = 0.9
 """Share of the machine's memory, for all workers together."""
 ONE_THREAD = {
@@ -39,7 +39,7 @@ _log = logging.getLogger(__name__)
 
 
 def share_of_memory(workers: int) -> int:
-    """Bytes that each of so many workers may hold."""
+    """Bytes that each of this many workers may hold."""
     return int(MEMORY_SHARE * psutil.virtual_memory().total / workers)
 
 

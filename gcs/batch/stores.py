@@ -3,7 +3,7 @@
 Names are relative, with ``/`` between folders. What has a name already is replaced at once or not at all: the results
 of one flight from the same input are the same bytes, whoever was quicker.
 
-One batch at a time has a store: an object tells who writes, and is written anew every few seconds while it does. Whose
+One batch at a time has a store: an object tells who writes, and is rewritten every few seconds while it does. Whose
 object stands still was killed: another batch takes over after having watched it for a while. No clock is
 compared, as those of two machines differ. Where two take over at the same moment nothing is lost but work: results of
 the same input are the same bytes.
@@ -36,7 +36,7 @@ UNREADABLE = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
 """Errors of a file that others may have written."""
 RENEW_S = 10.0
 WATCH_S = 30.0
-"""A batch that has not renewed its object for so long is over."""
+"""A batch that has not renewed its object for this long is over."""
 POLL_S = 1.0
 _log = logging.getLogger(__name__)
 
@@ -156,7 +156,7 @@ class ResultStore(Protocol):
         """Hold it while a block runs, so that no other batch writes into it.
 
         Args:
-            older_s: what others left aside and has not been touched for so long is removed.
+            older_s: what others left aside and has not been touched for this long is removed.
         """
 
     def scratch(self, name: str) -> Path:

@@ -35,7 +35,8 @@ STOPPED = 130
 """Exit code of who was interrupted before anything flew, as shells have it."""
 
 SETTLED_S = 3.0
-"""With nothing new for so long everybody has been heard: positions and heartbeats come once a second or more often."""
+"""With nothing new for this long everybody has been heard: positions and heartbeats come once a second or more
+often."""
 TURN_S = 0.2
 TELL_S = 1.0
 

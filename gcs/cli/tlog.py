@@ -27,7 +27,7 @@ _SPEED = (0.8, 1.25)  # outside, the stamps are not the time of a flight
 
 
 def check_lines(path: Path, found: TlogCheck, most: int) -> list[str]:
-    """The report; at most so many damaged places one by one."""
+    """The report; at most this many damaged places one by one."""
     verdict = "whole" if found.whole else "damaged"
     lines = [f"{path}: {verdict}, {found.records} whole messages in {found.size_bytes} bytes"]
     lines.append(

@@ -42,7 +42,7 @@ class PointingMonitor:
     """
 
     patience_s: float
-    """Without progress for so long it does not move."""
+    """Without progress for this long it does not move."""
     since_s: float
     """Time of the order, then of the last progress."""
     off_rad: float = math.nan
@@ -72,7 +72,7 @@ def above(alt_m: float) -> Path:
 
 
 def circles(around: GeoPoint, alt_m: float, *, radius_m: float, speed_mps: float, moved_m: float) -> Path:
-    """The orbit anew whenever its middle has moved on; the first was ordered already."""
+    """The orbit again whenever its middle has moved on; the first was ordered already."""
     middle = around
 
     def circle(place: GeoPoint, first: bool) -> Command | None:
@@ -126,13 +126,13 @@ class CommandParams:
     fly_s: float = 1.0
     """Seconds between two goals for the UAV."""
     lost_s: float = 10.0
-    """Without a position for so long a stream ends."""
+    """Without a position for this long a stream ends."""
     radius_m: float = 20.0
     """Radius of a circle around a vehicle."""
     speed_mps: float = 3.0
     """Along that circle."""
     moved_m: float = 5.0
-    """A vehicle that has gone so far is circled around anew."""
+    """A vehicle that has gone so far is circled around again."""
     settle_s: float = 2.0
     """For the flight mode to be the one that an order asked for."""
     see_s: float = 5.0

@@ -80,7 +80,7 @@ class MavsdkClient:
         return False
 
     def close(self) -> None:
-        """End it; no command may be under way. Packets may still come, and go nowhere."""
+        """Stop MAVSDK; no command may be under way. Packets may still come, and go nowhere."""
         with self._lock:
             self._open = False
         if self._direct is not None:

@@ -29,7 +29,7 @@ _IN_PROGRESS = 5
 _CAMERA_TYPE = 30
 _FRESH_S = 3.0
 _AXIS_S = 1.0
-"""A gimbal that was silent for so long may look elsewhere."""
+"""A gimbal that was silent for this long may look elsewhere."""
 _TEXTS = 40
 
 

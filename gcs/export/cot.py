@@ -23,7 +23,7 @@ XML_DECLARATION: Final = b'<?xml version="1.0" encoding="UTF-8"?>\n'
 PERIOD_US: Final = 1_000_000
 """Least time between two events of one vehicle."""
 STALE_US: Final = 10_000_000
-"""An event holds for so long: ten that follow it may be lost before a map shows the vehicle as gone."""
+"""An event holds for this long: ten that follow it may be lost before a map shows the vehicle as gone."""
 FRIEND, UNKNOWN = "a-f-G-E-V", "a-u-G-E-V"
 """Atom, friend or unknown, on the ground, equipment, vehicle."""
 FUSED, BY_MACHINE = "m-f", "m-i"

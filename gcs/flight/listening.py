@@ -157,7 +157,7 @@ class Listening:
         self._kept: deque[Packet] = deque(maxlen=MOST_KEPT)
 
     def add_link(self, url: str) -> None:
-        """Listen to one more link from now on; the recording and who is heard begin anew.
+        """Listen to one more link from now on; the recording and who is heard begin again.
 
         Raises:
             LinkError: it cannot be opened; the others are listened to as before.
@@ -182,7 +182,7 @@ class Listening:
         return ", ".join([f"UDP {', '.join(usual)}"] * bool(usual) + others)
 
     def poll(self, timeout_s: float) -> None:
-        """Take in what has come, waiting for it at most so long."""
+        """Take in what has come, waiting for it at most this long."""
         packets = self.ingest.read(timeout_s)
         for packet in packets:
             self.roster.add_packet(packet)

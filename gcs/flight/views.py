@@ -25,7 +25,7 @@ IDLE_OF_MANY_S = 0.4
 WAITING_S = 0.02
 """Poll interval in seconds while frames wait for telemetry, and where several cameras have to be asked."""
 OVERDUE_S = 0.35
-"""A camera that is not in focus is looked at after so long at the latest: with the look that is under way meanwhile
+"""A camera that is not in focus is looked at after this long at the latest: with the look that is under way meanwhile
 that is twice a second."""
 
 
@@ -95,7 +95,7 @@ class FlightViews:
         """One turn: look at a frame, waited for, and fold whatever is due.
 
         Args:
-            stopped_within: waits for so many seconds, or until the flight ends.
+            stopped_within: waits for this many seconds, or until the flight ends.
         """
         place, frame = self._next_frame(stopped_within)
         now_s, pause_s = time.monotonic(), IDLE_OF_MANY_S if self.several else 0.0

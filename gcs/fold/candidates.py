@@ -46,7 +46,7 @@ def doubt_words(identities: Identities) -> list[str]:
 
 
 class CandidateWords:
-    """The candidates in words, made anew when the identifier has compared anew."""
+    """The candidates in words, made again when the identifier has compared again."""
 
     def __init__(self, threshold: float) -> None:
         self._threshold = threshold

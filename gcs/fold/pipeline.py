@@ -63,8 +63,8 @@ MOST_BOXES = 300
 HELD_US = 2_000_000
 """Names are shown this long after their frame: at 5 m/s a vehicle is 10 m on, perhaps where its neighbour was."""
 WAIT_US, MOST_WAIT_US = 150_000, 1_000_000
-"""A frame waits so long for the attitude after its own time, and at most over a radio that is late: names that are late
-by as much are better than names by a pose that is extrapolated."""
+"""A frame waits this long for the attitude after its own time, and at most over a radio that is late: names that are
+late by as much are better than names by a pose that is extrapolated."""
 NEXT_US = 100_000
 """Time from one report of the UAV's position to the next, usually."""
 CLOCK_SET_US = 10_000_000
@@ -82,7 +82,7 @@ class _Look:
     """The same boxes, one for each vehicle."""
     tracks: Tracks
     found: Identities | None
-    """None without a camera pose, and once names have begun anew."""
+    """None without a camera pose, and once names have started again."""
     view: FrameCamera | None
     uv: dict[int, FloatArray]
     """Pixel (2,) of each vehicle's reported place then, by system id."""
@@ -394,7 +394,7 @@ class Pipeline:
             self._crowded = True
 
     def _follow_origin(self) -> None:
-        """Begin the names anew when places are given in another frame: all evidence was in the one before."""
+        """Begin the names again when places are given in another frame: all evidence was in the one before."""
         if self._origin is not None and self.fleet.origin is not self._origin:
             self._begin_anew()
             self._cameras.forget_places()
@@ -415,7 +415,7 @@ class Pipeline:
             self.evidence.begin_anew(self.mission.ugv_ids)
 
     def _follow_steps(self, state: FleetState) -> None:
-        """Names begin anew after a step of the UAV's position that cannot be taken out."""
+        """Names begin again after a step of the UAV's position that cannot be taken out."""
         anew, events = self._cameras.follow_steps(state, sure=self._identifier.locked)
         if anew:
             self._begin_anew()

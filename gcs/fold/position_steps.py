@@ -2,7 +2,7 @@
 pose while names are sure, and put back as soon as they are not.
 
 A receiver that glitches moves the reported camera and not the image. To go on from where the image was keeps names
-right through a glitch and its end. Where names are not sure the new place is as good as the old, and they begin anew.
+right through a glitch and its end. Where names are not sure the new place is as good as the old, and they begin again.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ its straight line by ½ a t² in the time looked back."""
 _BACK_US, _LONGEST_US = 300_000, 1_500_000
 """Positions between reports are interpolated, so a step may be spread over some frames; a longer gap is not used."""
 _PATIENCE_US = 8_000_000
-"""Names that are not sure again after so long with a step taken out: the new place was the true one."""
+"""Names that are not sure again after this long with a step taken out: the new place was the true one."""
 
 
 class StepFilter:
@@ -45,7 +45,7 @@ class StepFilter:
             sure: whether the names are.
 
         Returns:
-            Metres of a step after which names have to begin anew, 0 where there was none or it was taken out.
+            Metres of a step after which names have to start again, 0 where there was none or it was taken out.
         """
         if not np.isfinite(p_enu).all():
             return 0.0

@@ -35,7 +35,7 @@ class Since(Generic[Key, Value]):
         if value != known.value:
             back = value == known.before and t_us - known.since_us < BRIEF_US
             known = _Lasting(value, known.before_us if back else t_us, known.value, known.since_us)
-        # put in anew, the key that was not asked for longest is the first
+        # put in again, the key that was not asked for longest is the first
         self._lasting[key] = known
         if len(self._lasting) > MOST:
             del self._lasting[next(iter(self._lasting))]

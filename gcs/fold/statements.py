@@ -17,9 +17,10 @@ from mavlink.state import FleetState, Level
 from vision.track.tracks import Tracks
 
 CONTRADICTED_US = 3_000_000
-"""A statement is withdrawn once another answer has been sure for so long: doubts about neighbours pass in a second."""
+"""A statement is withdrawn once another answer has been sure for this long: doubts about neighbours pass in a
+second."""
 HOLE_US, HOLE_STEPS = 1_000_000, 2
-"""After so long without a frame, and so many times the interval before, it is counted anew."""
+"""After this long without a frame, and this many times the interval before, it is counted again."""
 
 
 LATE_FRAMES = 30
@@ -65,7 +66,7 @@ class Statements:
         self._waiting.append(statement)
 
     def count_again(self, identifier: Identifier) -> None:
-        """Give all that stand to an identifier that begins anew; those about who was left out end."""
+        """Give all that stand to an identifier that starts again; those about who was left out end."""
         self._standing = {track: each for track, each in self._standing.items() if self._is_about_ours(each.made)}
         for track, standing in self._standing.items():
             identifier.state(track, standing.made.system_id)

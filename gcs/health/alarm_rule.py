@@ -12,7 +12,7 @@ from mavlink.state import Level
 CLEARS_AFTER_S = 3.0
 """Seconds after its last sign until an alarm is over: what is gone for a moment only is not reported twice."""
 GROWING_S = 10.0
-"""A counter that should not grow counts as growing for so long after it grew: long enough to be seen."""
+"""A counter that should not grow counts as growing for this long after it grew: long enough to be seen."""
 
 Subject = TypeVar("Subject")
 
@@ -53,9 +53,9 @@ class AlarmRule(Generic[Subject]):
     doubts_name: bool = False
     """Nobody is to act on the vehicle's name meanwhile: it does not count as confirmed."""
     lasts_s: float = 0.0
-    """It must last so long to be raised."""
+    """It must last this long to be raised."""
     clears_after_s: float = CLEARS_AFTER_S
-    """It must be gone so long to be over. 0 where what is asked holds on to it after its last sign already."""
+    """It must be gone this long to be over. 0 where what is asked holds on to it after its last sign already."""
     logged_by: str = ""
     """Module that writes the lines of the event log on it, with addresses or file names that the alarm does not have;
     empty: the alarm's own coming and going is logged."""

@@ -25,7 +25,8 @@ from mavlink.state import ARMING_FAILURES, Level
 MOST_TEXTS = 6
 """Different texts of one vehicle that are alarms of their own; further ones share one."""
 GONE_US = 60_000_000
-"""An acknowledged text is over when it was not repeated for so long: autopilots repeat what still holds every 30 s."""
+"""An acknowledged text is over when it was not repeated for this long: autopilots repeat what still holds every 30
+s."""
 ADVICE = "these are the vehicle's own words, not this program's: check the vehicle; acknowledged, it goes"
 
 
@@ -105,14 +106,14 @@ class TextAlarms:
 
 
 WORST_US = round(CLEARS_AFTER_S * 1e6)
-"""An alarm has its higher level for so long after that was last found."""
+"""An alarm has its higher level for this long after that was last found."""
 GROWING_US = round(GROWING_S * 1e6)
 LATELY_US = 300_000_000
 """Time over which the returns of a trouble are counted, µs."""
 BREAK_US = 500_000
 """Shortest break: what was gone for less has not come again."""
 FLAPS, MOST_COUNTED = 3, 1_000
-"""From so many times on it comes and goes."""
+"""From this many times on it comes and goes."""
 STAYS_US = 10_000_000
 """Time after which coming and going is an alarm of its own as well."""
 MINUTES_FROM_S = 90.0
@@ -224,7 +225,7 @@ class Alarms:
 
     def _grows(self, key: str, count: int, now_us: int) -> bool:
         """Note a counter; whether it has grown lately."""
-        # a count that is lower has begun anew, with the process that counts
+        # a count that is lower has started again, with the process that counts
         if count != self._counts.get(key, 0):
             self._grown_us[key] = now_us
         self._counts[key] = count

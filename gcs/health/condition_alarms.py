@@ -16,7 +16,7 @@ SAG_S = 5.0
 EMPTY = 0.5
 """Share of the mission's limit: below it the charge is an alarm."""
 CHARGE_BACK = 0.05
-"""A charge must be so much above its limit for the alarm to be over: monitors that filter voltage wander."""
+"""A charge must be this much above its limit for the alarm to be over: monitors that filter voltage wander."""
 HDOP_BACK = 0.8
 """Share of the mission's limit."""
 NO_FIX_S = 10.0
@@ -24,7 +24,7 @@ NO_FIX_S = 10.0
 CHECKS_S = 10.0
 """Sensors settle in this time after a start."""
 OVER_S = 1.0
-"""A position may be beyond a fence for so long without an alarm: a few reports of a receiver."""
+"""A position may be beyond a fence for this long without an alarm: a few reports of a receiver."""
 INSIDE_M = 1.0
 """Distance on the right side from which a vehicle has come back."""
 _BAD = ("critical", "emergency", "failed", "unhealthy")

@@ -36,7 +36,7 @@ FIT, NO_FIT, NO_FIT_FOR_S = 0.9, 0.0025, 2.0
 """Above the first probability video and telemetry belong together, below the second they do not; a moment's cover of
 the camera is no news. With no evidence it is 0.05."""
 NOT_KNOWN, NOT_KNOWN_FOR_S = 0.5, 10.0
-"""Below this probability nothing is named; for so long that need not be said: who drives is known within 5 s."""
+"""Below this probability nothing is named; for this long that need not be said: who drives is known within 5 s."""
 DIFFER_FOR_S = 2.0
 """A name that one of two cameras corrects is no contradiction."""
 FEW_FPS = 1.0
@@ -46,7 +46,7 @@ CLOCK_STEP = "clock step"
 STEP_S = 0.5
 """A time service slews what is less."""
 STALLED_S = 1.0
-"""A disk that has not answered for so long hangs: a busy one answers within some tenths."""
+"""A disk that has not answered for this long hangs: a busy one answers within some tenths."""
 LOW_BYTES, LOW_S = 2_000_000_000, 600.0
 """Half an hour of video at 8 Mbit/s; ten minutes are enough to make room, or to land."""
 FULL_BYTES, FULL_S = 200_000_000, 120.0

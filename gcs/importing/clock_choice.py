@@ -53,7 +53,7 @@ POSE_US = 200_000
 LATE_US = 400_000
 """Reports come so late; a pose is taken once those after it are there."""
 ABOUT_US = 30_000_000
-"""The UAV's records are followed from so long before a film whose place in them is known."""
+"""The UAV's records are followed from this long before a film whose place in them is known."""
 HEIGHTS_DIFFER_M = 6.0
 """Difference of the ground by take-off and by the fleet's altitudes from which on both are tried, m."""
 HEIGHT_STD_M = 2.0

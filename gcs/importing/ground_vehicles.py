@@ -25,7 +25,7 @@ _LEAST_AHEAD_US = 100_000
 _LEAST_SHARED, _MOST_SHARED, _LEAST_WAY_M = 10, 1000, 5.0
 """Fewer positions, or of a vehicle that hardly moved, tell no offset."""
 _CLEARLY, _ON_EACH_OTHER_M = 2.0, 1.0
-"""An offset counts if with it the paths are so many times closer, and this close: else it is another vehicle's."""
+"""An offset counts if with it the paths are this many times closer, and this close: else it is another vehicle's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -28,7 +28,7 @@ _Timed = Iterator[tuple[int, Callable[[MavlinkEncoder], bytes]]]
 """Time on the log's clock, and what packs the message."""
 
 _BOOTED_BEFORE_US = 60_000_000
-"""The clock of a vehicle begins so long before its first sample: a boot time of 0 means that there is none."""
+"""The clock of a vehicle begins this long before its first sample: a boot time of 0 means that there is none."""
 _HEARTBEAT_US, _FIX_US, _VIEW_US = 1_000_000, 500_000, 1_000_000
 """Intervals between messages of a kind."""
 _PLACE_US, _ANGLE_US = 45_000, 35_000

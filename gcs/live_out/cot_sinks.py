@@ -16,7 +16,7 @@ from infra.wall_clock import now_us
 TTL = 1
 """TTL of multicast datagrams: they stay on the local network."""
 CONNECT_S, SEND_S = 3.0, 2.0
-"""A server that takes longer is tried anew."""
+"""A server that takes longer is tried again."""
 REPLAYED = "s-replay"
 """``opex`` of a recording: simulation, not a live operation."""
 

@@ -21,10 +21,10 @@ DATAGRAM_BYTES = 65_507
 """The largest UDP datagram over IPv4."""
 MOST_CLIENTS = 16
 MUTE_S = 5.0
-"""A client that has taken nothing for so long is dropped: it would keep another out."""
+"""A client that has taken nothing for this long is dropped: it would keep another out."""
 KERNEL_BYTES = 1 << 16
 BEHIND_BYTES = 1 << 20
-"""A client that has not taken so much is dropped: some hundred lines of a large fleet."""
+"""A client that has not taken this much is dropped: some hundred lines of a large fleet."""
 
 
 def json_line(snapshot: Snapshot, source: SinkSource) -> bytes:
@@ -82,7 +82,7 @@ class JsonUdp(Sink):
         self._socket.setblocking(False)
 
     def write(self, snapshot: Snapshot) -> None:
-        """Send it; one that is larger than a datagram is dropped."""
+        """Send the snapshot; one that is larger than a datagram is dropped."""
         line = json_line(snapshot, self._source)
         if len(line) > DATAGRAM_BYTES:
             self.dropped += 1
@@ -116,7 +116,7 @@ class JsonTcp(Sink):
         """Time at which each took something, or there was nothing for it to take."""
 
     def write(self, snapshot: Snapshot) -> None:
-        """Queue it for all clients."""
+        """Queue the snapshot for all clients."""
         self.serve()
         if not self._waiting:
             return

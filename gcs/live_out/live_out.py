@@ -24,9 +24,9 @@ LOOK_S = 0.01
 """Seconds between two looks for a newer snapshot."""
 WATCH_S = 0.2
 START_S = 30.0
-"""A process may take so long to begin on a computer that has other things to do."""
+"""A process may take this long to begin on a computer that has other things to do."""
 PATIENCE_S = 10.0
-"""Without a sign of life for so long it hangs: longer than any connection is waited for."""
+"""Without a sign of life for this long it hangs: longer than any connection is waited for."""
 STOP_S = 2.0
 PAUSES_S = (0.0, 1.0, 5.0, 15.0)
 """Before another is started; the last repeats."""

@@ -33,7 +33,7 @@ PAYLOAD_TYPE: Final = 96
 
 
 class _Picture(Sink):
-    """Draws, encodes and sends; a picture of another size begins the stream anew."""
+    """Draws, encodes and sends; a picture of another size begins the stream again."""
 
     def __init__(self, url: SinkUrl, source: SinkSource) -> None:
         del source

@@ -56,7 +56,7 @@ class Sink(ABC):
 
     @abstractmethod
     def __init__(self, url: SinkUrl, source: SinkSource) -> None:
-        """Open it.
+        """Open the sink.
 
         Raises:
             OSError: it cannot be had now; it is tried again.
@@ -67,7 +67,7 @@ class Sink(ABC):
         """Tell of a snapshot.
 
         Raises:
-            OSError: it has to be opened anew.
+            OSError: it has to be opened again.
         """
 
     def serve(self) -> None:  # noqa: B027 - most have nobody to serve
@@ -75,7 +75,7 @@ class Sink(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """End it."""
+        """Close the sink."""
 
 
 def open_sink(url: SinkUrl, source: SinkSource) -> Sink:

@@ -21,7 +21,7 @@ _log = logging.getLogger(__name__)
 POLL_S = 0.005
 REPORT_S = 1.0
 PAUSES_S = (0.2, 0.5, 1.0, 2.0, 5.0)
-"""Before it is opened anew; the last repeats."""
+"""Before it is opened again; the last repeats."""
 NICENESS = 5
 """The flight comes first where the processor is short."""
 MOST_LETTERS = 200

@@ -44,7 +44,7 @@ Image = NDArray[np.uint8]
 Times = NDArray[np.int64]
 
 WARM_UP_US = 20_000_000
-"""A fold that begins in the middle takes in so much telemetry before: what is sent every few seconds has come."""
+"""A fold that begins in the middle takes in this much telemetry before: what is sent every few seconds has come."""
 LOOKED_US = 4_000_000
 """Time before it whose frames it looks at: most vehicles are named after two or three seconds."""
 
@@ -78,7 +78,7 @@ class Analysis:
         Args:
             session: What to fold.
             redetect: Look at the video again even when the session has detections.
-            open_detector: loads the mission's networks, for those who keep them; None: they are loaded anew.
+            open_detector: loads the mission's networks, for those who keep them; None: they are loaded again.
             looking_threads: which look at the next frames meanwhile; 0: the one that folds looks, too.
             video_offset_s: Video time minus telemetry time, s, instead of the mission's; None: as it says.
             camera: Instead of the mission's; None: as it says.
@@ -185,7 +185,7 @@ class Analysis:
         """Fold the recording for a screen: its frames, without images, and moments in between at which none came.
 
         Args:
-            flown: What the flight reported, in order of time: the recording lasts at least so long, and alarms that
+            flown: What the flight reported, in order of time: the recording lasts at least this long, and alarms that
                 were acknowledged then are.
             provisional_from_us: Begin some seconds before this time, with provisional names and no alarms. None:
                 from the start.

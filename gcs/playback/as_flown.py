@@ -32,7 +32,7 @@ SAME_US: Final = 5_000_000
 WORKED_OUT: Final = frozenset({"vehicle", "identity", "camera", "text"})
 """Kinds of events that a replay works out again; the others tell of links, disks and people."""
 HELD_S: Final = 50
-"""An alarm is over so long after its last sign, at most; its event says how long it lasted until that."""
+"""An alarm is over this long after its last sign, at most; its event says how long it lasted until that."""
 MOST_EVENTS: Final = 20_000
 OUTSIDE_US: Final = 86_400_000_000
 """Events that are farther from all packets and frames are from a clock that was wrong."""

@@ -40,13 +40,13 @@ from gcs.snapshot import NAN, Box, Candidate, Snapshot, VehicleRow
 FloatArray = NDArray[np.float64]
 
 AHEAD_S = 15.0
-"""A box is named by what is known of its track so long after it, s."""
+"""A box is named by what is known of its track this long after it, s."""
 _CHANGES_HZ = 0.01
 """Rate at which a tracker goes over from one vehicle to another unnoticed, 1/s."""
 _MEAN_SHARE = 0.3
 """Weight of the mean against the smoothed probabilities: for these a doubt that comes late is all there is to know."""
 _AT_ONCE_S = 3.0
-"""A track is smoothed for so much of it at once, s: the last of those boxes look that much less ahead."""
+"""A track is smoothed for this much of it at once, s: the last of those boxes look that much less ahead."""
 _LOWER = 0.05
 """Margin of the least mean of a name below a screen's threshold: what was thought at first is in the mean."""
 _GAP_MAX_S = IdentifierParams().gap_max_s

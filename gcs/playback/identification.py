@@ -74,7 +74,7 @@ def identify_session(
         report: called after every frame with the frames that are done, and all there are, of all cameras.
         note: called with each line that a user should read: what the recording lacks, what the camera's stream did,
             what was not known in the end.
-        open_detector: loads a mission's networks, for those who name many recordings; None: they are loaded anew.
+        open_detector: loads a mission's networks, for those who name many recordings; None: they are loaded again.
         looking_threads: which look at the next frames of a video meanwhile; 0: one thread does all.
 
     Returns:

@@ -123,7 +123,7 @@ class InStep:
         return camera.trouble
 
     def begin(self, uav_id: int) -> Seat | None:
-        """Seat among the others of a fold that begins at the start; those that are not shown begin anew, too.
+        """Seat among the others of a fold that begins at the start; those that are not shown begin again, too.
 
         Args:
             uav_id: of the aircraft whose camera it is.

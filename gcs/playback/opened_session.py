@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from vision.video.video import VideoFile
 
 LONGEST_US = 86_400_000_000
-"""A flight is not so long without a packet or a frame."""
+"""A flight is not this long without a packet or a frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

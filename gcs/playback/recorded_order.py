@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 _MOST_BETWEEN = 1000
 """Frames that a flight skips between two that it looks at, at most."""
 PATIENCE_US = 3_000_000
-"""Frames of a recording wait so long for the UAV's pose: no screen waits for them."""
+"""Frames of a recording wait this long for the UAV's pose: no screen waits for them."""
 _MOST_QUEUED_US = 5_000_000
-"""A turn is made at most so long after a record that it has not taken in yet."""
+"""A turn is made at most this long after a record that it has not taken in yet."""
 
 
 class PacketsInOrder:

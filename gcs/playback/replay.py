@@ -48,7 +48,7 @@ PERIOD_US = 200_000
 PARTS: Final = 1000
 """Parts of a recording: several for each cell of the widest screens."""
 HELD_US: Final = 2_000_000
-"""A name counts for so long without another snapshot, as on the screen."""
+"""A name counts for this long without another snapshot, as on the screen."""
 
 
 def find_gaps(

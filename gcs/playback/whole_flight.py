@@ -26,11 +26,12 @@ IntArray = NDArray[np.int64]
 FITS = 0.5
 """Probability from which on film and telemetry count as belonging together."""
 _STRETCH_S, _MARGIN_S = 60.0, 30.0
-"""Boxes of so long are named at once, by what was seen from so long before the first to so long after the last, s."""
+"""Boxes of this long are named at once, by what was seen from this long before the first to this long after the last,
+s."""
 _WHOLE_SHARE = 0.8
 """Weight of the whole flight against what is known of the track by itself."""
 _LEAST_GAIN = 0.97
-"""A stretch counts where it gives so many of the names that are known without it, by their probabilities."""
+"""A stretch counts where it gives this many of the names that are known without it, by their probabilities."""
 UNSURE = 0.89
 """An answer is surer only where both looks at it are: here the whole flight, and the track by itself."""
 

@@ -29,7 +29,7 @@ LEAST_PX: Final = 32.0
 UNSEEN_PX: Final = 120.0
 """Shown around where a vehicle without a box should be: its position is a few metres off."""
 CALMER: Final = 1
-"""It moves to another corner where at least so many more boxes would be uncovered."""
+"""It moves to another corner where at least this many more boxes would be uncovered."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

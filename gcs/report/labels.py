@@ -23,12 +23,12 @@ SHORTER_COST: Final = 100.0
 ADVANTAGE: Final = 1.5
 """A label leaves a place that is still free only for one better by this, with room around: else it would flicker."""
 IMPROVED_AT_ONCE: Final = 5
-"""Labels that stay look for a better place in turn, so many in each frame: it takes longest."""
+"""Labels that stay look for a better place in turn, this many in each frame: it takes longest."""
 LEGEND_SHARE: Final = 3
 """The legend keeps to the lowest third."""
 LEGEND_ROUNDS: Final = 4
 COUNTED_NEAR: Final = 6
-"""Labels without a place are counted together within so many steps."""
+"""Labels without a place are counted together within this many steps."""
 COUNT_KEY: Final = -1_000_000
 """Keys of counts are this minus the first label's, which is below any other."""
 
@@ -71,7 +71,7 @@ class Labelling:
     places: tuple[Place, ...] = ()
     """Places of the labels that found room, in the order given."""
     counts: tuple[Place, ...] = ()
-    """``+3``: so many labels found none here."""
+    """``+3``: this many labels found none here."""
     legend: tuple[Place, ...] = ()
     """Meanings of the shorter texts."""
     former: Mapping[int, tuple[int, int, int]] = field(default_factory=dict)

@@ -289,7 +289,7 @@ def _marks(events: Iterable[Event]) -> int:
 
 
 def _watch(entry: _Entry, row: VehicleRow, at_s: float) -> None:
-    """Take in how a vehicle is so long after the flight's begin."""
+    """Take in how a vehicle is this long after the flight's begin."""
     entry.heard |= is_heard(row)
     entry.positioned |= row.position_state in ("ok", "stale")
     entry.refused = refused_because(row) or entry.refused

@@ -107,7 +107,7 @@ def box_values(snapshot: Snapshot, box: Box) -> dict[str, Any]:
 
 
 def text_cell(value: Any, digits: int | None) -> str:  # noqa: ANN401 - what a column holds
-    """A value as a cell of text, a number that is no count with so many decimal places; empty is unknown."""
+    """A value as a cell of text, a number that is no count with this many decimal places; empty is unknown."""
     if digits is not None:
         return f"{value:z.{digits}f}" if math.isfinite(value) else ""
     return "" if value is None else str(int(value)) if value is True or value is False else str(value)

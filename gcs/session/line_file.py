@@ -19,7 +19,7 @@ from infra.files.write_buffer import Chunk, WriteBuffer
 RAM_BYTES = 16 << 20
 """Over a minute of the evidence of twenty boxes at thirty frames a second."""
 HANG_S = 5.0
-"""Closing waits so long for a disk that hangs, counted from when it began to."""
+"""Closing waits this long for a disk that hangs, counted from when it began to."""
 
 
 class Lines(Protocol):

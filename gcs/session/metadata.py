@@ -187,7 +187,7 @@ class SessionFile:
         self._fd = self._folder = -1
 
     def _write(self) -> None:
-        # one that was deleted is made anew under its name; where a link has taken its place it stays where it is
+        # one that was deleted is made again under its name; where a link has taken its place it stays where it is
         folder = os.dup(self._folder) if self._path.parent.is_symlink() else open_folder(self._path.parent)
         try:
             fd = _replace(folder, mission_table(self._mission, self._notes))

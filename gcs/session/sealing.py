@@ -23,7 +23,7 @@ NICENESS = 10
 LONGEST_S = 120
 """For one session: a log of 8 GB takes 16 s of processor."""
 END_S = 2.0
-"""A flight that ends waits so long for a session that is being looked into; the next flight seals the others."""
+"""A flight that ends waits this long for a session that is being looked into; the next flight seals the others."""
 
 
 class Sealing:
@@ -49,7 +49,7 @@ class Sealing:
         self._thread.start()
 
     def close(self) -> None:
-        """End it, after a moment's patience; each session is sealed in one step, or left as it was."""
+        """Stop the process, after a moment's patience; each session is sealed in one step, or left as it was."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._child.wait(END_S)
         self._child.kill()

@@ -26,9 +26,9 @@ LEAST_AROUND: Final = 0.04
 STRANGER: Final = 0.5
 """Probability of being none of ours up to which a tracked box without a name is to be seen too."""
 LOOSE: Final = 1.5
-"""A part that is so many times wider than needed is given up for a closer one,"""
+"""A part that is this many times wider than needed is given up for a closer one,"""
 LOOSE_US: Final = 3_000_000
-"""once it has been that for so long."""
+"""once it has been that for this long."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

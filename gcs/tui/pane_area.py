@@ -57,7 +57,7 @@ class PaneArea(Widget):
         return pane_id in self.rects_in(self.size)
 
     def change(self, state: LayoutState) -> None:
-        """Lay out anew if anything differs."""
+        """Lay out again if anything differs."""
         if state != self.state:
             self.state = state
             self._show()

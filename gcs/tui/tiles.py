@@ -32,7 +32,7 @@ def tile_rects(tiles: Sequence[CameraPicture], columns: int, rows: int) -> list[
 
 
 def _area(tiles: Sequence[CameraPicture], columns: int, rows: int, across: int) -> int:
-    """Cells of the first picture with so many beside each other."""
+    """Cells of the first picture with this many beside each other."""
     width, height = columns // across, rows // math.ceil(len(tiles) / across) - 1
     if width < 1 or height < 1:
         return 0

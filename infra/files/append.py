@@ -8,7 +8,7 @@ waits for the disk:
   order when there is space again;
 - a failed sync: the kernel forgets what it could not write and reports it once, so whatever the sync may have lost is
   written again into a new segment (``name.1.ext``, ``name.2.ext``, …) next to the old one, which is left as it is;
-- a file or folder that was deleted, moved, or unmounted: it is made anew and filled from the file that is still open;
+- a file or folder that was deleted, moved, or unmounted: it is made again and filled from the file that is still open;
 - a file that another program cut short: it is reported, and a new segment is begun.
 """
 
@@ -32,7 +32,7 @@ RAM_BYTES = 64 << 20
 """Rows kept while the disk fails: 60 s of 5,000 packets/s of 220 bytes each."""
 RETRY_S = 1.0
 HANG_S = 5.0
-"""Closing waits so long for a disk that hangs."""
+"""Closing waits this long for a disk that hangs."""
 _COPY_BYTES = 1 << 20
 _SPACE_MAY_RETURN = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 """After these the same file goes on; after any other a new segment is begun."""

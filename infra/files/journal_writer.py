@@ -12,9 +12,10 @@ from infra.files.journal import PIECE_BYTES, Journal, Piece
 from infra.files.segment import segments
 
 GATHER_S = 0.04
-"""Rows of so long are written together: fewer system calls. Until then they are in memory that outlives the process."""
+"""Rows of this long are written together: fewer system calls. Until then they are in memory that outlives the
+process."""
 HANG_S = 60.0
-"""A disk that hangs is waited for so long at the end: as long as memory lasts; a station that lives waits less."""
+"""A disk that hangs is waited for this long at the end: as long as memory lasts; a station that lives waits less."""
 _LOOK_S = 0.1
 """Seconds between checks whether a disk that failed takes rows again."""
 
@@ -39,7 +40,8 @@ class JournalWriter:
         self._thread.start()
 
     def stop(self) -> bool:
-        """Have everything written and end; return whether that was possible: a disk that hangs is left after a minute."""
+        """Have everything written and end; return whether that was possible: a disk that hangs is left after a
+        minute."""
         self._stop.set()
         self._journal.due.set()
         self._thread.join(HANG_S)

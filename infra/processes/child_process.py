@@ -153,7 +153,7 @@ class ChildProcess(Generic[Report]):
         self.kill()
 
     def kill(self) -> None:
-        """End it at once; what it sent before can still be received."""
+        """Kill the process at once; what it sent before can still be received."""
         self._process.kill()
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(KILL_S)

@@ -32,7 +32,7 @@ class Supervisor(Generic[Child]):
     Args:
         start: starts a process that waits for its first message; raises OSError where the system starts none.
         begin: sends that message to a process whose turn it is.
-        watch: waits for a sign of life, at most so many seconds, and returns for how long the process may be silent
+        watch: waits for a sign of life, at most this many seconds, and returns for how long the process may be silent
             from now on, None: there was none. Raises EOFError where the process is over or of no more use.
         replaced: given what was wrong with a process and when it last showed life (monotonic), once the next has begun.
         excused: whether a process that has been silent for too long is left alone.
@@ -40,7 +40,7 @@ class Supervisor(Generic[Child]):
         start_s: for which a process may be silent at first.
         stop_s: for which it may be silent when it is to end.
         pauses_s: before another is started, after one, two, three failures in a row; the last repeats.
-        steady_s: a process that lived so long ends a row.
+        steady_s: a process that lived this long ends a row.
         spare: keep a process ready that takes over at once.
 
     Attributes:

@@ -157,7 +157,7 @@ class _Alternation:
         return self._changes > 0 and 0 <= t_us - self._last_us < _PAUSE_US
 
     def is_established(self, changes: int, t_us: int) -> bool:
-        """Tell whether there were so many changes, over about a second."""
+        """Tell whether there were this many changes, over about a second."""
         return self._changes >= changes and self.is_running(t_us) and self._last_us - self._first_us >= _SPAN_US
 
 

@@ -148,7 +148,7 @@ class VehicleClock:
         self.epoch = 0
         """Changes whenever boot times before and after cannot be compared: a reboot, or a clock no longer followed."""
         self.restarts = 0
-        """Changes whenever boot times are mapped anew: what came before keeps the Unix time it was given then."""
+        """Changes whenever boot times are mapped again: what came before keeps the Unix time it was given then."""
         self.off_rate = 0.0
         """Rate of a clock that is not followed for it, 1 is as fast as ours; 0 for one that is."""
         self._rate = ClockRate()

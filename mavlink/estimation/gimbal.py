@@ -105,7 +105,7 @@ class Gimbals:
         self._reports = ReportOnce()
 
     def clear(self) -> None:
-        """Remove every attitude, for a UAV whose boot times began anew."""
+        """Remove every attitude, for a UAV whose boot times started again."""
         self._buffer.clear()
         self._newest_us.clear()
 

@@ -122,7 +122,7 @@ class JumpDetector:
 _FIX_LASTS_US = 5_000_000
 """GPS_RAW_INT comes once a second; older ones no longer describe the receiver."""
 _FIX_STEADY_US = 5_000_000
-"""A fix that has not changed for so long does not come and go."""
+"""A fix that has not changed for this long does not come and go."""
 _MAX_RECEIVERS = 16
 """Channels and components remembered: a flood of addresses must not cost memory."""
 

@@ -27,7 +27,7 @@ _MOST_REASONS = 8
 _GONE_US = 30_000_000
 """Silence after which one is gone while another reports: slow links bring one report in ten seconds."""
 _REASON_US = 60_000_000
-"""A reason against arming that is not repeated for so long is gone: ArduPilot repeats those that hold every 30 s."""
+"""A reason against arming that is not repeated for this long is gone: ArduPilot repeats those that hold every 30 s."""
 _PAYLOAD = 4
 """MAV_BATTERY_FUNCTION of what does not drive."""
 _STATES = {2: "low", 3: "critical", 4: "emergency", 5: "failed", 6: "unhealthy"}

@@ -1,6 +1,6 @@
 """Forwarding: received packets go to other programs unchanged, and their frames go to vehicles where that is allowed.
 
-No frame is encoded anew, signed again or reordered. Only frames from outputs with `?rw` go to vehicles, and of those:
+No frame is encoded again, signed again or reordered. Only frames from outputs with `?rw` go to vehicles, and of those:
 
 - a frame that is addressed to the UAV, or to a vehicle that is named (`?rw=11,12`), and only to the address from which
   that one was received last;

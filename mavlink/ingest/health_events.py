@@ -17,12 +17,12 @@ from mavlink.state import Level
 _Event = tuple[Level, str]
 """Level and text."""
 PATIENCE = 10
-"""A connection that is being made is not missed for so many looks, twice a second."""
+"""A connection that is being made is not missed for this many looks, twice a second."""
 MOST = 5
 """Floods that are reported one by one at a time."""
 QUIET = 20
 """Looks for which a connection that comes and goes is not reported as lost again, and after which frames from a program
-are reported anew, and an output without losses is well."""
+are reported again, and an output without losses is well."""
 
 
 class HealthEvents:

@@ -36,12 +36,12 @@ from mavlink.state import Level, Notice
 START_S = 20.0
 """A start that takes longer has failed."""
 STOP_S = 15.0
-"""A process that is to end and shows no life for so long is killed: it may have much to write."""
+"""A process that is to end and shows no life for this long is killed: it may have much to write."""
 WATCH_S = 0.05
 HEALTH_S = 0.5
 """Seconds between looks at the health for what an operator should know."""
 HUNG_S = 0.7
-"""A process that shows no life for so long is replaced: with the start of the next that is a second."""
+"""A process that shows no life for this long is replaced: with the start of the next that is a second."""
 _SEND_S = 0.2
 """For the process to take a request."""
 _MOST_NOTICES = 200

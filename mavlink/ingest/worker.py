@@ -34,7 +34,7 @@ _log = logging.getLogger(__name__)
 TICK_S = 0.05
 """Longest wait for packets, so that the station sees signs of life."""
 PAUSE_S = 0.004
-"""Datagrams of so long are read together; when each came the kernel has noted."""
+"""Datagrams of this long are read together; when each came the kernel has noted."""
 HEALTH_S, HEALTH_SOON_S = 0.2, 0.05
 """Intervals at which health is reported to the station, and soon after a new sender: alarms name its address."""
 _FEW = 128

@@ -16,7 +16,8 @@ from mavlink.protocol.framing import FrameCounts, Framer
 from mavlink.protocol.packet import Packet
 
 PATIENCE_S = 0.3
-"""For so long the bytes of a frame may be on their way: radios and TCP hand them on in pieces, with pauses between."""
+"""For this long the bytes of a frame may be on their way: radios and TCP hand them on in pieces, with pauses
+between."""
 ORDERS_BYTES, FORWARDED_BYTES = 1 << 12, 1 << 18
 """Most that may wait for a slow other end: few of our own frames, as orders must not come late; of forwarded packets a
 second's worth of a hundred vehicles."""
@@ -119,7 +120,7 @@ class Connection:
 
     Args:
         receive: gives the bytes that are there, None when there are none now, empty at the end of the stream.
-        queue_bytes: so much may wait for the other end to take it.
+        queue_bytes: this much may wait for the other end to take it.
     """
 
     def __init__(
@@ -181,5 +182,5 @@ class Connection:
             self.is_broken = True
 
     def close(self) -> None:
-        """Close it; what waits to be sent is lost."""
+        """Close the connection; what waits to be sent is lost."""
         self.file.close()

@@ -36,7 +36,7 @@ HOLD_S = 3.0
 _SLOWER, _FASTER = 0.5, 1.03
 """Factors on the rate that this machine reads: when it is late, and for each update when it is not."""
 _DRAIN_S = 0.3
-"""For so long after it is lowered, what had queued before is still being read."""
+"""For this long after it is lowered, what had queued before is still being read."""
 _LEAST = 1e-6
 """Keeps shares and divisors above zero."""
 
@@ -74,7 +74,7 @@ class Allowance:
         return cls(burst_s, burst_s)
 
     def estimate_refused(self, seen: int) -> float:
-        """About how many did not pass where so many did, n (1/p − 1); even where none did, some may have come."""
+        """About how many did not pass where this many did, n (1/p − 1); even where none did, some may have come."""
         return (seen + 0.5) * (1.0 / self.share - 1.0)
 
     def count(self, seen: int, away: float, dt_s: float, now_s: float) -> None:

@@ -28,9 +28,9 @@ WAITING = 512
 REPORTED = 32
 """Untrusted senders whose addresses are reported."""
 TRUSTED_US = 60_000_000
-"""Trust ends after so long without a good frame."""
+"""Trust ends after this long without a good frame."""
 WAITING_US = 5_000_000
-"""A waiting sender is forgotten after so long without a good frame."""
+"""A waiting sender is forgotten after this long without a good frame."""
 _KEY = struct.Struct("=q")
 _SENDER = struct.Struct("=H2s4s")
 

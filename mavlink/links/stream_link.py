@@ -79,10 +79,10 @@ class StreamLink(Link):
 
     @abstractmethod
     def maintain(self) -> None:
-        """Open it again when need be, by :meth:`_opened`."""
+        """Open the stream again if needed, by :meth:`_opened`."""
 
     def close(self) -> None:
-        """Close it."""
+        """Close the stream."""
         self._open = False
         self._lose()
 

@@ -24,7 +24,7 @@ _HEARTBEAT = 0
 _WINDOW_MS, _MOST_INTERVALS = 30_000, 64
 """Time over which what is regular is measured, and most intervals."""
 _NEIGHBOURS = 10
-"""Intervals on each side of one that tell what is usual there: of so many, a few are whole though most messages are
+"""Intervals on each side of one that tell what is usual there: of this many, a few are whole though most messages are
 lost."""
 _LEAST_INTERVALS, _COUNTED_EVERY = 4, 4
 _KNOWN_FROM = 10

@@ -26,7 +26,7 @@ _BEHIND_US = 500_000
 _CURRENT_CHANNEL_US = 3_000_000
 """A channel that was up to date this recently is preferred to one that is behind: three heartbeats."""
 _FIRST_COPIES = 10
-"""A channel with so many first copies in a row has no duplicates: what looks like one is a heartbeat whose sequence
+"""A channel with this many first copies in a row has no duplicates: what looks like one is a heartbeat whose sequence
 number has come round."""
 
 _DUPLICATE_MEMORY_US = 12_000_000
@@ -38,7 +38,7 @@ _TIME_STAMPED = frozenset({2, 30, 31, 32, 33, 111, 259, 260, 265, 271, 285})
 has come round."""
 
 _UNUSED_US = 10_000_000
-"""A channel that is so much older than the newest packet counts no more in the loss: the vehicle has another now."""
+"""A channel that is this much older than the newest packet counts no more in the loss: the vehicle has another now."""
 _RATE_WINDOW_US = 2_000_000
 """Rates are measured over this: short enough to follow a change, two heartbeats long."""
 

@@ -33,7 +33,7 @@ LONGEST = 255 + 12 + SIGNATURE_LENGTH
 _UNKNOWN = -1
 _V1_IDS, _V1_ID, _V2_FLAGS = 256, 5, 2  # MAVLink 1's ids, their place in its header, that of MAVLink 2's flags
 _BATCH = 1 << 18  # candidates looked at at a time; a window of a log that is well holds as many
-_DENSE = 64  # a window with more magics than one in so many bytes is full of them; noise has one in 256
+_DENSE = 64  # a window with more magics than one in this many bytes is full of them; noise has one in 256
 
 
 @dataclass(frozen=True, slots=True)

@@ -61,15 +61,15 @@ WINDOW_S = 3.0
 ANSWER_S = 1.0
 """An answer that has not come within this is lost."""
 LASTS_S = 5.0
-"""A rate is low for so long before it is reported: a pause of the link is in what is measured for three seconds."""
+"""A rate is low for this long before it is reported: a pause of the link is in what is measured for three seconds."""
 CALM_S = 30.0
 """Time that it must be better before the next report, or one near the limit would be a line every ten seconds."""
 AGAIN_S = 4.0
 """Seconds between two requests for one message: its rate has to be measured meanwhile."""
 BEHIND_S = 10.0
-"""For so long after a packet that was rejected as replayed a link's rates are not judged."""
+"""For this long after a packet that was rejected as replayed a link's rates are not judged."""
 PAUSE_S = 1.5
-"""A link that brings nothing at all for so long is interrupted: that is no sign of a low rate."""
+"""A link that brings nothing at all for this long is interrupted: that is no sign of a low rate."""
 LOSS_MEMORY = 50.0
 """Packets over which the loss of a link is measured: a few seconds."""
 LOSSY = 0.1
@@ -77,7 +77,7 @@ LOSSY = 0.1
 _WHERE_THERE_IS_ONE = frozenset({GIMBAL_ATTITUDE, SYSTEM_TIME, DISTANCE_SENSOR, TERRAIN_REPORT})
 """Messages of equipment that a vehicle need not have: one that never came is not reported."""
 _REBOOT_MS, _YOUNG_MS = 2000, 60_000
-"""A boot time that is so much less than before, and less than a minute, is one after a reboot."""
+"""A boot time that is this much less than before, and less than a minute, is one after a reboot."""
 
 
 def uav_rates(*, gimbal: bool) -> Mapping[int, float]:
@@ -117,7 +117,7 @@ class _MessageStream:
         self.restart()
 
     def restart(self) -> None:
-        """Begin anew, as if it was never requested."""
+        """Begin again, as if it was never requested."""
         self.tries = 0
         self.due_s = 0.0
         self.rejected = False

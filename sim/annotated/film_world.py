@@ -37,13 +37,13 @@ PIXEL_STD = 1.0
 LEVEL_STD = np.radians(2.0)
 """1σ by which a camera that is held level strays from its tilt, rad."""
 FARTHEST = 8.0
-"""Ground that is so many heights away is too near the horizon to compare poses by."""
+"""Ground that is this many heights away is too near the horizon to compare poses by."""
 LEAST_POINTS = 6
 """Points of the ground that two images must share."""
 FAR_OFF = 1e4
-"""A point that a pose does not show counts as so many px off, and none as more."""
+"""A point that a pose does not show counts as this many px off, and none as more."""
 MOST_CLIMB = 1.5
-"""From one image to the next no camera gets so much higher or lower: a homography that says so is wrong."""
+"""From one image to the next no camera gets this much higher or lower: a homography that says so is wrong."""
 SPEED_SPAN_S = 1.0
 """Over which the reported speed of the UAV is taken."""
 MOST_TRIES = 60
@@ -129,11 +129,11 @@ LEAST_FOR_SPLINE = 5
 LEAST_SPEED_MPS = 1.0
 """Speed below which the path does not tell where a vehicle points, so its heading is held, m/s."""
 MOVED_LENGTHS = 2.0
-"""A vehicle that came so many car lengths away from where it began has moved."""
+"""A vehicle that came this many car lengths away from where it began has moved."""
 CAR_LENGTH_M = 4.5
 """Length of an ordinary car."""
 END_SPEED_S = 0.5
-"""Before the first and after the last label a vehicle keeps its mean speed of so long."""
+"""Before the first and after the last label a vehicle keeps its mean speed of this long."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -25,7 +25,7 @@ from sim.faults.fleet_faults import AGL_M, SimulatedFleet, SimulatedSender, plac
 BATCH_S = 0.1
 """Datagrams are computed in spans of this length: a choice between memory and calls of numpy."""
 REPLAY_AFTER_S = 10.0
-"""A recorded frame is sent again after so long; a choice, well above any delay of a link."""
+"""A recorded frame is sent again after this long; a choice, well above any delay of a link."""
 COPTER_GUIDED, ROVER_AUTO, ARMED_CUSTOM, ACTIVE = 4, 10, 129, 4
 """HEARTBEAT: ArduPilot's custom modes Guided (Copter) and Auto (Rover), base mode armed with a custom mode,
 MAV_STATE_ACTIVE."""

@@ -31,7 +31,7 @@ SPACING_M = 30.0
 GO_S, REST_S = 8.0, 4.0
 """Seconds of ``stop_and_go``: drive, then stand still; a choice."""
 SILENT_S = 1.3
-"""A reboot takes so long."""
+"""A reboot takes this long."""
 _INT32_MAX = 2**31 - 1
 """Greatest value of an int32 field; as degrees it is no place on the globe."""
 

@@ -21,7 +21,7 @@ TURN_RADIUS_M, MAX_TURN_RATE = 3.0, 1.2  # of steered robots; of those that pivo
 ARRIVED_M, LOOKAHEAD_M = 1.5, 2.5
 """A goal is reached within the first; on a figure of eight the goal is kept the second ahead. Both are a choice."""
 PATIENCE_S, LEG_TIMEOUT_S = 1.0, 15.0
-"""A robot that is held up so long backs off; a leg ends after so long at the latest. Both are a choice."""
+"""A robot that is held up this long backs off; a leg ends after this long at the latest. Both are a choice."""
 REVERSE_SHARE = 0.12
 """Probability that a leg after one forwards is driven in reverse; a choice."""
 

@@ -215,7 +215,7 @@ class ScenarioTiming:
     attitude_hz: Annotated[float, Meta(ge=1.0, le=200.0)] = 20.0
     """Rate of the UAV's ATTITUDE."""
     uav_lag_s: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
-    """The position the UAV reports is the one it had so long before."""
+    """The position the UAV reports is the one it had this long before."""
     latency_s: float = 0.03
     jitter_s: float = 0.01
     """Mean of the exponential delay on top."""
@@ -328,11 +328,11 @@ class ScenarioDeclared:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioView:
-    """A further camera over the same fleet, on an aircraft of its own; its errors are drawn anew."""
+    """A further camera over the same fleet, on an aircraft of its own; its errors are drawn again."""
 
     mast: bool = False
     """It is on a mast: ``flight`` should not move, nothing is sent, and the mission has the place. What the mission has
-    of direction is off by ``declared``, and so much is stated as 1σ."""
+    of direction is off by ``declared``, and this much is stated as 1σ."""
     aside_m: tuple[float, float] = (0.0, 0.0)
     """East and north of where ``flight`` alone would have it, metres."""
     flight: ScenarioFlight = field(default_factory=ScenarioFlight)
@@ -385,11 +385,11 @@ class Scenario:
         return replace(self, seed=(self.seed + _SEED_STEP * (number - 1)) % 2**63, views=(), **own)
 
     def filmed_by(self, cameras: int, masts: int = 0) -> Scenario:
-        """The flight filmed by so many: each further one from another side, higher up, with a clock of its own.
+        """The flight filmed by this many: each further one from another side, higher up, with a clock of its own.
 
         Args:
             cameras: all of them.
-            masts: so many of the further ones, the last, are on masts.
+            masts: this many of the further ones, the last, are on masts.
         """
         further = [
             ScenarioView(

@@ -35,9 +35,9 @@ SIDE = 384
 MAX_BOXES = 80
 """Rows of a crop's table of boxes; vehicles beyond it have none."""
 OVER = (0.55, 0.75, 1.0, 1.25, 1.6)
-"""Images are drawn at so many times their size; smaller ones are enlarged, as the detector does from high up."""
+"""Images are drawn at this many times their size; smaller ones are enlarged, as the detector does from high up."""
 PER_GROUND, PER_CATALOGUE = 15, 5
-"""Crops until ground and catalogue are drawn anew: making them costs more than a crop."""
+"""Crops until ground and catalogue are drawn again: making them costs more than a crop."""
 LEAST_PX = 8.0
 """Shorter vehicles count neither way."""
 HEAVY_KINDS, URBAN_KINDS = 4, 7

@@ -28,7 +28,7 @@ SIDE = 128
 LEAST_LENGTH_PX, MOST_LENGTH_PX = 12.0, 80.0
 """Range of a vehicle's length in the crops; a choice."""
 PER_GROUND = 50
-"""Crops until the ground is drawn anew: making it costs more than a crop."""
+"""Crops until the ground is drawn again: making it costs more than a crop."""
 log = logging.getLogger(__name__)
 
 
@@ -83,7 +83,7 @@ def _random_length_px(rng: np.random.Generator) -> float:
 
 
 def _random_view(rng: np.random.Generator, side: int, gsd_m: float) -> CameraView:
-    """A small image, ``side`` px square, with so many metres per pixel in its middle, mostly seen from above."""
+    """A small image, ``side`` px square, with this many metres per pixel in its middle, mostly seen from above."""
     height, yaw = float(rng.uniform(15.0, 120.0)), float(rng.uniform(0.0, 2.0 * np.pi))
     # a vehicle at the edge of a wide image is seen aslant too
     pitch = -np.pi / 2.0 + min(abs(float(rng.normal(0.0, 0.18 if rng.random() < 0.8 else 0.45))), 1.0)

@@ -25,7 +25,7 @@ PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 FEWEST_VIEWS, MOST_VIEWS = 12, 60
 """Views that a calibration needs, and most that it uses: more change little and take long."""
 OUTLIER = 2.5
-"""A view whose error is so many times the middle one's was disturbed: the board bent, or moved while it was taken."""
+"""A view whose error is this many times the middle one's was disturbed: the board bent, or moved while it was taken."""
 WORST_RMS = 1.0 / 1920
 """Largest error, as a share of the image's longer side."""
 WORST_PIXEL = 3.0 / 1920

@@ -104,7 +104,8 @@ def find_view(frame: Frame, board: Board) -> BoardView | None:
 
 
 def chosen(views: Iterable[BoardView], most: int) -> list[BoardView]:
-    """At most so many views that differ from each other, the sharper one of two that do not; in order of the video."""
+    """At most this many views that differ from each other, the sharper one of two that do not; in order of the
+    video."""
     sharpest_first = sorted(views, key=lambda view: view.blur_px)
     apart = APART
     while True:

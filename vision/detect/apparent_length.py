@@ -41,7 +41,7 @@ SPREAD_OCTAVES = 0.25
 GRID_OCTAVES = 0.05
 """Resolution of the length."""
 LEAST_EVIDENCE, LEAST_LENGTH_PX = 0.35, 40.0
-"""Two vehicles that two scales find with a score of 0.4, where vehicles are so long on the finest canvas. Of shorter
+"""Two vehicles that two scales find with a score of 0.4, where vehicles are this long on the finest canvas. Of shorter
 ones an image has room for more, by the square, and what is none agrees by chance as much more often."""
 CAR_ASPECT = 2.5
 """Length of a car, in widths. A bus is little wider than a car and three times as long: in a depot widths tell more."""

@@ -214,7 +214,7 @@ class FrontClassifier:
         for start in range(0, len(rows), step):
             crops = rectify(image, rows[start : start + step], contract.side, contract.margin)
             part = (crops[..., ::-1] * gain - bias).transpose(0, 3, 1, 2).astype(contract.dtype)
-            # a model that takes just so many crops gets some twice
+            # a model that takes just this many crops gets some twice
             filled = part[np.arange(fixed) % len(part)] if fixed else part
             logits[start : start + step] = self._run(filled)[: len(part)]
         return logits

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Image = NDArray[np.uint8]
 MOST_FINER = 8
-"""A crop is averaged from at most so many samples per pixel and axis; a box larger still loses detail to aliasing."""
+"""A crop is averaged from at most this many samples per pixel and axis; a box larger still loses detail to aliasing."""
 
 
 def rectify(image: Image, boxes: ArrayLike, side: int, margin: float = 0.0) -> Image:

@@ -2,7 +2,7 @@
 
 The model's contract (``training/export.py`` writes it): input ``image`` [1, H, W, 3] uint8 BGR, sides multiples
 of 32; output ``map`` [1, 9, H/4, W/4] float32 as read by ``vision.detect.decode_heatmap``; metadata ``rollcall``
-(version), ``stride``, ``nominal_length_m`` and ``nominal_length_px``: a vehicle of so many metres is found best at so
+(version), ``stride``, ``nominal_length_m`` and ``nominal_length_px``: a vehicle of this many metres is found best at this
 many pixels.
 """
 
@@ -28,7 +28,7 @@ Image = NDArray[np.uint8]
 ACCEPTED = "Rollcall's own (image [1, H, W, 3] uint8 → map [1, 9, H/4, W/4], metadata 'rollcall', 'stride')"
 
 DEFAULT_SCALE, DEFAULT_WIDTH = 0.5, 960
-"""How the model sees images in which nothing tells the scale: scaled by so much, but not made narrower than so many
+"""How the model sees images in which nothing tells the scale: scaled by this much, but not made narrower than this many
 px, nor enlarged."""
 ENOUGH_M = 2.4
 """In films in which vehicles alone tell the scale it is enough that they are seen as large as a vehicle of this length,

@@ -41,7 +41,7 @@ class Letterbox:
             image: (width, height) px.
             canvas: (width, height) px.
             most: largest scale: a smaller image has wider margins.
-            step: leave out margins by whole steps of so many px: the smallest canvas for a model that takes any
+            step: leave out margins by whole steps of this many px: the smallest canvas for a model that takes any
                 multiple of its stride; None keeps the canvas.
         """
         (w, h), (width, height) = image, canvas

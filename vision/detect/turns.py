@@ -47,20 +47,20 @@ MOST_ROUND = 0.6
 WORTH_FRAMES = 1.3
 """Frames' worth of pixels up to which a picture is looked at as a whole: turns would save a sixth, and miss more."""
 FIRST_FRAMES, LONGEST_US = 10, 1_500_000
-"""A first frame, or one so long after the last, is looked at as a whole where that is no more than so many frames'
+"""A first frame, or one this long after the last, is looked at as a whole where that is no more than this many frames'
 worth of pixels: names begin at once, half a second late at the most."""
 MOST_ALONE = 0.4
 """Share of what is left of a frame's pixels for reports that nothing explains: many may be wrong."""
 REPORTED_US = 350_000
-"""Where a vehicle reports to be and none was found is looked at again after so long."""
+"""Where a vehicle reports to be and none was found is looked at again after this long."""
 KEPT_US, FORGOTTEN_US, AGAIN_US = 1_000_000, 3_000_000, 1_500_000
-"""A place is given up when nothing was found there for so long although it was looked at; in any case; and one that was
-only proposed, and is empty, may be proposed again."""
+"""A place is given up when nothing was found there for this long although it was looked at; in any case; and one that
+was only proposed, and is empty, may be proposed again."""
 MOST_PLACES = 300
 """Places that are followed, at most."""
 REACH_PX, MOST_REACH_PX = 40.0, 130.0
-"""A box is the vehicle of a place, and a report that of one, within so many px of the canvas and σ of the report; of a
-report no more is looked at."""
+"""A box is the vehicle of a place, and a report that of one, within this many px of the canvas and σ of the report; of
+a report no more is looked at."""
 FOLLOWS = 0.5
 """Share of a new velocity in that of a place."""
 
@@ -275,7 +275,8 @@ def _apart(proposed: Detections, places: Sequence[_LookPlace], reach: float) -> 
 
 
 def _fitting(places: Iterable[_LookPlace], most_px: float) -> list[_LookPlace]:
-    """Choose the places that were not looked at for longest, as many as so many px of the canvas hold, at least one."""
+    """Choose the places that were not looked at for longest, as many as fit into so many px of the canvas hold, at
+    least one."""
     chosen, used = list[_LookPlace](), 0.0
     for place in sorted(places, key=lambda place: (place.looked_us, place.at)):
         used += (2.0 * (place.reach_px + BORDER_PX)) ** 2

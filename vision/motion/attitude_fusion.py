@@ -85,9 +85,9 @@ IntArray = NDArray[np.int64]
 MOST_TRACKS = 12
 """Vehicles in the state: more hardly make the rotation better, and cost grows with their cube."""
 LOST_US = 600_000
-"""A vehicle that was not seen for so long is given up."""
+"""A vehicle that was not seen for this long is given up."""
 LONGEST_US = 1_000_000
-"""After a longer pause between two frames the filter begins anew."""
+"""After a longer pause between two frames the filter starts again."""
 ACCELERATION = 1.5
 """Square root of the spectral density of the vehicles' acceleration, m/s^1.5: drivers brake and turn."""
 FIRST_SPEED = 6.0
@@ -105,10 +105,10 @@ LAG_S, LAG_WANDER = 0.04, 1e-3
 MEMORY = 40.0
 """Innovations over which noise is learnt."""
 MOST_SURPRISE = 10.0
-"""Squared innovations count at most so many times what was expected: one wild frame teaches little."""
+"""Squared innovations count at most this many times what was expected: one wild frame teaches little."""
 OUTLIER, STRAYED = 3.0, 8.0
-"""A box so many σ from where it should be weighs less: a track may have gone on with another vehicle. So many, and
-its vehicle is taken anew."""
+"""A box this many σ from where it should be weighs less: a track may have gone on with another vehicle. This many, and
+its vehicle is taken again."""
 TELLING = 3
 """Boxes that show how the camera turned; where there are fewer, their vehicles may have moved."""
 STEEP = 0.06
@@ -121,7 +121,7 @@ class AttitudeFusion:
     """The filter, fed with one frame after the other.
 
     Attributes:
-        lag_s: by how much telemetry's attitude is late; it is to be asked for so much after the frame's time.
+        lag_s: by how much telemetry's attitude is late; it is to be asked for this much after the frame's time.
     """
 
     def __init__(self) -> None:
@@ -154,7 +154,7 @@ class AttitudeFusion:
         self._reported = None
 
     def begin_at_lag(self, lag_s: float) -> None:
-        """Begin anew with a lag, seconds, that is known from elsewhere."""
+        """Begin again with a lag, seconds, that is known from elsewhere."""
         self.lag_s, self._lag_var, self._reported = lag_s, LAG_S**2, None
         self._sample_var = np.full(3, SAMPLE**2)
 

@@ -49,9 +49,9 @@ MOST_JITTER = 0.2
 LEAST_SHARE = 0.3
 """Minimum share of all points that could be followed; of a cut a tenth follows some homography or other."""
 LEAST_MOVING_SHARE = 0.2
-"""Share of all points, when most stand still: so many that move as one are the ground, and not a vehicle or two."""
+"""Share of all points, when most stand still: this many that move as one are the ground, and not a vehicle or two."""
 BOX_MARGIN = 1.5
-"""Boxes are taken so much larger: shadows, and the squares that are followed, reach beyond them."""
+"""Boxes are taken this much larger: shadows, and the squares that are followed, reach beyond them."""
 
 
 class MotionEstimator:

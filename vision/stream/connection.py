@@ -45,7 +45,7 @@ from vision.video.frame_index import ONE_FILE, reason
 OPEN_TIMEOUT_S = 3.0
 """Longest wait for a connection, seconds."""
 WAIT_S = 30.0
-"""Longest wait for others to connect, before it is begun anew, seconds."""
+"""Longest wait for others to connect, before it is started again, seconds."""
 READ_TIMEOUT_S = 2.0
 """Longest wait for the next packet, seconds."""
 HTTP = ("http:", "https:")

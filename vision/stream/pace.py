@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 STALL_S: Final = 1.0
-"""Without a frame for so long a stream has stalled."""
+"""Without a frame for this long a stream has stalled."""
 STALL_INTERVALS: Final = 2.5
-"""But a slow one only after so many of its usual intervals: one frame may be late, or missing."""
+"""But a slow one only after this many of its usual intervals: one frame may be late, or missing."""
 MOST_STALL_S: Final = 5.0
 PACE_FRAMES: Final = 6
 """Number of frames that tell the pace; one gap among them does not change it."""

@@ -94,7 +94,7 @@ class Port:
         bound: from ``bind``.
         proven: who has shown a picture on it before, the first with the best right.
         go_on: asked at least every 0.2 s; False ends every wait.
-        silence_s: a connection without datagrams for so long is over.
+        silence_s: a connection without datagrams for this long is over.
 
     Attributes:
         senders: who sends to it, and who of them is listened to.

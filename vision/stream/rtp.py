@@ -1,6 +1,6 @@
 """Frames out of RTP datagrams: H.264 (RFC 6184) and H.265 (RFC 7798).
 
-Done here and not by FFmpeg, whose RTP opens only ports of its own, anew with every connection, and gives up on a sender
+Done here and not by FFmpeg, whose RTP opens only ports of its own, new ones with every connection, and gives up on a sender
 whose next key frame takes longer than its search. Datagrams that come in the wrong order are put right; what a lost
 one leaves of a frame is handed on as far as it can be decoded and marked.
 """

@@ -28,13 +28,13 @@ BLIND_S = 3.0
 QUIET_S = 0.3
 """Silence of the present sender after which others are held, so that none of theirs is missing when they begin."""
 RIVAL_S = 2.0
-"""A rival that was not heard for so long is none any more."""
+"""A rival that was not heard for this long is none any more."""
 PATIENCE_S = 6.0
 """Wait for a first picture before it is reported that none can be decoded."""
 MOST_TRIALS = 4
 MOST_PROVEN = 8
 SHARE = 9.0
-"""Trials beside a sender that is shown wait for so many times what they took: they must not cost its frames."""
+"""Trials beside a sender that is shown wait for this many times what they took: they must not cost its frames."""
 
 
 class Senders:
@@ -146,7 +146,7 @@ class Senders:
         return self._unknown is not None and self._now_s - self._unknown[1] > PATIENCE_S
 
     def undecodable(self) -> tuple[Sender, bool] | None:
-        """Who that is, and whether it is RTP with video; from then on it is waited anew. None if there is nobody."""
+        """Who that is, and whether it is RTP with video; from then on it is waited again. None if there is nobody."""
         if self._unknown is None:
             return None
         (sender, _), self._unknown = self._unknown, None
@@ -156,7 +156,7 @@ class Senders:
     def _gives_way(self, other: Sender) -> bool:
         """Tell whether the present sender is silent, or shows nothing any more."""
         assert self.present is not None
-        # an encoder that begins anew has another SSRC and no pause
+        # an encoder that starts again has another SSRC and no pause
         anew = (other.host, other.port) == (self.present.host, self.present.port)
         silent_s = QUIET_S if anew else TAKEOVER_S
         return self._now_s - self._heard_s > silent_s or self._heard_s - self._shown_s > BLIND_S

@@ -53,13 +53,13 @@ START_PATIENCE_S = 20.0
 WATCH_S = 0.2
 """Longest wait between two checks of whether the process is alive."""
 CLOSE_S = 2.0
-"""A process that was asked to end is killed after so long."""
+"""A process that was asked to end is killed after this long."""
 ANSWER_S = 0.5
 """For an answer beyond the time that the frame was waited for."""
 PAUSES_S = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)
 """Before the process is started again; the last repeats."""
 STEADY_S = 10.0
-"""A process that lived so long was well."""
+"""A process that lived this long was well."""
 
 
 class VideoStream:
@@ -70,7 +70,7 @@ class VideoStream:
         record_path: .mkv to be created, None to record nothing. Further files are named video.1.mkv, video.2.mkv, …
         offset_s: video time minus telemetry time, s; taken from every frame's time.
         on_frame: called from the listening thread with index and Unix µs of every frame, in order.
-        stall_s: without a frame for so long the stream is stalled, unless it is a slow one.
+        stall_s: without a frame for this long the stream is stalled, unless it is a slow one.
 
     Attributes:
         url: the source as it may be shown.

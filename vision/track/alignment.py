@@ -55,7 +55,7 @@ TOLERANCE = 0.2
 MOTION_WEIGHT = 3.0
 """Weight of ln(1 + d²/2σ²), the prior of a displacement d: its tails are heavy since gusts come suddenly."""
 EVIDENT_SHARE = 0.9
-"""If a small motion explains so much of all that could be explained, no other is looked for."""
+"""If a small motion explains this much of all that could be explained, no other is looked for."""
 LEAST_GAIN = 12.0
 """A motion has to explain more than none by as much, in units of the squared distance; less may be chance."""
 

@@ -40,7 +40,7 @@ are as usual."""
 MEMORY_S = 1.0
 """Time constant of u."""
 SURE = 0.99
-"""Scores count as at most so much, and as at least the rest."""
+"""Scores count as at most this much, and as at least the rest."""
 ALIKE, SIZE_STD = 0.2, 0.25
 """Largest amount by which most vehicles are smaller than the rest, and 1σ beyond that, of the logarithm of sizes."""
 MOST_SMALL = 1.0
@@ -48,7 +48,7 @@ MOST_SMALL = 1.0
 BESIDE = 8.0
 """Tracks are at the same height of the picture within about as many of their sizes."""
 REPORTED_REACH = 3.0
-"""A track is where a vehicle reports to be within so many of its sizes ..."""
+"""A track is where a vehicle reports to be within this many of its sizes ..."""
 
 
 class TrackEvidence:

@@ -19,7 +19,7 @@ SIZE_TIME_S = 0.5
 ENOUGH = 2.5
 """Evidence from which on a track is reported, nats. Raise → fewer tracks on nothing; lower → sooner ones."""
 MOST_SKIPPED_S = 1.0
-"""Time that nobody looks is no time out of sight, up to so much: by then a track may be anywhere."""
+"""Time that nobody looks is no time out of sight, up to this much: by then a track may be anywhere."""
 CONFIRM_HITS = 2
 """Fewest frames that confirm: what looks most like a vehicle may still be none."""
 AXIS_TIME_S = 0.12
@@ -101,7 +101,7 @@ class TrackState:
 
     @property
     def expected(self) -> Floats:
-        """(k, 2) px where it was expected in this frame, NaN where it begins anew; read-only copy."""
+        """(k, 2) px where it was expected in this frame, NaN where it starts again; read-only copy."""
         expected = self.table[EXPECTED].T.copy()
         expected.setflags(write=False)
         return expected

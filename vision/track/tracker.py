@@ -47,7 +47,7 @@ FIRST_UNREST_PX2 = 400.0
 VELOCITY_SHARE = 0.2
 """Share of a displacement that is taken for velocity: a camera that turns on is followed, one that shakes hardly."""
 REST = 0.25
-"""A displacement of so many sizes is never unusual."""
+"""A displacement of this many sizes is never unusual."""
 REACH_SHARE = 0.05
 """... or than this share of the frame's width, if that is more: small boxes jump as far as large ones."""
 SURE_SHARE = 0.7

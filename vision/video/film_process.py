@@ -31,13 +31,13 @@ from vision.errors import VideoError
 from vision.video.frame_index import FrameIndex, FrameReader, read_index, read_tags, reason
 
 _INDEX_BYTES, _TIMES_LARGER = 1 << 30, 3
-"""Memory that an index may take: so much for the first picture, and so many times the file's size."""
+"""Memory that an index may take: this much for the first picture, and this many times the file's size."""
 _PICTURES_BYTES, _PICTURES_SHARE = 4 << 30, 0.5
-"""Memory that pictures may take, those that others are coded by included: so much, or that share of the machine's."""
+"""Memory that pictures may take, those that others are coded by included: this much, or that share of the machine's."""
 _NEXT_S = 60.0
 """Longest time for the next picture in sequence, s."""
 _SLOWEST_BYTES_A_SECOND = 250_000
-"""Slowest pace through a whole film: its index, and a picture that others come before, may take so much longer."""
+"""Slowest pace through a whole film: its index, and a picture that others come before, may take this much longer."""
 _WAKE_S = 1.0
 """Time between two looks at whether the process that is waited for could have answered, s."""
 _ORPHAN_S = 5.0

@@ -198,7 +198,7 @@ class DisplayOrder:
         return self.count + sum(other < pts for other in self._waiting)
 
     def flush(self) -> list[tuple[int, int]]:
-        """The frames that still wait; time stamps may start anew afterwards."""
+        """The frames that still wait; time stamps may start again afterwards."""
         released = self._release(1 << 62)
         self._last = -(1 << 62)
         return released

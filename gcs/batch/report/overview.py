@@ -27,7 +27,7 @@ UNSURE: Final = 0.9
 WRONG: Final = 0.02
 """Share of boxes without their right name that is worth a word."""
 OUTAGE_S: Final = 10.0
-"""Without a position for so long a vehicle may be anywhere near; radios hold positions up for less."""
+"""Without a position for this long a vehicle may be anywhere near; radios hold positions up for less."""
 UNNAMED: Final = 0.5
 """More boxes without a name than this are more than strangers that drive by."""
 

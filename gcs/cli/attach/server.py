@@ -21,7 +21,7 @@ _log = logging.getLogger(__name__)
 
 LOOK_S = 0.2
 HELLO_S = 5.0
-"""A terminal has so long to say what it wants."""
+"""A terminal has this long to say what it wants."""
 
 
 class LentTerminal:

@@ -24,7 +24,7 @@ MOST_JOBS, MOST_RETRIES = 1024, 100
 LONGEST_S = 30 * 86_400.0
 LEAST_GIB, MOST_GIB = 0.1, 65_536.0
 _FINE = 1000
-"""The bar counts flights in so many parts: a long one moves it too."""
+"""The bar counts flights in this many parts: a long one moves it too."""
 
 
 def batch(

@@ -26,7 +26,7 @@ from infra.plain_text import plain
 
 EMPTY_SIZE: Final = (1280, 720)
 SQUARE_PX: Final = 4
-"""Labels are placed in squares of so many pixels."""
+"""Labels are placed in squares of this many pixels."""
 INK: Final = (214, 222, 235)
 _AS_LETTERS: Final = str.maketrans("{}\\", "｛｝＼")
 

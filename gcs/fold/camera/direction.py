@@ -20,7 +20,7 @@ MOUNT_DOUBT = np.deg2rad(20.0)
 TURNED_US = 5_000_000
 """For a gimbal's reports to come that were asked for when an order turned the camera."""
 LOST_US = 3_000_000
-"""Without an attitude of the gimbal for so long, its loss is reported."""
+"""Without an attitude of the gimbal for this long, its loss is reported."""
 _LEVEL = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # nose north, level: body FRD to ENU
 
 

@@ -25,22 +25,24 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 STEP_US, LOOKS = 400_000, 50
-"""Looks closer together are left out: a vehicle moves by little more than its own error. So many are compared, 20 s."""
+"""Looks closer together are left out: a vehicle moves by little more than its own error. This many are compared, 20
+s."""
 LEAST_LOOKS = 12
-"""A search needs so many, 5 s; and half of them of a track."""
+"""A search needs this many, 5 s; and half of them of a track."""
 AGAIN_US, RARER, MOST_AGAIN_US = 1_500_000, 1.15, 30_000_000
-"""A search is made again after so long; as it costs half a second, each that finds nothing makes the next one rarer."""
+"""A search is made again after this long; as it costs half a second, each that finds nothing makes the next one
+rarer."""
 REFINED_AGAIN_US, REFINED_FOR_US = 5_000_000, 60_000_000
-"""A camera that was found is refined every so often, for so long."""
+"""A camera that was found is refined every so often, for this long."""
 LEAST_HEIGHT_M = 5.0
 """Above the ground; lower down nothing is level enough."""
 GUESSED_FOR_US = 30_000_000
-"""For so long a direction that nobody told is no reason to doubt that film and telemetry belong together."""
+"""For this long a direction that nobody told is no reason to doubt that film and telemetry belong together."""
 TOLD_AFTER_US = 10_000_000
-"""Why the camera is not found is told once the search goes on for so long."""
+"""Why the camera is not found is told once the search goes on for this long."""
 CORRECTED_FOCAL, CORRECTED_RAD, CORRECTED_STDS = 0.06, math.radians(4.0), 3.0
 """ln of a focal length, and a pitch, that a longer look must differ by to be used, and by how many σ. Names then
-begin anew."""
+begin again."""
 NAME = "the film"
 """Name of a camera that was found."""
 _WHY_NOT = {

@@ -108,7 +108,7 @@ class FrameCameras:
             camera: of the frame, None unknown.
 
         Returns:
-            Whether names have to begin anew, since another camera is used from the next frame on; and what an operator
+            Whether names have to start again, since another camera is used from the next frame on; and what an operator
             should know.
         """
         size = self._optics.size
@@ -186,7 +186,7 @@ class FrameCameras:
             sure: whether the names are.
 
         Returns:
-            Whether names have to begin anew, since the step was not taken out, and what happened.
+            Whether names have to start again, since the step was not taken out, and what happened.
         """
         if not state.uav.position_valid:
             return False, ()

@@ -39,7 +39,7 @@ MOST_LOOKS = 40
 DESCRIBED = 3.0
 """For the size that the camera is described for, nats: twenty streams have it for one that has not."""
 SURE = 5.0
-"""The best size is taken when it is better than any other by so much, nats: 150 to one."""
+"""The best size is taken when it is better than any other by this much, nats: 150 to one."""
 ALIKE = 0.03
 """Sizes that differ by less are one: names do not depend on it."""
 
@@ -140,7 +140,7 @@ def _sampled_frames(
 
 
 def _fit(look: _SampledFrame, scale: float) -> float:
-    """Mean of ln p over the boxes of a frame, for a frame so many times as wide as the described image."""
+    """Mean of ln p over the boxes of a frame, for a frame this many times as wide as the described image."""
     gap = look.boxes[:, None] / scale - look.places[None]
     near = np.exp(-0.5 * (gap**2).sum(axis=2) / STD**2).mean(axis=1) / (2.0 * np.pi * STD**2)
     area = look.size[1] / look.size[0]

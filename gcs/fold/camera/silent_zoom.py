@@ -29,14 +29,14 @@ LEAST_TRACKS = 3
 USUAL_S = 2.0
 """Time constant with which the usual size of a box follows, s: what the height is off by changes more slowly."""
 LEAST_AGE_S = 0.5
-"""A track is compared once it has been seen for so long, s."""
+"""A track is compared once it has been seen for this long, s."""
 BEFORE_S = 1.0
-"""Places are compared with those of so long ago, s."""
+"""Places are compared with those of this long ago, s."""
 LEAST_CHANGE, LEAST_MORE, MORE_S = 0.08, 0.03, 1.0
-"""ln of the least change that counts as a zoom: less is within what boxes vary by, and the height takes it; and for so
+"""ln of the least change that counts as a zoom: less is within what boxes vary by, and the height takes it; and for this
 long after a change, s, the least by which it has gone on."""
 LEAST_STDS, LEAST_MORE_STDS = 3.0, 1.5
-"""Either of them counts from so many 1σ of the tracks' median on: boxes of small vehicles vary by more."""
+"""Either of them counts from this many 1σ of the tracks' median on: boxes of small vehicles vary by more."""
 LEAST_JUMP = 0.2
 """The same from one frame to the next, where tracks may have been lost by it."""
 LIKE_MOST, MOST_UNLIKE = 0.75, 0.5
@@ -50,7 +50,7 @@ SAME_SIZE = 0.15
 REACH_M, REACH_MPS = 1.0, 6.0
 """A vehicle is found again within the first distance, plus the second per second."""
 CUT = 0.7
-"""A box whose centre is within so many of its lengths from the border may be cut by it."""
+"""A box whose centre is within this many of its lengths from the border may be cut by it."""
 LEAST_FOUND, MOST_AS_BEFORE = 0.7, 0.3
 """Share of the vehicles that must be found where a jump puts them; and most, against that, that are there without."""
 
@@ -74,7 +74,7 @@ class SilentZoom:
         """Variance of the ln of boxes' sizes about the usual one of their track, beyond what they change together."""
 
     def restart(self) -> None:
-        """Take sizes as they are from now on: the camera or its height is known anew."""
+        """Take sizes as they are from now on: the camera or its height is known again."""
         self._usual.clear()
         self._since_us.clear()
         self._looks.clear()

@@ -77,9 +77,9 @@ GUESS_M, GUESS_STD_M = 50.0, 25.0
 """A UAV's height above the ground where the only altitudes put it into the ground, and 1σ."""
 GUESS = "a guess"
 GAP_LASTS_US = 3_000_000
-"""For so long before it is reported: filters start, and reports come one after the other."""
+"""For this long before it is reported: filters start, and reports come one after the other."""
 TOLD_GAP_M = 10.0
-"""A source is reported again once it differs by so much more or less than when it was last reported."""
+"""A source is reported again once it differs by this much more or less than when it was last reported."""
 
 
 class GroundHeight:

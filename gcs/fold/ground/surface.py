@@ -25,7 +25,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 GAP_M, OUTLIER_STDS = 8.0, 3.5
-"""Heights that differ by less than the first, metres, or by so many 1σ agree."""
+"""Heights that differ by less than the first, metres, or by this many 1σ agree."""
 LEAST_HEIGHT_M = 2.0
 """A camera is at least so high above what it sees; nearer than that no line of sight is told from another."""
 SURE_SHARE = 1.4

@@ -13,11 +13,11 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 _AROUND, _AROUND_US, _MOST_AROUND, _NEAREST = 6, (1_200_000, 3_000_000), 100, 2
-"""Rows on either side that tell how a path goes on: so many, and of that time, but the nearest, which may be late."""
+"""Rows on either side that tell how a path goes on: this many, and of that time, but the nearest, which may be late."""
 _NEXT, _EASE = 4, 1.1
 """Steps on either side between whose speeds, and a little beyond, those of a vehicle in between are."""
 _LEAST_M, _SIGMAS, _AGREED = 0.1, 5.0, 0.3
-"""A leap moves the path by more than this, than so many times its error, and by what the step tells ± a share."""
+"""A leap moves the path by more than this, than this many times its error, and by what the step tells ± a share."""
 
 
 def path_leaps(t_us: Ints, path_m: Floats) -> list[tuple[int, int]]:
@@ -49,7 +49,7 @@ def path_leaps(t_us: Ints, path_m: Floats) -> list[tuple[int, int]]:
 
 
 def _goes_on(t_us: Ints, path_m: Floats, row: int, leap_us: int, width: int) -> bool:
-    """Tell whether a path goes on behind a row as if its clock had leapt, by so many rows on either side."""
+    """Tell whether a path goes on behind a row as if its clock had leapt, by this many rows on either side."""
     rows = np.arange(max(0, row + 1 - width), min(len(t_us), row + 1 + width))
     rows = rows[np.abs(rows - row - 0.5) > _NEAREST]
     behind, t_s = rows > row, (t_us[rows] - t_us[row]) * 1e-6

@@ -22,7 +22,7 @@ _MOST_IN_TURN = 8
 _WHOLE = 0.88
 """Share of positions that are not damaged; of eight in turn a quarter is off."""
 _CLEARLY = 0.4
-"""Positions are those of several in turn if each fits its own n-th neighbours so much better than its next ones."""
+"""Positions are those of several in turn if each fits its own n-th neighbours this much better than its next ones."""
 _LEAST_LEAPS, _LEAST_SHARE, _ALIKE = 4, 0.03, 0.25
 """Leaps of one receiver differ; those between two paths follow each other with the same length and direction."""
 _STEPS = 3.0

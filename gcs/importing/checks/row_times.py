@@ -31,10 +31,10 @@ _AGREE = 2
 _SECOND_US = 1_000_000
 _LEAST_ROWS = 3
 _GAP_US, _GAP_STEPS = 1_000_000, 5
-"""A gap is longer than this, and than so many of the usual steps."""
+"""A gap is longer than this, and than this many of the usual steps."""
 _MOST_OF_ALL = 0.9
 _NEAR_M, _STEPS = 2.0, 3.0
-"""A row that comes late is nearer to the path at its time than this and so many usual steps."""
+"""A row that comes late is nearer to the path at its time than this and this many usual steps."""
 _FAR_M, _FASTEST_MPS = 30.0, 40.0
 """Nothing goes farther than this out of its path and back as fast as that."""
 _YEAR_FIRST = re.compile(r"^(\d{4})[/.](\d{2})[/.](\d{2})", re.ASCII)

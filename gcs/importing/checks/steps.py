@@ -27,7 +27,8 @@ _GOES_MPS = 1.0
 _MOST_DECIMALS, _ROUND_DEG = 9, 1e-11
 _DEG_M = 111_320.0
 _STEP_M, _STEP_MPS2, _AROUND = 5.0, 5.0, 5
-"""Altitudes step by more than the first, and as if thrown and caught by more than the second, between so many rows."""
+"""Altitudes step by more than the first, and as if thrown and caught by more than the second, between this many
+rows."""
 
 
 def stays(t_us: Ints, degrees: Floats, path_m: Floats, speed_mps: Floats | None = None) -> Bools:

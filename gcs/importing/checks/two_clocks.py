@@ -17,9 +17,9 @@ _SECOND_US = 1_000_000
 _AROUND, _MOST_TOLD = 8, 3
 """Samples on either side that agree about a step, and how many steps are told."""
 _STEP_US, _SPREAD = 80_000, 4.0
-"""A step is larger than this, and than so many times what one sample differs from the next."""
+"""A step is larger than this, and than this many times what one sample differs from the next."""
 _CUT_SHARE, _CUT_AROUND = 1.2, 3
-"""The same of dates of whole seconds, of which there are few: larger than so many times what samples are apart."""
+"""The same of dates of whole seconds, of which there are few: larger than this many times what samples are apart."""
 _RATE, _DRIFT_US = 5e-4, 50_000
 """Crystals differ by a tenth of this; what drifts by less in all is lateness."""
 

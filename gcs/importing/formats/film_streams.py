@@ -29,9 +29,9 @@ _MOST_BYTES = 256 << 20
 """Maximum bytes of everything that is kept: three hours of messages with each picture."""
 _MOST_MESSAGES = MOST_CUES
 _MORE_BYTES, _TIMES_ITS_SIZE = 3 * _MOST_BYTES, 3
-"""Bytes of memory that a film may take: this, as what is kept is read, told and sent, and so many times its size."""
+"""Bytes of memory that a film may take: this, as what is kept is read, told and sent, and this many times its size."""
 _READING_S, _READING_BYTES_A_SECOND = 60.0, 1_000_000
-"""Longest time to read a film through: so many s, and its size at this pace."""
+"""Longest time to read a film through: this many s, and its size at this pace."""
 _WITH_MESSAGES = ("h264", "hevc")
 _DJI_NAMES = ("DJI meta", "djmd")
 

@@ -67,7 +67,7 @@ _LEAST_UTC_US = 1_000_000_000_000_000
 _YAW_IN_EARTH_FRAME = 64
 _FIX_3D = 3
 _MORE_BYTES, _TIMES_LARGER = 200_000_000, 3
-"""Bytes of memory that a log may take: this and so many times its size."""
+"""Bytes of memory that a log may take: this and this many times its size."""
 _LEAST_S, _BYTES_A_SECOND = 60.0, 1_000_000
 """For which it may take to be read."""
 

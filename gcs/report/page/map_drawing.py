@@ -28,7 +28,7 @@ SQUARE, LETTER, LINE, DOT = 4, 9.6, 20, 4
 MOST_LETTERS: Final = 20
 """Most letters of a name; the roll call has all of it."""
 JOIN_PARTS: Final = 6
-"""Places farther apart in time than so many parts are not joined."""
+"""Places farther apart in time than this many parts are not joined."""
 
 
 def colour_of(index: int) -> str:

@@ -94,6 +94,6 @@ class BrailleCanvas:
 
 
 def _spread(counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The line of each dot, where each line has so many, and how many of its dots come before."""
+    """The line of each dot, where each line has this many, and how many of its dots come before."""
     which = np.repeat(np.arange(len(counts)), counts)
     return which, np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)

@@ -19,9 +19,9 @@ Grain = Literal["halves", "sextants", "octants"]
 """Division of a cell into parts."""
 HALF: Final = ord("▀")
 ROWS_EACH: Final = 4
-"""A row of the result is the mean of at least so many of a larger image."""
+"""A row of the result is the mean of at least this many of a larger image."""
 FINER: Final = 2
-"""It is sharpened at so many times the size that is shown."""
+"""It is sharpened at this many times the size that is shown."""
 SHARPER: Final = 0.7
 """Share of what a blur takes away that is added once more; raised, edges get halos."""
 LUMA_STEP: Final = 8

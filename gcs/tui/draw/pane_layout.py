@@ -12,7 +12,7 @@ PANES = ("video", "map", "fleet", "identity", "events")
 FLEET_WIDTHS = (35, 40, 50, 59, 69, 78)
 """Widths at which one more column of the fleet table fits."""
 TALLER = 1.3
-"""The video is so much higher than its frame where there is room: a part of the frame fills it."""
+"""The video is this much higher than its frame where there is room: a part of the frame fills it."""
 FLEET_SHARE = 0.42
 """Share of the width that the table may take beside a view."""
 LEAST_IDENTITY_ROWS = 6
@@ -106,7 +106,7 @@ def _main(width: int, height: int, state: LayoutState, shown: frozenset[str]) ->
 
 
 def _hides_vehicles(height: int, state: LayoutState) -> bool:
-    """Tell whether a map below the table takes rows of it, or has too few for the names of so many vehicles."""
+    """Tell whether a map below the table takes rows of it, or has too few for the names of this many vehicles."""
     return height - (state.fleet_rows + 1) - LEAST_IDENTITY_ROWS < max(CHART_ROWS, state.fleet_rows // ROWS_OF_NAMES)
 
 

@@ -42,7 +42,7 @@ FARTHEST_ORIGIN_M: Final = 10_000.0
 """Greatest distance of two origins about which east and north are the same directions."""
 
 TrailSource = Callable[[int, float, LocalFrame | None], Sequence[Trail]]
-"""Trails before a moment, so many seconds long, about an origin."""
+"""Trails before a moment, this many seconds long, about an origin."""
 
 
 def _key(key: str, action: str, tooltip: str) -> Binding:
@@ -162,7 +162,7 @@ class MapPane(Pane):
         self.redraw()
 
     def _look(self, view: MapView | None) -> None:
-        """Somewhere else; labels find their places anew."""
+        """Somewhere else; labels find their places again."""
         self._free = view
         self._labelling = Labelling()
         self.redraw()

@@ -76,7 +76,7 @@ class StatusBar(Widget):
 
 
 def status_line(snapshot: Snapshot | None, width: int, *, live: bool, title: str = "") -> Strip:
-    """The bar in so many cells.
+    """The bar in this many cells.
 
     Args:
         snapshot: What it shows, None before the first.

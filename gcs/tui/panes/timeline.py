@@ -31,7 +31,7 @@ NOT_ANALYSED = "┄"
 SHORTEST: Final = 8
 """Cells; a shorter bar is left out."""
 ROOMY_ROWS: Final = 30
-"""A screen of so many rows has one to spare for the confidence of the picked vehicle."""
+"""A screen of this many rows has one to spare for the confidence of the picked vehicle."""
 LEVELS: Final = "▁▂▃▄▅▆▇█"
 
 

@@ -32,7 +32,7 @@ READ_BYTES = 65_536
 WAKE_S = 0.1
 """The input thread looks this often whether it is to end."""
 LEAVE_S = 1.0
-"""At the end the terminal gets so long to reply and to take what is left; later replies are typed into the shell."""
+"""At the end the terminal gets this long to reply and to take what is left; later replies are typed into the shell."""
 SYNC_BEGIN, SYNC_END = "\x1b[?2026h", "\x1b[?2026l"
 
 

@@ -23,11 +23,11 @@ FIRST_BYTES = 8_192
 MOST_BYTES = 1 << 20
 """The window's upper limit: more than any screen of half blocks has."""
 CHUNKS = 8
-"""A window goes in so many chunks: the line is never idle while the reply to one is on its way."""
+"""A window goes in this many chunks: the line is never idle while the reply to one is on its way."""
 LEAST_CHUNK_BYTES = 512
 """Below this the question itself, and moves of the cursor, would cost too much."""
 RATES_KEPT = 8
-"""The line's rate is the most of so many: a pause of the terminal is no slow line, and a slow line is found soon."""
+"""The line's rate is the most of this many: a pause of the terminal is no slow line, and a slow line is found soon."""
 MOST_CHUNKS = 64
 """Questions that are remembered of a terminal that never replies."""
 LOST_S = 5.0

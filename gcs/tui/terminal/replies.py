@@ -26,7 +26,7 @@ _NO_KEY = re.compile(r"\x1b(?:\[[?>=]|_G)")
 MOST_CHARACTERS = 4_096
 """A reply that is longer is none."""
 KEY_HOLD_S = 0.03
-"""An escape is held for so long, for it may begin a reply: parts of one come together but for the line between."""
+"""An escape is held for this long, for it may begin a reply: parts of one come together but for the line between."""
 REPLY_HOLD_S = 1.0
 """Time for which the rest of what can only be a reply is awaited."""
 
