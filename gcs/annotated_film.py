@@ -43,9 +43,9 @@ CRF = 17
 """Quality of numbered images as video: no difference is seen."""
 OUTSIDE = "outside the image"
 """Why a label is left out."""
-MOST_OUTSIDE, MOST_UNKNOWN = 0.05, 0.2
+MAX_OUTSIDE, MAX_UNKNOWN = 0.05, 0.2
 """Shares of labels outside the image, and of steps whose motion the pixels do not tell, from which on it is said."""
-LEAST_FPS, MOST_FPS = 0.5, 120.0
+MIN_FPS, MAX_FPS = 0.5, 120.0
 """Rates that the simulator takes."""
 
 
@@ -214,9 +214,9 @@ def _doubts(tracks: AnnotatedTracks, told: tuple[int, int] | None) -> list[str]:
     """Warnings of what may be wrong with labels or film; told: steps whose motion is known, and all of them."""
     doubts = []
     outside = tracks.left_out.get(OUTSIDE, 0)
-    if outside > MOST_OUTSIDE * (len(tracks) + outside):
+    if outside > MAX_OUTSIDE * (len(tracks) + outside):
         doubts.append(f"{outside} labels lie outside the image: are they of this film, at this size?")
-    if told is not None and told[0] < (1.0 - MOST_UNKNOWN) * told[1]:
+    if told is not None and told[0] < (1.0 - MAX_UNKNOWN) * told[1]:
         doubts.append("where the pixels do not tell the motion the camera is taken to stand: vehicles may leap there")
     return doubts
 
@@ -242,8 +242,8 @@ def _rate(labels: Path, video: Path, fps: float | None) -> tuple[float, str]:
     said = "as given"
     if fps is None:
         fps, said = _sequence_rate(labels)
-    if not LEAST_FPS <= fps <= MOST_FPS:
-        raise GcsError(f"{fps:g} images a second cannot be simulated; give --fps from {LEAST_FPS:g} to {MOST_FPS:g}")
+    if not MIN_FPS <= fps <= MAX_FPS:
+        raise GcsError(f"{fps:g} images a second cannot be simulated; give --fps from {MIN_FPS:g} to {MAX_FPS:g}")
     return fps, f"{fps:g} a second {said}"
 
 

@@ -14,9 +14,9 @@ from mavlink.geodesy import LocalFrame
 
 EVERY_US: Final = 500_000
 """Interval between two samples: a vehicle of 10 m/s is 5 m further."""
-MOST_SAMPLES: Final = 14_400
+MAX_SAMPLES: Final = 14_400
 """Two hours at first; then every other sample is dropped, and from then on half as many are taken."""
-MOST_POINTS: Final = 240
+MAX_POINTS: Final = 240
 """Maximum points of one trail: more than a screen can tell apart."""
 LONGEST_GAP_US: Final = 3_000_000
 """Positions farther apart in time are not joined: nobody knows what was between them."""
@@ -59,7 +59,7 @@ class Trails:
         }
         self._times.insert(at, t_us)
         self._samples.insert(at, (snapshot.origin, places))
-        if len(self._times) > MOST_SAMPLES:
+        if len(self._times) > MAX_SAMPLES:
             self._times, self._samples = self._times[::2], self._samples[::2]
             self._every_us *= 2
 
@@ -72,7 +72,7 @@ class Trails:
         """
         first = bisect_left(self._times, t_us - round(span_s * 1e6))
         last = bisect_right(self._times, t_us)
-        every = max(1, -(-(last - first) // MOST_POINTS))
+        every = max(1, -(-(last - first) // MAX_POINTS))
         # by their number, so that the same ones are taken from frame to frame
         chosen = [i for i in range(first, last) if i % every == 0 or i == last - 1]
         chosen = [i for i in chosen if self._samples[i][0] == origin]

@@ -12,7 +12,7 @@ Ints = NDArray[np.int64]
 
 _NEXT = 8
 """Times on either side that have to agree about a restart."""
-_MOST_STEPS = 1000
+_MAX_STEPS = 1000
 _DAMAGED = 2
 """Offsets that may be damaged among those of a level."""
 _JITTER, _UNEVEN = 10_000, 10.0
@@ -48,8 +48,8 @@ def level_steps(offsets: Ints, least: int, around: int, *, late: bool = False) -
     start = 0
     jumps = np.abs(np.diff(offsets))
     at = np.flatnonzero(jumps > least)
-    if len(at) > _MOST_STEPS:  # single samples that are late jump too: a clock that was set is among the largest
-        at = np.sort(at[np.argpartition(jumps[at], -_MOST_STEPS)[-_MOST_STEPS:]])
+    if len(at) > _MAX_STEPS:  # single samples that are late jump too: a clock that was set is among the largest
+        at = np.sort(at[np.argpartition(jumps[at], -_MAX_STEPS)[-_MAX_STEPS:]])
     for i in (at + 1).tolist():
         before, after = offsets[max(start, i - around) : i], offsets[i : i + around]
         if min(len(before), len(after)) < min(_NEXT, around):

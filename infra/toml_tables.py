@@ -19,14 +19,14 @@ from msgspec import inspect
 
 Kind = TypeVar("Kind")
 
-MOST_TOML_BYTES = 256 << 10
+MAX_TOML_BYTES = 256 << 10
 """Ten times what a mission with 255 vehicles, each with a comment, takes."""
-_MOST_DEPTH = 16
+_MAX_DEPTH = 16
 """Most levels of nesting; mission files have two, and unbounded nesting overflows the stack of recursive readers."""
-_MOST_SHOWN = 100
+_MAX_SHOWN = 100
 """Characters of a wrong value that a message repeats."""
-_LONG_KEY = re.compile(rf"""(?<![\w"'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_MOST_DEPTH}}}""")
-"""A dotted key of more parts than ``_MOST_DEPTH``: the parser needs time and memory quadratic in their number."""
+_LONG_KEY = re.compile(rf"""(?<![\w"'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_MAX_DEPTH}}}""")
+"""A dotted key of more parts than ``_MAX_DEPTH``: the parser needs time and memory quadratic in their number."""
 
 _PLACE = re.compile(r"\.(\w+)|\[(\d+)\]")
 """One step of the path in a msgspec error message, such as ``$.ugv[0].system_id``."""
@@ -45,19 +45,19 @@ def parse_toml(data: bytes, where: str) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         raise ValueError(f"{where}: cannot be read as text: {error}") from error
     if _LONG_KEY.search(text):
-        raise ValueError(f"{where}: a key has more than {_MOST_DEPTH} parts")
+        raise ValueError(f"{where}: a key has more than {_MAX_DEPTH} parts")
     try:
         table = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # a number of thousands of digits is a bare ValueError
         raise ValueError(f"{where}: not valid TOML: {error}") from error
     level: list[Any] = [table]
-    for _ in range(_MOST_DEPTH):
+    for _ in range(_MAX_DEPTH):
         level = [value for part in level for value in (part.values() if isinstance(part, dict) else part)]
         if any(type(value) is int and value.bit_length() > 63 for value in level):
             raise ValueError(f"{where}: not valid TOML: a whole number has more than 64 bits")
         level = [value for value in level if isinstance(value, dict | list)]
     if level:
-        raise ValueError(f"{where}: more than {_MOST_DEPTH} tables or lists are nested in each other")
+        raise ValueError(f"{where}: more than {_MAX_DEPTH} tables or lists are nested in each other")
     return table
 
 
@@ -250,7 +250,7 @@ _PLURAL: Mapping[type, str] = {
 def _shown(value: object) -> str:
     """The value as messages show it, shortened."""
     text = repr(value)
-    return text if len(text) <= _MOST_SHOWN else text[:_MOST_SHOWN] + "…"
+    return text if len(text) <= _MAX_SHOWN else text[:_MAX_SHOWN] + "…"
 
 
 def _is_number(value: object) -> bool:

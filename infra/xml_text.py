@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import BinaryIO, Protocol
 from xml.parsers import expat
 
-MOST_DEPTH = 64
+MAX_DEPTH = 64
 _CHUNK = 1 << 16
 
 ElementHandler = Callable[[Sequence[str], Mapping[str, str], str], None]
@@ -34,8 +34,8 @@ class _Elements:
         self._texts: list[str] = []
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
-        if len(self._names) >= MOST_DEPTH:
-            raise XmlRefusedError(f"it is nested more than {MOST_DEPTH} deep")
+        if len(self._names) >= MAX_DEPTH:
+            raise XmlRefusedError(f"it is nested more than {MAX_DEPTH} deep")
         self._names.append(tag.rpartition(":")[2])
         self._attributes.append(attributes)
         self._texts.append("")

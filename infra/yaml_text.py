@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-MOST_YAML_BYTES = 256 << 10
+MAX_YAML_BYTES = 256 << 10
 """Descriptions of cameras and lists of class names take some thousand; PyYAML reads a million a second at best."""
 
 
@@ -20,8 +20,8 @@ def parse_yaml(text: str) -> object:
                 raise ValueError("*name refers to another value; write it out")
             return super().compose_node(parent, index)
 
-    if len(text) > MOST_YAML_BYTES:
-        raise ValueError(f"not YAML that can be read: longer than {MOST_YAML_BYTES >> 10} KiB")
+    if len(text) > MAX_YAML_BYTES:
+        raise ValueError(f"not YAML that can be read: longer than {MAX_YAML_BYTES >> 10} KiB")
     try:
         return yaml.load(text, Loader)
     except (yaml.YAMLError, ValueError, LookupError, RecursionError) as error:

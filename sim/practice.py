@@ -62,7 +62,7 @@ _TURN = 2.4
 _DEGREES7_PER_M = 1e7 / 111_195.0
 _SAYS_EVERY = 10
 """Heartbeats."""
-_MOST_BYTES = 64
+_MAX_BYTES = 64
 _GYRO, _ARMING = dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO, dialect.MAV_SYS_STATUS_PREARM_CHECK
 _SENSORS = _GYRO | dialect.MAV_SYS_STATUS_SENSOR_GPS | _ARMING
 _FILTER_WELL = (
@@ -158,7 +158,7 @@ class Troubles:
             return
         with contextlib.suppress(BlockingIOError):
             while True:
-                data = self._socket.recv(_MOST_BYTES)
+                data = self._socket.recv(_MAX_BYTES)
                 with contextlib.suppress(ValueError):  # also of bytes that are no text
                     self.toggle(data.decode())
 

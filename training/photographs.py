@@ -38,7 +38,7 @@ PART_SIDE = 384
 """Side of a part, px, as of rendered crops."""
 SCALES = (0.35, 1.3)
 """Range of a part's scale, of that at which a car has CAR_PX: cars of 18 to 68 px, which the cut varies further."""
-MOST_SCALE = 2.0
+MAX_SCALE = 2.0
 """Enlarging further adds no detail; the detector does not either."""
 OPEN = 16
 """Photographs from which the samples of a step are cut: 400 MB of 4K frames. One is exchanged with each step."""
@@ -218,7 +218,7 @@ def part(photograph: Photograph, image: Image, rng: np.random.Generator) -> Trai
     """A part of PART_SIDE squared at a random place and scale."""
     height, width = image.shape[:2]
     scale = CAR_PX / photograph.car_px * float(np.exp(rng.uniform(*np.log(SCALES))))
-    scale = min(max(scale, PART_SIDE / max(height, width)), MOST_SCALE)
+    scale = min(max(scale, PART_SIDE / max(height, width)), MAX_SCALE)
     span = PART_SIDE / scale
     middle = _focus(photograph, (width, height), rng) + rng.uniform(-OFF_MIDDLE, OFF_MIDDLE, 2) * span
     side = max(round(span), 1)

@@ -51,7 +51,7 @@ _KNOWN_YAW_STD, _FREE_YAW_STD = np.deg2rad(7.0), np.deg2rad(30.0)
 _YAW_RATE_STD = np.deg2rad(0.1)
 _BIAS_TAU_S = 60.0
 _BIAS_STD_M = 1.0
-_LEAST_SEEN_S = 2.0
+_MIN_SEEN_S = 2.0
 """Tracks that are seen for a shorter time are left out."""
 _UNSEEN_PER_S = 0.4
 """c, nats per second: one vehicle in three is missed, for seconds on end, or is not of a kind that is looked for."""
@@ -162,7 +162,7 @@ def _context(history: TrackHistory, path: CameraPath, reports: ReportLog, yaw: f
     """Context of the fit, over the whole film at once."""
     q = IdentifierParams()
     start, stop = float(history.t[0]), float(history.t[history.n - 1])
-    columns = np.flatnonzero(history.last_s - history.first_s >= _LEAST_SEEN_S)
+    columns = np.flatnonzero(history.last_s - history.first_s >= _MIN_SEEN_S)
     first, last = int(np.floor(start / q.block_s)), int(np.floor(stop / q.block_s))
     n, count = reports.n_vehicles, len(columns)
     camera = CameraState(

@@ -35,18 +35,18 @@ NEVER = -1e6
 """Score of a pair that was never compared."""
 _FIRST_LEAST = -30.0
 """Least that a pair's first comparison counts, nats: one outlier must not rule a pair out for good."""
-_LEAST_KNOWN = 0.02
+_MIN_KNOWN = 0.02
 """Share of a bias's variance that must have been learnt for anything to be known of it."""
 _NO_REPORT = 2.0
 """A block without reports makes a change of owner this many nats less likely than a look would cost."""
-_MOST_BORNE, _MAY_BE = 0.4, 3.0
+_MAX_BORNE, _MAY_BE = 0.4, 3.0
 """Most that a pair gets in a block by bearing with a receiver that wanders, nats: it keeps a name, and makes none; and
 how far behind its track's best pair it is at most for that to count."""
 _WIDER = 5.0
 """The wider part of N has this many bias variances more."""
 _LOG_NEAR, _LOG_WIDE = float(np.log(0.85)), float(np.log(0.15))
 """ln of the weights of the two parts of N: one vehicle in seven wanders more than the others."""
-_AREA_PER_HEIGHT2, _LEAST_AREA_M2, _MOST_AREA_M2 = 2.0, 50.0, 5e4
+_AREA_PER_HEIGHT2, _MIN_AREA_M2, _MAX_AREA_M2 = 2.0, 50.0, 5e4
 """Ground in view for a camera at height h: 2 h², within these bounds, m²."""
 _LOG_2PI = float(np.log(2.0 * np.pi))
 """ln 2π, of the normal density."""
@@ -86,7 +86,7 @@ class Noise:
     def log_area_at(self, theta: FloatArray) -> float:
         """ln of twice the ground area in view, m², under a pose correction (9,): where an unrelated report may be."""
         height = max(self.height + float(theta[HEIGHT]), 1.0)
-        return float(np.log(2.0 * min(max(_AREA_PER_HEIGHT2 * height**2, _LEAST_AREA_M2), _MOST_AREA_M2)))
+        return float(np.log(2.0 * min(max(_AREA_PER_HEIGHT2 * height**2, _MIN_AREA_M2), _MAX_AREA_M2)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,12 +134,12 @@ def moved_state(state: PairState, shift: FloatArray, bias_std: float) -> PairSta
         bias_std: σ_b, metres.
     """
     prior = bias_std**2
-    known = np.clip(1.0 - state.var / prior, _LEAST_KNOWN, 1.0)
+    known = np.clip(1.0 - state.var / prior, _MIN_KNOWN, 1.0)
     mean = to_complex(state.mean)
     x, d = mean / known, complex(shift[0], shift[1])
     s, V = prior / known, np.asarray(prior)
     gain = log_density(squared_magnitude(x + d), s, V) - log_density(squared_magnitude(x), s, V)
-    told = state.seen & (known > _LEAST_KNOWN)
+    told = state.seen & (known > _MIN_KNOWN)
     return replace(
         state,
         score=np.where(told, state.score + np.maximum(gain, _FIRST_LEAST), state.score),
@@ -245,7 +245,7 @@ def run_filter(
         near = compared >= np.maximum(compared.max(axis=1, keepdims=True, initial=NEVER) - _MAY_BE, NEVER / 2)
         most = np.where(near, gain_later, -np.inf).max(axis=1, keepdims=True, initial=-np.inf)
         raised = gain_later if noise.bears_each else most
-        gain_later = gain_later + np.minimum(bonus, np.maximum(_MOST_BORNE - raised, 0.0))
+        gain_later = gain_later + np.minimum(bonus, np.maximum(_MAX_BORNE - raised, 0.0))
         later = np.minimum(np.maximum(gain_later, -noise.increment_max), noise.increment_max)
         first = np.maximum(log_p - null[b], _FIRST_LEAST)
         if placed is not None:

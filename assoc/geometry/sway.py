@@ -33,13 +33,13 @@ TURNS = SwayPrior(axes=(YAW, PITCH, ROLL), std=float(np.deg2rad(0.4)), length_s=
 FREE_TURNS = SwayPrior(axes=(YAW, PITCH, ROLL), std=float(np.deg2rad(2.5)), length_s=0.8, free=True)
 """Rest that boxes alone leave of it."""
 _WANDER_SHARE, _WANDER_S = 0.25, 3.0
-_LEAST_WANDER_M, _MOST_WANDER_M = 0.01, 1.0
+_MIN_WANDER_M, _MAX_WANDER_M = 0.01, 1.0
 """A receiver that is off by tens of metres hardly wanders faster than one that is off by a few."""
 
 
 def wander_of(position_std_m: float) -> SwayPrior:
     """Error of a path through coarse positions: it is off for good by most of their 1σ, and wanders by a share."""
-    std_m = min(max(_WANDER_SHARE * position_std_m, _LEAST_WANDER_M), _MOST_WANDER_M)
+    std_m = min(max(_WANDER_SHARE * position_std_m, _MIN_WANDER_M), _MAX_WANDER_M)
     return SwayPrior(axes=(EAST, NORTH), std=std_m, length_s=_WANDER_S, counted=1.0)
 
 
@@ -57,7 +57,7 @@ def wander_in_flight(speed_mps: float) -> SwayPrior:
     Args:
         speed_mps: Of the flight, m/s.
     """
-    return SwayPrior(axes=(EAST, NORTH), std=min(_FLIGHT_S * speed_mps, _MOST_WANDER_M), length_s=_TURN_S)
+    return SwayPrior(axes=(EAST, NORTH), std=min(_FLIGHT_S * speed_mps, _MAX_WANDER_M), length_s=_TURN_S)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

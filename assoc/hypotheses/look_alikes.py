@@ -11,7 +11,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-_MOST_BIAS_GAP = 5.0
+_MAX_BIAS_GAP = 5.0
 """Upper limit of |M|²/2σ_b², nats: how strongly a large bias may speak for a look-alike."""
 SPREAD_M = 12.0
 """Distance over which a look-alike may follow one of our vehicles, metres."""
@@ -28,7 +28,7 @@ def look_alike_gap(bias: FloatArray, bias_std: float) -> FloatArray:
         bias: (m, n, 2) bias means M, metres.
         bias_std: σ_b, metres.
     """
-    near = np.minimum(np.sum(bias * bias, axis=2) / (2.0 * bias_std**2), _MOST_BIAS_GAP)
+    near = np.minimum(np.sum(bias * bias, axis=2) / (2.0 * bias_std**2), _MAX_BIAS_GAP)
     return np.asarray(2.0 * np.log(SPREAD_M / bias_std) - near)
 
 

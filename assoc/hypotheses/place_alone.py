@@ -36,7 +36,7 @@ those of wrong names make it look small."""
 _USUAL_STD = 4.0
 """Losses up to this many 1σ above the mean are those of place alone, of the likeliest of many namings and without a new
 pose for the others; what is beyond was shown by motion."""
-_LEAST = 0.88
+_MIN_LIMIT = 0.88
 """Lowest limit: below it the alternatives are weighed by their own evidence, but no name is sure."""
 
 _FOUND = 0.9
@@ -79,7 +79,7 @@ def limit_by_place(p: FloatArray, score: FloatArray, away: FloatArray, bias_std:
     shown = np.exp(-np.maximum(loss[..., None] - usual, 0.0))
     wrong = (ndtr(-ratio / np.sqrt(2.0)) * shown) @ _SIZE_WEIGHTS
     doubt = np.sum(wrong, axis=1)
-    limit = np.maximum(1.0 - doubt, _LEAST)
+    limit = np.maximum(1.0 - doubt, _MIN_LIMIT)
     over = np.maximum(p[rows, vehicle] - limit, 0.0)
     p = p.copy()
     p[rows, vehicle] -= over

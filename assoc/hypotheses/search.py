@@ -33,7 +33,7 @@ _SWAP_LOSS = 40.0
 _UNSEEN_SCORE_MAX, _UNSEEN_LOSS_PER_S = 8.0, 20.0
 """Upper limit of the score of an unseen track that another one replaced, nats, and what the score of any unseen track
 loses per second, nats/s."""
-_SHIFT_STD, _LEAST_SHIFT_M, _DISTINCT_SHIFT_M = 4.0, 1.0, 1.5
+_SHIFT_STD, _MIN_SHIFT_M, _DISTINCT_SHIFT_M = 4.0, 1.0, 1.5
 """Shifts are tried up to this many prior σ, from this many metres on, and at this distance from one another, metres."""
 _TURN_DEG, _SIDE_DEG = 20.0, 12.0
 """Starting headings: all round in steps of the first where none is known, else the second to both sides."""
@@ -306,7 +306,7 @@ def _with_assignment(context: UpdateContext, best: Hypothesis, vehicle: IntArray
 
 def is_shifted(theta: FloatArray, origin: FloatArray) -> bool:
     """Tell whether two poses (9,) differ by more than an estimate wanders: by the place of a neighbour."""
-    return bool(np.hypot(*(theta - origin)[[EAST, NORTH]]) >= _LEAST_SHIFT_M)
+    return bool(np.hypot(*(theta - origin)[[EAST, NORTH]]) >= _MIN_SHIFT_M)
 
 
 def shifts(context: UpdateContext, best: Hypothesis, most: int) -> list[FloatArray]:
@@ -323,7 +323,7 @@ def shifts(context: UpdateContext, best: Hypothesis, most: int) -> list[FloatArr
     for k in np.argsort(far, kind="stable"):
         if far[k] > limit or len(starts) >= most:
             break
-        if far[k] < _LEAST_SHIFT_M or any(np.hypot(*(residual[k] - other)) < _DISTINCT_SHIFT_M for other in taken):
+        if far[k] < _MIN_SHIFT_M or any(np.hypot(*(residual[k] - other)) < _DISTINCT_SHIFT_M for other in taken):
             continue
         taken.append(residual[k])
         theta = best.theta.copy()

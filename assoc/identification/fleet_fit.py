@@ -43,7 +43,7 @@ _PRIOR_LOG_ODDS = -3.0
 few decoys alone, and the luckiest of many moments must not be enough for a name."""
 _FITS = 0.5
 """Probability from which what is learnt from names may be trusted."""
-_MOST, _LEAST = 15.0, -30.0
+_MAX_EVIDENCE, _MIN_EVIDENCE = 15.0, -30.0
 """Bounds of the remembered evidence, nats: so that what no longer fits is noticed within seconds."""
 _FORGET_S, _DOUBT_S, _BLIND_S = 8.0, 2.0, 8.0
 """Time constants τ₁, τ₂, and τ₂ of a camera that shakes, seconds: tracks break and vehicles are hidden for moments."""
@@ -351,7 +351,7 @@ class FleetFit:
             chance: D, what decoys usually reach; None: the camera is steady.
             told: Factor on both rates, 0 to 1: how many vehicles there are to tell anything.
         """
-        now = float(np.clip(evidence, _LEAST, _MOST))
+        now = float(np.clip(evidence, _MIN_EVIDENCE, _MAX_EVIDENCE))
         dt = min(t - self._t, _LONGEST_STEP_S)
         self._t = t
         if now != 0.0:

@@ -22,7 +22,7 @@ _REMEMBERED_S = 40.0
 """Time constant with which what was seen is forgotten, seconds."""
 _IN_VIEW = 0.97
 """Chance of being in view from which a vehicle should have a box: at the border some of it is cut."""
-_LEAST = 0.5
+_MIN_SHARE = 0.5
 """Lower bound: below it the camera sees something else."""
 _COUNTED, _NO_TRUST = 1.4, 3.0
 """Factor on the nats that the share takes off the odds, more than 1 since misses come in runs; and the nats that leave
@@ -68,7 +68,7 @@ class FoundShare:
         """q."""
         each = (self._found_s + _USUAL * _USUAL_S) / (self._expected_s + _USUAL_S)
         known = each[self._expected_s > 0.0]
-        return max(median(known.tolist()), _LEAST) if len(known) else _USUAL
+        return max(median(known.tolist()), _MIN_SHARE) if len(known) else _USUAL
 
     @property
     def log_odds_lost(self) -> float:

@@ -54,9 +54,9 @@ _OLDEST_S = 90.0
 """Older reports are not extrapolated, seconds."""
 _APART_MPS = 4.0
 """1σ of how fast two unrelated things move against each other, m/s."""
-_LEAST_DRIFT = 1e-4
+_MIN_DRIFT = 1e-4
 """Least 1σ of the drift of two unrelated things, rad/s."""
-_LEAST_RANGE_M = 10.0
+_MIN_RANGE_M = 10.0
 """Nearer vehicles are taken to be so far away, metres."""
 _YAW_RAD = np.deg2rad(np.linspace(-15.0, 15.0, 61))
 _TILT_RAD = np.deg2rad(np.linspace(-6.0, 6.0, 17))
@@ -69,14 +69,14 @@ _USUAL_HALF_VIEW = 0.5
 """Half the angle of view where it is unknown, radians."""
 _HAS_BOX = 0.7
 """Prior ln odds of each pair of track and vehicle: one in view has a box more often than not."""
-_LIKELY_NATS, _MOST_CELLS = 10.0, 150
+_LIKELY_NATS, _MAX_CELLS = 10.0, 150
 """Cells of the grid are left out that are this much less likely, nats, and beyond this many."""
 _TILT_STD_RAD = float(np.deg2rad(2.0))
 """Prior 1σ of the tilt: near the horizon it is hardly ever calibrated."""
 _SURE = 9.0
 """ln odds that film and telemetry belong together from which a name may be sure: three boxes are in the directions of
 three of eight vehicles by chance."""
-_LEAST = -30.0
+_MIN_FIT = -30.0
 """Least that a pair counts, nats: less than an operator's statement."""
 
 
@@ -228,7 +228,7 @@ def _expected(t: float, camera: CameraState, log: ReportLog) -> _Expected:
     """Directions in which the camera should see the vehicles at a time, seconds."""
     p, age = log.extrapolated(t, _OLDEST_S)
     to = np.column_stack([p, np.full(len(p), camera.ground_z)]) - camera.p_enu
-    away = np.maximum(np.nan_to_num(np.hypot(to[:, 0], to[:, 1])), _LEAST_RANGE_M)
+    away = np.maximum(np.nan_to_num(np.hypot(to[:, 0], to[:, 1])), _MIN_RANGE_M)
     angle = np.where((np.abs(age) <= _OLDEST_S)[:, None], _angles(to), np.nan)
     drift = _APART_MPS / away
     height = max(float(camera.p_enu[2]) - camera.ground_z, 0.0)
@@ -243,7 +243,7 @@ def _expected(t: float, camera: CameraState, log: ReportLog) -> _Expected:
         in_view=int(np.count_nonzero(aside < half + _MARGIN_RAD)),
         away_m=away,
         age_s=np.abs(age),
-        drift=np.maximum(np.column_stack([drift, drift * height / away]), _LEAST_DRIFT),
+        drift=np.maximum(np.column_stack([drift, drift * height / away]), _MIN_DRIFT),
         spread=np.array([half, depressions]),
     )
 
@@ -316,12 +316,12 @@ def _marginals(
         cells.append(phi * G[..., k, 1, 0] - 0.5 * phi**2 * G[..., k, 1, 1] + apart[..., k])
     compared = G[..., 0, 1, 1] > 0.0
     score = cells[0][:, None] + cells[1][None]
-    score = np.where(compared | (stated > 0.0), np.maximum(score, _LEAST) + stated + _HAS_BOX, -1e4).reshape(-1, m, n)
+    score = np.where(compared | (stated > 0.0), np.maximum(score, _MIN_FIT) + stated + _HAS_BOX, -1e4).reshape(-1, m, n)
     prior = -0.5 * ((yaw / yaw_std) ** 2)[:, None] - 0.5 * ((tilt / _TILT_STD_RAD) ** 2)[None]
     prior = (prior - logsumexp(prior)).ravel()
     # with the best vehicle of each track whoever else has it: at least the total
     bound = prior + np.sum(np.logaddexp(0.0, logsumexp(score, axis=2)), axis=1)
-    likely = np.argsort(-bound)[:_MOST_CELLS]
+    likely = np.argsort(-bound)[:_MAX_CELLS]
     likely = likely[bound[likely] > bound[likely[0]] - _LIKELY_NATS]
     found, total = loopy_marginals(score[likely])
     value = prior[likely] + total

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_LEAST = 1e-6
+_TINY = 1e-6
 """Least probability of anything."""
 _COUNTS = 0.05
 """Weight against a view's own from which on what others say counts."""
@@ -36,7 +36,7 @@ _KEPT_S = 8.0
 
 def founded(p: FloatArray) -> FloatArray:
     """(m,) nats that answers (m, n + 1) tell beyond none: ln (n + 1) − H."""
-    return np.asarray(np.log(p.shape[1]) + np.sum(p * np.log(np.maximum(p, _LEAST)), axis=1))
+    return np.asarray(np.log(p.shape[1]) + np.sum(p * np.log(np.maximum(p, _TINY)), axis=1))
 
 
 def pooled(answers: Sequence[FloatArray], same: Sequence[FloatArray], fits: Sequence[float]) -> FloatArray:
@@ -61,7 +61,7 @@ def pooled(answers: Sequence[FloatArray], same: Sequence[FloatArray], fits: Sequ
         return own
     weight = weight[:, heard] / np.sum(weight[:, heard], axis=0)
     # alone, an answer is taken as it is
-    least = np.where(np.max(weight, axis=0) < 1.0, _WRONG / own.shape[1], _LEAST)[:, None]
+    least = np.where(np.max(weight, axis=0) < 1.0, _WRONG / own.shape[1], _TINY)[:, None]
     log_p = sum(w[:, None] * np.log(np.maximum(p[heard], least)) for w, p in zip(weight, answers, strict=True))
     pool = np.exp(log_p - np.max(log_p, axis=1, keepdims=True))
     pool /= np.sum(pool, axis=1, keepdims=True)
@@ -80,13 +80,13 @@ def without_taken(before: FloatArray, after: FloatArray) -> FloatArray:
         before: (m, n + 1) by the view alone, in which two boxes are two vehicles already.
         after: (m, n + 1) each row with what is known elsewhere.
     """
-    left = np.minimum((1.0 - after) / np.maximum(1.0 - before, _LEAST), 1.0)
+    left = np.minimum((1.0 - after) / np.maximum(1.0 - before, _TINY), 1.0)
     learnt = after >= np.max(after, axis=1, keepdims=True)
     learnt[:, -1] = False
-    log_left = np.where(learnt, np.log(np.maximum(left, _LEAST)), 0.0)
+    log_left = np.where(learnt, np.log(np.maximum(left, _TINY)), 0.0)
     others = np.sum(log_left, axis=0) - log_left
     p = after * np.exp(others)
-    p /= np.maximum(np.sum(p, axis=1, keepdims=True), _LEAST)
+    p /= np.maximum(np.sum(p, axis=1, keepdims=True), _TINY)
     return np.where(np.any(others < 0.0, axis=1, keepdims=True), p, after)
 
 
@@ -102,7 +102,7 @@ def said_of(p: FloatArray, same: FloatArray) -> tuple[FloatArray, FloatArray]:
     """
     total = np.sum(same, axis=1)
     even = np.full((len(same), p.shape[1]), 1.0 / p.shape[1])
-    said = np.where(total[:, None] > _LEAST, same @ p / np.maximum(total, _LEAST)[:, None], even)
+    said = np.where(total[:, None] > _TINY, same @ p / np.maximum(total, _TINY)[:, None], even)
     return said, np.minimum(total, 1.0)
 
 

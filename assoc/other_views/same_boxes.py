@@ -30,7 +30,7 @@ BoolArray = NDArray[np.bool_]
 
 REACH_S = 0.5
 """A track goes on straight for this long after it was seen last, seconds: from one picture into another one."""
-_COURSE_S, _LEAST_COURSE_S = 1.0, 0.25
+_COURSE_S, _MIN_COURSE_S = 1.0, 0.25
 """Time over which the course of a track is measured, at most and at least, seconds."""
 _AREA_M2 = 60.0
 """Ground that an object has for itself, m²."""
@@ -38,9 +38,9 @@ _GATE = 3.0
 """Shifts beyond this many σ are not tried."""
 _APART_M = 1.0
 """Shifts that are closer are one."""
-_MOST_TRIED = 64
+_MAX_TRIED = 64
 """Most shifts that are tried: of fifty vehicles there are 2500."""
-_MOST_SHIFTS, _NEGLIGIBLE = 4, 7.0
+_MAX_SHIFTS, _NEGLIGIBLE = 4, 7.0
 """Most shifts that are weighed, and by how many nats less one is worth that is not."""
 _BY_NAME = (-1.0, 2.0)
 """Most nats that equal answers of both count: less against one object, so that a contradiction is found."""
@@ -167,7 +167,7 @@ def _at_zero(seen: FloatArray) -> tuple[float, float, float] | None:
     near = seen[np.abs(seen[:, 0] - away) <= _COURSE_S]
     t = near[:, 0] - away
     velocity = np.zeros(2)
-    if np.ptp(t) >= _LEAST_COURSE_S:
+    if np.ptp(t) >= _MIN_COURSE_S:
         t = t - np.mean(t)
         velocity = t @ near[:, 1:3] / (t @ t)
     x, y = seen[nearest, 1:3] - away * velocity
@@ -217,7 +217,7 @@ def compared(
         far = np.sum((shifts[best] - shifts[row]) ** 2, axis=1) > _APART_M**2
         if np.all(far) and values[row] > max(values[best[0]] if best else 0.0, 0.0) - _NEGLIGIBLE:
             best.append(row)
-    best = best[:_MOST_SHIFTS]
+    best = best[:_MAX_SHIFTS]
     if not best:
         return np.zeros(d.shape[:2]), shift, 0.0
     most = max(float(values[best[0]]), 0.0)
@@ -230,10 +230,10 @@ def compared(
 
 def _likeliest(shifts: FloatArray) -> FloatArray:
     """(s, 2) those of many shifts that most others are near to."""
-    if len(shifts) <= _MOST_TRIED:
+    if len(shifts) <= _MAX_TRIED:
         return shifts
     near = cKDTree(shifts).query_ball_point(shifts, _APART_M, return_length=True)
-    return shifts[np.argsort(-near, kind="stable")[:_MOST_TRIED]]
+    return shifts[np.argsort(-near, kind="stable")[:_MAX_TRIED]]
 
 
 def _gains(d: FloatArray, W: FloatArray, shifts: FloatArray, log_peak: FloatArray) -> FloatArray:

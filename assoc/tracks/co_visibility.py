@@ -13,7 +13,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-_MOST = 8.0
+_MAX_NATS = 8.0
 """Most that lost tracks count against another, nats: their names may have been wrong."""
 
 _PROBABLE = 0.95
@@ -107,4 +107,4 @@ class CoVisibility:
         held = np.zeros((len(columns), self._belief.shape[1]))
         for k in np.flatnonzero(lost):
             held = np.maximum(held, self._beside[columns, k][:, None] * self._belief[k])
-        return np.asarray(np.log(np.maximum(1.0 - held, np.exp(-_MOST))))
+        return np.asarray(np.log(np.maximum(1.0 - held, np.exp(-_MAX_NATS))))

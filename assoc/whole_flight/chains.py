@@ -34,7 +34,7 @@ _ALIKE = 0.05
 """c: share of the others that drive like a vehicle."""
 _FOUND = 0.8
 """q."""
-_LEAST_STRANGERS = 0.5
+_MIN_STRANGERS = 0.5
 """Least mean number of strangers in view."""
 _PER_S = 0.25
 """Score of each second for which a segment was seen, nats: who is in view has a box, not now and then."""
@@ -42,7 +42,7 @@ _ANYWHERE_M = 30.0
 """1σ of the place of a segment of which only the course counts, metres."""
 _REACH_STDS, _REACH_M = 5.0, 4.0
 """A pair further apart than this many σ_b and metres is out of the question."""
-_MOST_ROWS, _MOST_REST = 40, 30
+_MAX_ROWS, _MAX_REST = 40, 30
 """Blocks of a segment that are weighed, and those of the rest of its chain."""
 _ASIDE_STDS, _ASIDE_M = 3.0, 0.5
 """A block this many σ_b and metres from the segment's median is aside."""
@@ -52,7 +52,7 @@ _SEGMENT_STD_M = 0.4
 """1σ per axis of where the boxes of a segment are on the vehicle, against those of its other segments, metres."""
 _OUTLIER_Z2, _BLOCKS_TO_OUTLIER = 9.0, 4
 """Mean squared deviation per axis, in variances, from which a block is an outlier; blocks to each that may be one."""
-_MOST_LEARNT = 60
+_MAX_LEARNT = 60
 """Blocks of a chain from which the size of the errors is learnt."""
 _COMMON_STD_M, _COMMON_TAU_S, _KNOT_S = 0.5, 30.0, 4.0
 """σ_c, metres, τ_c, and how far apart the knots are between which c is linear, seconds."""
@@ -88,11 +88,11 @@ def pair_scores(
     """
     r = residuals.at(pose.theta, pose.common)
     near = _near(residuals, r, errors)
-    strangers = max(float(np.mean(np.sum(segments.seen[:, owner < 0], axis=1))), _LEAST_STRANGERS)
+    strangers = max(float(np.mean(np.sum(segments.seen[:, owner < 0], axis=1))), _MIN_STRANGERS)
     usual = np.log(_FOUND / (1.0 - _FOUND)) - np.log(strangers / residuals.area_m2) + _PER_S * segments.seen_s
     score = np.full(near.shape, NEVER)
     for segment, vehicle in np.argwhere(near).tolist():
-        rows = residuals.rows(segment, vehicle, _MOST_ROWS)
+        rows = residuals.rows(segment, vehicle, _MAX_ROWS)
         rest = np.flatnonzero((owner == vehicle) & ~segments.apart[segment])
         rest = rest[rest != segment]
         score[segment, vehicle] = usual[segment] + _compared(
@@ -120,7 +120,7 @@ def with_whole_chains(
     together = score.copy()
 
     def value_as(chain: IntArray, vehicle: int) -> float:
-        rows, of = (thinned(every, _MOST_ROWS) for every in residuals.chain_rows(chain, vehicle))
+        rows, of = (thinned(every, _MAX_ROWS) for every in residuals.chain_rows(chain, vehicle))
         return _compared(residuals, r, errors, vehicle, (rows, of), np.zeros(0, np.int64))
 
     for own, *_ in residuals.chains(owner):
@@ -160,7 +160,7 @@ def without_outliers(residuals: Residuals, pose: CommonPose, errors: Errors) -> 
         every = np.flatnonzero(residuals.blocks.count[:, segment, vehicle] > 0)
         aside = _at_the_ends(r[every, segment, vehicle], _ASIDE_STDS * errors.bias_std + _ASIDE_M)
         var[every[aside], segment, vehicle] = ASIDE_VAR
-        rows = residuals.rows(segment, vehicle, _MOST_ROWS)
+        rows = residuals.rows(segment, vehicle, _MAX_ROWS)
         y = _stacked(r[rows, segment, vehicle])
         cov = residuals.covariance(vehicle, rows, rows, errors) + _shared(np.zeros_like(rows), _ANYWHERE_M)
         for _ in range(len(rows) // _BLOCKS_TO_OUTLIER):
@@ -212,7 +212,7 @@ def _compared(
     motion = anywhere + float(np.sum(residuals.motion[rows, segment, vehicle]))
     if len(rest):
         others, of = residuals.chain_rows(rest, vehicle)
-        nearest = np.argsort(np.min(np.abs(others[:, None] - rows), axis=1), kind="stable")[:_MOST_REST]
+        nearest = np.argsort(np.min(np.abs(others[:, None] - rows), axis=1), kind="stable")[:_MAX_REST]
         others, of = others[nearest], of[nearest]
         # boxes of one segment are round other points than those of another
         known = residuals.noisy_covariance(vehicle, others, of, errors) + _shared(of, _SEGMENT_STD_M)
@@ -268,8 +268,7 @@ def learn_errors(residuals: Residuals, pose: CommonPose, owner: IntArray) -> Err
     """The likeliest σ_b and τ of the chains, with their priors."""
     r = residuals.at(pose.theta, pose.common)
     chains = [
-        (vehicle, thinned(rows, _MOST_LEARNT), thinned(of, _MOST_LEARNT))
-        for vehicle, rows, of in residuals.chains(owner)
+        (vehicle, thinned(rows, _MAX_LEARNT), thinned(of, _MAX_LEARNT)) for vehicle, rows, of in residuals.chains(owner)
     ]
 
     def log_likelihood(errors: Errors) -> float:

@@ -39,7 +39,7 @@ _ROUNDS = 8
 """Most rounds of pose, errors and naming: three or four usually suffice."""
 _MOVED = np.array([0.01, np.inf, 0.01, 0.01, np.inf, np.inf, 1.0, 0.05, 0.1])
 """Residuals are linearised again when θ moved further than this (as θ)."""
-_MOST_PAIRS = 6000
+_MAX_PAIRS = 6000
 """Pairs of segment and vehicle beyond which a stretch is not looked at as a whole: it would take minutes."""
 _ANEW_NATS = 10.0
 """Nats by which a naming that is found from no name at all has to be worth more: known names are evidence, too."""
@@ -106,7 +106,7 @@ def segment_names(segments: Segments, q: IdentifierParams, owner: IntArray) -> S
     Returns:
         None where there are too many pairs.
     """
-    if segments.seen.shape[1] * segments.log.n_vehicles > _MOST_PAIRS:
+    if segments.seen.shape[1] * segments.log.n_vehicles > _MAX_PAIRS:
         return None
     best = _named(segments, q, owner, segments.theta)
     anew = _named(segments, q, np.full_like(owner, -1), np.zeros(THETA))

@@ -180,7 +180,7 @@ HELD_S = 2.0
 """Names may be held for this long without a new frame."""
 SLACK_S = 0.5
 """Time from a frame to the screen that shows it, s: its way to the station, a turn of the fold, a poll."""
-LEAST_PREFIX = 2
+MIN_PREFIX = 2
 """Letters by which a cut name is known."""
 LABEL_LETTER = re.compile(r"[\w\-?~#%+.,:=±… \0]")
 WORDS = frozenset(
@@ -359,7 +359,7 @@ def check_cut_names(screen: Screen, moment: Moment) -> Iterator[tuple[str, str]]
                 yield "cut name", f"{name!r} at the edge of {pane}: {row.strip()!r}"
 
 
-def _cut_name(text: str, names: tuple[str, ...], least: int = LEAST_PREFIX) -> str:
+def _cut_name(text: str, names: tuple[str, ...], least: int = MIN_PREFIX) -> str:
     """The name of which a part ends a text, empty if none or a whole one does that no other begins with."""
     whole = [name for name in names if text.endswith(name)]
     for name in names:

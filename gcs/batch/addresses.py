@@ -15,7 +15,7 @@ from typing import Any
 from gcs.errors import StoreError
 from infra.secrets import conceal, conceal_in, concealed
 
-_MOST_SHOWN, _MOST_SAID = 200, 500
+_MAX_SHOWN, _MAX_SAID = 200, 500
 """Letters of an address, and of what a store says, in an error."""
 _LOCAL = ("file", "local")
 _WEB = ("http", "https")
@@ -90,8 +90,8 @@ def store_errors(address: str) -> Iterator[None]:
         raise StoreError(f"{shown}: no such file or folder") from error
     except Exception as error:
         said = conceal(conceal_in(" ".join(str(error).split()), address))
-        raise StoreError(f"{shown}: {said[:_MOST_SAID] or type(error).__name__}") from error
+        raise StoreError(f"{shown}: {said[:_MAX_SAID] or type(error).__name__}") from error
 
 
 def _shown(address: str) -> str:
-    return concealed(address)[:_MOST_SHOWN]
+    return concealed(address)[:_MAX_SHOWN]

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 CONNECT_S = 10.0
 AHEAD = 4
 """Flights for each thread of the cluster that the scheduler knows of, and ..."""
-LEAST_AHEAD = 64
+MIN_AHEAD = 64
 """... at least this many, so that a worker that joins late finds some."""
 
 
@@ -65,7 +65,7 @@ def run_in_cluster(
             note(f"{scheduler} has no worker yet; start some: dask worker {scheduler}")
         waiting = iter(jobs)
         try:
-            yield from _results(client, waiting, max(LEAST_AHEAD, AHEAD * threads), limits)
+            yield from _results(client, waiting, max(MIN_AHEAD, AHEAD * threads), limits)
         finally:
             with contextlib.suppress(Exception):  # workers may be gone, and end their children then
                 client.run(close_idle_runners)

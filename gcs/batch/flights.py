@@ -32,10 +32,10 @@ from infra.session_format import (
     VIEW_FOLDER,
 )
 
-MOST_LIST_BYTES = 64 << 20
+MAX_LIST_BYTES = 64 << 20
 """Maximum bytes of a list: a hundred thousand signed addresses."""
 LOG_SUFFIX = ".tlog"
-_MOST_SHOWN = 200
+_MAX_SHOWN = 200
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ def _flights(words: Iterable[str], folder: Path, note: Callable[[str], None]) ->
             yield from _flights_of(word, folder, note)
         except (OSError, RuntimeError) as error:  # of a link to itself Python makes a RuntimeError
             why = error.strerror if isinstance(error, OSError) else "links that lead in a circle"
-            raise BatchError(f"{concealed(word)[:_MOST_SHOWN]}: {why}") from error
+            raise BatchError(f"{concealed(word)[:_MAX_SHOWN]}: {why}") from error
 
 
 def _flights_of(word: str, folder: Path, note: Callable[[str], None]) -> Iterator[BatchFlight]:
@@ -119,7 +119,7 @@ def _has_frames(folder: Path) -> Iterator[bool]:
 
 def _lines(path: Path) -> Iterator[str]:
     try:
-        text = read_small(path, MOST_LIST_BYTES).decode()
+        text = read_small(path, MAX_LIST_BYTES).decode()
     except OSError as error:
         raise BatchError(f"{path}: cannot be read as a list of flights: {error.strerror}") from error
     except ValueError as error:
@@ -194,7 +194,7 @@ _NOT_READ = frozenset((IDENTITY.name, IDENTITY_EVIDENCE, MARKS, PROGRAM_LOG, "fa
 """Files of a session that no identification reads: what it wrote itself, and what was made later."""
 
 
-MOST_FETCH_BYTES, MOST_FETCH_S = 64 << 30, 7200.0
+MAX_FETCH_BYTES, MAX_FETCH_S = 64 << 30, 7200.0
 """Limits of fetching one flight out of a store: eighteen hours of video at 8 Mbit/s."""
 
 
@@ -288,12 +288,12 @@ def fetch(address: str, place: Path) -> None:
 
         def __init__(self) -> None:
             super().__init__()
-            self._came, self._until_s = 0, time.monotonic() + MOST_FETCH_S
+            self._came, self._until_s = 0, time.monotonic() + MAX_FETCH_S
 
         def relative_update(self, inc: int = 1) -> None:
             self._came += inc
-            if self._came > MOST_FETCH_BYTES or time.monotonic() > self._until_s:
-                most = f"{MOST_FETCH_BYTES >> 30} GiB or {MOST_FETCH_S / 3600:g} h"
+            if self._came > MAX_FETCH_BYTES or time.monotonic() > self._until_s:
+                most = f"{MAX_FETCH_BYTES >> 30} GiB or {MAX_FETCH_S / 3600:g} h"
                 raise StoreError(f"more than {most} for one flight; fetch it yourself")
 
     with store_errors(address):

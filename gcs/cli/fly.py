@@ -61,7 +61,7 @@ _ARG_START, _ARG_END = 47, 48
 
 LOOK_S = 0.2
 """A flight without a screen looks this often whether it is to end or to be shown."""
-LEAST_FILES = 128
+MIN_FILES = 128
 """Open files and sockets: a flight with video has some fifty, and as many for clients, terminals and replacements."""
 
 
@@ -349,11 +349,11 @@ def _check(duration: float | None, *, screen: bool) -> None:
     if screen:
         check_terminal("gcs fly --headless flies without them")
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if 0 <= soft < LEAST_FILES:
-        wanted = LEAST_FILES if hard == resource.RLIM_INFINITY else min(LEAST_FILES, hard)
+    if 0 <= soft < MIN_FILES:
+        wanted = MIN_FILES if hard == resource.RLIM_INFINITY else min(MIN_FILES, hard)
         resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
-        if wanted < LEAST_FILES:
-            raise GcsError(f"only {hard} files may be open, and a flight needs {LEAST_FILES}: see ulimit -n")
+        if wanted < MIN_FILES:
+            raise GcsError(f"only {hard} files may be open, and a flight needs {MIN_FILES}: see ulimit -n")
 
 
 TAKEN_OVER = "another terminal has taken the screens over"

@@ -22,7 +22,7 @@ from mavlink.tlog.log import Tlog
 from mavlink.tlog.summary import TlogInfo
 from mavlink.tlog.summary import info as summarise
 
-_MOST_STEPS = 5
+_MAX_STEPS = 5
 _SPEED = (0.8, 1.25)  # outside, the stamps are not the time of a flight
 
 
@@ -91,9 +91,9 @@ def _clock_lines(found: TlogCheck) -> list[str]:
     ]
     shown = max(found.clocks, key=lambda clock: len(clock.steps), default=None)
     steps = shown.steps if shown else ()
-    lines += [f"the recording clock was set by {s.by_s:+.1f} s at byte {s.offset}" for s in steps[:_MOST_STEPS]]
-    if len(steps) > _MOST_STEPS:
-        lines.append(f"and {len(steps) - _MOST_STEPS} times more")
+    lines += [f"the recording clock was set by {s.by_s:+.1f} s at byte {s.offset}" for s in steps[:_MAX_STEPS]]
+    if len(steps) > _MAX_STEPS:
+        lines.append(f"and {len(steps) - _MAX_STEPS} times more")
     return lines
 
 
@@ -142,7 +142,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 # Damaged places listed one by one; a badly damaged log has thousands.
-MOST_DAMAGE = 20
+MAX_DAMAGE = 20
 _OF_A_LOG = check_range(-FAR_S, FAR_S)
 DAMAGED = 5
 """Exit code of a log that is not whole."""
@@ -187,9 +187,9 @@ def _damage_lines(found: TlogInfo) -> list[str]:
         f"unknown messages {counts.unknown}, bad times {counts.bad_times}, times that go back {counts.backward_steps}, "
         f"damaged bytes {counts.damaged_bytes} in {len(found.damage)} places"
     ]
-    lines += [f"  bytes {d.start}..{d.stop}: {d.reason}" for d in found.damage[:MOST_DAMAGE]]
-    if len(found.damage) > MOST_DAMAGE:
-        lines.append(f"  and {len(found.damage) - MOST_DAMAGE} more")
+    lines += [f"  bytes {d.start}..{d.stop}: {d.reason}" for d in found.damage[:MAX_DAMAGE]]
+    if len(found.damage) > MAX_DAMAGE:
+        lines.append(f"  and {len(found.damage) - MAX_DAMAGE} more")
     return lines
 
 
@@ -197,7 +197,7 @@ def _damage_lines(found: TlogInfo) -> list[str]:
 def check(
     logs: Annotated[list[Path], typer.Argument(help="Telemetry logs, such as the segments of one flight.")],
     as_json: AsJson = False,
-    most: Annotated[int, typer.Option("--most", min=0, max=10**9, help="Damaged places listed.")] = MOST_DAMAGE,
+    most: Annotated[int, typer.Option("--most", min=0, max=10**9, help="Damaged places listed.")] = MAX_DAMAGE,
 ) -> None:
     """Check that logs are whole, and describe them. Exit code 0: all whole; 5: any damaged."""
     whole = True

@@ -29,7 +29,7 @@ FRIEND, UNKNOWN = "a-f-G-E-V", "a-u-G-E-V"
 FUSED, BY_MACHINE = "m-f", "m-i"
 """Source of a place: telemetry and film together, or by the film alone."""
 _NOT_KNOWN: Final = "9999999.0"
-_MOST_LETTERS: Final = 64
+_MAX_LETTERS: Final = 64
 """Maximum letters of a name: an event is to fit into a datagram whatever a mission calls its vehicles."""
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -58,7 +58,7 @@ def cot_uid(box: Box, source: str) -> str:
     Args:
         source: the session's name: two stations on one network tell of different things.
     """
-    station = re.sub(r"[^A-Za-z0-9_.-]", "-", source)[:_MOST_LETTERS]
+    station = re.sub(r"[^A-Za-z0-9_.-]", "-", source)[:_MAX_LETTERS]
     what = f"vehicle.{box.system_id}" if box.system_id else f"track.{box.known_as}"
     return f"rollcall.{station}.{what}"
 
@@ -99,7 +99,7 @@ def cot_event(snapshot: Snapshot, box: Box, *, source: str, t_us: int | None = N
     )
     detail = ElementTree.SubElement(event, "detail")
     name = plain(snapshot.name_of(box.system_id)) if box.system_id else f"unknown {box.known_as}"
-    ElementTree.SubElement(detail, "contact", callsign=name[:_MOST_LETTERS])
+    ElementTree.SubElement(detail, "contact", callsign=name[:_MAX_LETTERS])
     ElementTree.SubElement(detail, "__rollcall", _evidence(snapshot, box))
     data: bytes = ElementTree.tostring(event, encoding="utf-8", xml_declaration=False)
     return data

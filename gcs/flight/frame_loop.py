@@ -24,11 +24,11 @@ from vision.motion.estimator import MotionEstimator
 from vision.motion.image_motion import ImageMotion
 from vision.video.video import Frame
 
-MOST_EVENTS = 2000
-MOST_WAITING = 200_000
+MAX_EVENTS = 2000
+MAX_WAITING = 200_000
 """Packets: half a minute of the fastest fleet."""
 PACE_FRAMES, PACE_S = 20, 2.0
-MOST_LAG_US = HELD_US
+MAX_LAG_US = HELD_US
 """By how much what is shown without a frame is behind the clock, at most, and for how long after the last frame."""
 
 
@@ -75,11 +75,11 @@ class FrameLoop:
         self._moved: ImageMotion | None = None
         self._faults, self._on_snapshot = faults, on_snapshot
         self._now_us = now_us
-        self._waiting: deque[Packet] = deque(maxlen=MOST_WAITING)
+        self._waiting: deque[Packet] = deque(maxlen=MAX_WAITING)
         self._packets_dropped = 0
         self._heard_us = 0
         self._new_events: deque[Event] = deque()
-        self._events: deque[Event] = deque(maxlen=MOST_EVENTS)
+        self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._frames = 0
         self._looked_at: deque[_LookedAt] = deque()
         """Frames that wait for the telemetry of their time, in order."""
@@ -98,7 +98,7 @@ class FrameLoop:
             packets: in order of arrival.
             heard_us: with these, everything received before this Unix time is queued.
         """
-        self._packets_dropped += max(len(self._waiting) + len(packets) - MOST_WAITING, 0)
+        self._packets_dropped += max(len(self._waiting) + len(packets) - MAX_WAITING, 0)
         self._waiting.extend(packets)
         self._heard_us = heard_us
 
@@ -264,7 +264,7 @@ class FrameLoop:
         """Fold without a new frame: the fleet goes on, the last image stays on the screen."""
         now_us = self._now_us()
         # the next frame is as old as the last when it comes: time must not be ahead of it
-        lag_us = min(self._lag_us, MOST_LAG_US) if 0 <= now_us - self._shown_us < MOST_LAG_US else 0
+        lag_us = min(self._lag_us, MAX_LAG_US) if 0 <= now_us - self._shown_us < MAX_LAG_US else 0
         t_us = now_us - lag_us
         if self.latest is not None and t_us == self.latest.seen_us:
             t_us += 1  # boxes of the very time of a snapshot are new ones

@@ -32,9 +32,9 @@ USUAL_LINKS = tuple(f"udpin:0.0.0.0:{port}" for port in (14550, 14540, 14551))
 """The UDP ports that autopilots, simulators and routers send to unless they are told otherwise."""
 HEARD_VIDEO = f"udp://:{PORT}"
 """The video of whoever sends RTP or MPEG-TS to the usual port."""
-MOST_KEPT = 50_000
+MAX_KEPT = 50_000
 """Packets for the flight: a minute of a large fleet. What was heard before is recorded and not folded in."""
-_MOST_DATAGRAMS = 200
+_MAX_DATAGRAMS = 200
 """Most datagrams of video looked at in one turn."""
 _ENOUGH_DATAGRAMS = 3
 """Datagrams that look like video: one may be anything."""
@@ -154,7 +154,7 @@ class Listening:
             raise
         self.folder, self.links, self.began_us = folder, tuple(links), began_us
         self.roster = Roster()
-        self._kept: deque[Packet] = deque(maxlen=MOST_KEPT)
+        self._kept: deque[Packet] = deque(maxlen=MAX_KEPT)
 
     def add_link(self, url: str) -> None:
         """Listen to one more link from now on; the recording and who is heard begin again.
@@ -230,7 +230,7 @@ class Listening:
         if self._video is None or self.hears_video:
             return
         with contextlib.suppress(OSError):  # nothing more
-            for _ in range(_MOST_DATAGRAMS):
+            for _ in range(_MAX_DATAGRAMS):
                 data = self._video.recv(65536)
                 if data and looks_like(data, ""):
                     self._datagrams += 1

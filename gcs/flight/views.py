@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 
-from gcs.flight.frame_loop import MOST_EVENTS
+from gcs.flight.frame_loop import MAX_EVENTS
 from gcs.flight.view import FlightView
 from gcs.fold.meeting import Meeting
 from gcs.fold.seen_elsewhere import with_elsewhere
@@ -47,7 +47,7 @@ class FlightViews:
         self._meeting = Meeting()
         self._looked_s: dict[int, float] = {}
         self._last = -1
-        self._told: deque[Event] = deque(maxlen=MOST_EVENTS)
+        self._told: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._beside: tuple[Snapshot | None, Snapshot | None] = None, None
 
     def add(self, place: int, view: FlightView) -> None:

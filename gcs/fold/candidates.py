@@ -17,9 +17,9 @@ OLD_S = 2.0
 """A report older than this does not count as where the vehicle is: at 5 m/s it has gone ten metres."""
 FAR_DEVIATIONS = 3.0
 """A box that belongs to the vehicle is farther in one of ninety cases (two axes)."""
-LEAST_SHOWN = 0.01
+MIN_SHOWN = 0.01
 """Probability below which 0 % is shown: nothing is called likelier than others beside that."""
-MOST_REASONS = 2
+MAX_REASONS = 2
 """More do not fit on a line, and the weightiest comes first."""
 _WORDS = {
     AnswerDoubt.NONE: "",
@@ -108,7 +108,7 @@ def _in_words(
                     # the one number that decides: after all doubts about the vehicle
                     confidence=sure[track] if own else confidence,
                     distance_m=distance_m if age_s <= OLD_S else math.nan,
-                    against=", ".join(reasons[:MOST_REASONS]),
+                    against=", ".join(reasons[:MAX_REASONS]),
                     missing=missing,
                 )
             )
@@ -156,7 +156,7 @@ def _of_its_rivals(
     """Answer that is likelier than that the box is this vehicle."""
     if better:
         yield f"track {better} fits it better ({certainty(better_confidence)})"
-    if none_of_ours > confidence and none_of_ours >= LEAST_SHOWN:
+    if none_of_ours > confidence and none_of_ours >= MIN_SHOWN:
         yield "none of ours is likelier"
     elif confidence < threshold and not better:
         yield f"not sure enough: {certainty(threshold)} needed"

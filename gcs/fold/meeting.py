@@ -24,7 +24,7 @@ from mavlink.geodesy import LocalFrame
 
 FloatArray = NDArray[np.float64]
 
-_MOST_KEPT = 256
+_MAX_KEPT = 256
 """Frames of a view that are kept for the others: some seconds."""
 _LAST_US = 2_500_000
 """Time of a view's last frames that is told, µs."""
@@ -71,7 +71,7 @@ class Meeting:
 
     def leave(self, system_id: int, left: _Left) -> None:
         """Keep what a view has of a frame."""
-        self._left.setdefault(system_id, deque(maxlen=_MOST_KEPT)).append(left)
+        self._left.setdefault(system_id, deque(maxlen=_MAX_KEPT)).append(left)
 
     def told(self, system_id: int, frame: int) -> Mapping[int, Sequence[_Left]]:
         """The last frames of each other view that a view hears at a frame."""

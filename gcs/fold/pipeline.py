@@ -58,11 +58,11 @@ from vision.track.tracks import Stitch, TrackerParams, Tracks
 
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
-MOST_BOXES = 300
+MAX_BOXES = 300
 """Most boxes of a frame: more vehicles than system ids, and at most 0.2 s of work in a frame that is full of them."""
 HELD_US = 2_000_000
 """Names are shown this long after their frame: at 5 m/s a vehicle is 10 m on, perhaps where its neighbour was."""
-WAIT_US, MOST_WAIT_US = 150_000, 1_000_000
+WAIT_US, MAX_WAIT_US = 150_000, 1_000_000
 """A frame waits this long for the attitude after its own time, and at most over a radio that is late: names that are
 late by as much are better than names by a pose that is extrapolated."""
 NEXT_US = 100_000
@@ -170,7 +170,7 @@ class Pipeline:
                 self._alarms.texts.add(event)
             self._events += self._throttle.admit(events)
 
-    def awaits_telemetry(self, t_us: int, heard_us: int, *, most_us: int = MOST_WAIT_US) -> bool:
+    def awaits_telemetry(self, t_us: int, heard_us: int, *, most_us: int = MAX_WAIT_US) -> bool:
         """Tell whether a frame should be kept back since reports of the UAV's pose after it are still to come.
 
         Args:
@@ -196,7 +196,7 @@ class Pipeline:
     @property
     def wait_us(self) -> int:
         """Time that a flight's frame waits for the UAV's pose after its own time, µs: longer where radio is late."""
-        return min(max(round(self.fleet.uav_delay_us) + NEXT_US, WAIT_US), MOST_WAIT_US)
+        return min(max(round(self.fleet.uav_delay_us) + NEXT_US, WAIT_US), MAX_WAIT_US)
 
     @property
     def found_camera(self) -> Camera | None:
@@ -288,9 +288,9 @@ class Pipeline:
             heard_us: All telemetry that came before this Unix time was added: ages are as of then where that is
                 earlier, so that a fold that is late makes no vehicle silent. 0: whatever came before the frame.
         """
-        if detections is not None and len(detections) > MOST_BOXES:
+        if detections is not None and len(detections) > MAX_BOXES:
             self._report_crowd(t_us, len(detections.at_least(self._score)))
-            detections = detections.select(np.sort(np.argsort(-detections.score, kind="stable")[:MOST_BOXES]))
+            detections = detections.select(np.sort(np.argsort(-detections.score, kind="stable")[:MAX_BOXES]))
         self._follow_changes(t_us, index)
         state = self.fleet.at(self.telemetry_time(t_us), heard_us)
         self._notices.follow(state)
@@ -388,8 +388,8 @@ class Pipeline:
         return withhold_names(known, state, self._contradictions.withheld, self._contradictions.left)
 
     def _report_crowd(self, t_us: int, boxes: int) -> None:
-        if boxes > MOST_BOXES and not self._crowded:
-            text = f"{boxes} boxes in a frame, only the {MOST_BOXES} best count: the detector sees what is not there"
+        if boxes > MAX_BOXES and not self._crowded:
+            text = f"{boxes} boxes in a frame, only the {MAX_BOXES} best count: the detector sees what is not there"
             self.add_event(Event(t_us=t_us, level="warning", kind="video", text=text))
             self._crowded = True
 

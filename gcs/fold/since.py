@@ -10,7 +10,7 @@ Value = TypeVar("Value")
 
 BRIEF_US = 1_000_000
 """An interruption shorter than this does not count: a detector misses a vehicle for a few frames and sees it again."""
-MOST = 1000
+MAX_KEYS = 1000
 """Keys that are remembered: tracks of minutes."""
 
 
@@ -37,6 +37,6 @@ class Since(Generic[Key, Value]):
             known = _Lasting(value, known.before_us if back else t_us, known.value, known.since_us)
         # put in again, the key that was not asked for longest is the first
         self._lasting[key] = known
-        if len(self._lasting) > MOST:
+        if len(self._lasting) > MAX_KEYS:
             del self._lasting[next(iter(self._lasting))]
         return known.since_us

@@ -22,7 +22,7 @@ from gcs.health.alarm_rules import Finding, findings
 from gcs.snapshot import Alarm, Event, Snapshot
 from mavlink.state import ARMING_FAILURES, Level
 
-MOST_TEXTS = 6
+MAX_TEXTS = 6
 """Different texts of one vehicle that are alarms of their own; further ones share one."""
 GONE_US = 60_000_000
 """An acknowledged text is over when it was not repeated for this long: autopilots repeat what still holds every 30
@@ -97,7 +97,7 @@ class TextAlarms:
     def _has_room(self, whose: str) -> bool:
         """Tell whether a vehicle may have one more alarm of its own; the oldest that was seen makes room."""
         own = [key for key in self._texts if key.startswith(whose) and key != whose]
-        if len(own) < MOST_TEXTS:
+        if len(own) < MAX_TEXTS:
             return True
         oldest = next((key for key in own if self._texts[key].seen), None)
         if oldest is not None:
@@ -112,12 +112,12 @@ LATELY_US = 300_000_000
 """Time over which the returns of a trouble are counted, µs."""
 BREAK_US = 500_000
 """Shortest break: what was gone for less has not come again."""
-FLAPS, MOST_COUNTED = 3, 1_000
+FLAPS, MAX_COUNTED = 3, 1_000
 """From this many times on it comes and goes."""
 STAYS_US = 10_000_000
 """Time after which coming and going is an alarm of its own as well."""
 MINUTES_FROM_S = 90.0
-MOST_DOUBLINGS = 4
+MAX_DOUBLINGS = 4
 """Most doublings of the time that what comes and goes must be gone, one for every time it came."""
 _RANK: Final[dict[Level, int]] = {"info": 0, "warning": 1, "alarm": 2}
 
@@ -155,7 +155,7 @@ class _State:
     """Time at which it became an alarm, 0 not yet."""
     coming: bool = True
     """It has come, and not lasted yet."""
-    came: deque[int] = field(default_factory=lambda: deque(maxlen=MOST_COUNTED))
+    came: deque[int] = field(default_factory=lambda: deque(maxlen=MAX_COUNTED))
     """Times at which it came, lately."""
     flapping_us: int = 0
     """Time at which it became one that comes and goes, 0 while it is none."""
@@ -176,7 +176,7 @@ class _State:
 
     def is_calm(self, now_us: int) -> bool:
         """Tell whether what came and went has been gone for long enough."""
-        return now_us - self.seen_us >= WORST_US << min(len(self.came), MOST_DOUBLINGS)
+        return now_us - self.seen_us >= WORST_US << min(len(self.came), MAX_DOUBLINGS)
 
     def flapping(self) -> Finding:
         """Finding about what comes and goes: how often it came, in how long."""

@@ -18,7 +18,7 @@ _log = logging.getLogger(__name__)
 
 LASTING = 20
 """Number of faults of one job in a row that mean that it does not work any more."""
-MOST_KEPT = 100
+MAX_KEPT = 100
 _WAIT_S = 0.2
 """For a traceback to be written; on a disk that hangs it is written later."""
 
@@ -51,7 +51,7 @@ class Faults:
         self.last = conceal(f"{job}: {type(error).__name__}: {error}")
         frames = traceback.extract_tb(error.__traceback__)
         place = (frames[-1].filename, frames[-1].lineno or 0) if frames else ("", 0)
-        if place not in self._kept and len(self._kept) < MOST_KEPT:
+        if place not in self._kept and len(self._kept) < MAX_KEPT:
             self._kept.add(place)
             _log.error("fault while %s", job, exc_info=error)
             self._write_traceback(job, error)

@@ -51,14 +51,14 @@ LOW_BYTES, LOW_S = 2_000_000_000, 600.0
 """Half an hour of video at 8 Mbit/s; ten minutes are enough to make room, or to land."""
 FULL_BYTES, FULL_S = 200_000_000, 120.0
 """A tenth of it; two minutes are enough to end what is being done."""
-MOST_NAMES = 4
+MAX_NAMES = 4
 """In one line of text."""
 
 
 def first_of(names: Sequence[str]) -> str:
     """``a, b, c, d and 16 more``."""
-    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    return ", ".join(names[:MOST_NAMES]) + more
+    more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+    return ", ".join(names[:MAX_NAMES]) + more
 
 
 def _never_received(now: Snapshot) -> list[VehicleRow]:

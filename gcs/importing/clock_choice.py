@@ -47,7 +47,7 @@ Floats = NDArray[np.float64]
 
 SPAN_US = 60_000_000
 """Span of the film that is looked at at once: a minute tells an offset within hours, more costs more."""
-MOST_SPANS = 3
+MAX_SPANS = 3
 POSE_US = 200_000
 """Interval between two poses of the camera."""
 LATE_US = 400_000
@@ -57,7 +57,7 @@ ABOUT_US = 30_000_000
 HEIGHTS_DIFFER_M = 6.0
 """Difference of the ground by take-off and by the fleet's altitudes from which on both are tried, m."""
 HEIGHT_STD_M = 2.0
-LEAST_HEIGHT_M = 3.0
+MIN_HEIGHT_M = 3.0
 """A UAV lower than this does not film."""
 HEIGHTS_M, HEIGHTS_SHARE = (12.0, 18.0, 27.0, 40.0, 60.0, 90.0, 130.0), 0.2
 """Heights of a UAV above the ground that are tried where nothing but altitudes tells it, and 1σ as a share."""
@@ -123,7 +123,7 @@ def film_spans(times_us: Ints) -> list[tuple[int, int]]:
     if last - first <= 1.5 * SPAN_US:
         return [(first, last)]
     middles = [first + round(share * (last - first)) for share in (0.5, 0.25, 0.75)]
-    starts = [int(np.clip(middle - SPAN_US // 2, first, last - SPAN_US)) for middle in middles[:MOST_SPANS]]
+    starts = [int(np.clip(middle - SPAN_US // 2, first, last - SPAN_US)) for middle in middles[:MAX_SPANS]]
     return [(start, start + SPAN_US) for start in starts]
 
 
@@ -206,7 +206,7 @@ def _searches(boxes: FilmBoxes, logs: FilmedFleetLogs, bounds_s: tuple[float, fl
     elif np.isfinite(fleet_z) and abs(fleet_z - home_z) > HEIGHTS_DIFFER_M:
         grounds.append((fleet_z, HEIGHT_STD_M))
     for ground_z, std_m in grounds:
-        if highest - ground_z > LEAST_HEIGHT_M:
+        if highest - ground_z > MIN_HEIGHT_M:
             path = _path(views, start_us, ground_z, std_m, lens)
             yield find_clock(tracks, path, fleet, bounds_s, camera_too=logs.uav_with_fleet)
 

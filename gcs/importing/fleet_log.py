@@ -27,7 +27,7 @@ _FIX_3D = 3
 _UNKNOWN_MM = 0xFFFFFFFF
 _UNKNOWN_SPEED = 32767
 _UNKNOWN_HEADING = 36000
-_MOST_SPEED = 1.25
+_MAX_SPEED = 1.25
 _STEP_US = 80_000
 """A recorder's clock that was set by more is told."""
 _SAME_STEP_S, _SAME_SHARE, _SAME_STEP_US = 1.0, 0.25, 10_000_000
@@ -199,7 +199,7 @@ def _on_one_clock(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
     if not known:
         return t_us, "that of the station that recorded it; no vehicle's tells whether it is right", ()
     most = max(known, key=lambda clock: clock.samples)
-    if not 1.0 / _MOST_SPEED < most.speed < _MOST_SPEED:
+    if not 1.0 / _MAX_SPEED < most.speed < _MAX_SPEED:
         raise ImportFileError(
             f"{tlog.path}: the vehicles' clocks run {most.speed:.2g} times as fast as the stamps, which are therefore "
             "not the times of the flight; give the log that was recorded in it"

@@ -21,8 +21,8 @@ LAST_ID = 255
 _SEARCHES = ((3_000_000, 20_000), (20_000_000, 50_000))
 """Reaches of searches either way and their steps, µs; leap seconds are within the second one."""
 _LEAP_US = 18_000_000
-_LEAST_AHEAD_US = 100_000
-_LEAST_SHARED, _MOST_SHARED, _LEAST_WAY_M = 10, 1000, 5.0
+_MIN_AHEAD_US = 100_000
+_MIN_SHARED, _MAX_SHARED, _MIN_WAY_M = 10, 1000, 5.0
 """Fewer positions, or of a vehicle that hardly moved, tell no offset."""
 _CLEARLY, _ON_EACH_OTHER_M = 2.0, 1.0
 """An offset counts if with it the paths are this many times closer, and this close: else it is another vehicle's."""
@@ -135,18 +135,18 @@ def clock_words(log: VehicleLog, telemetry: PlaceTrack) -> tuple[str, ...]:
     for search_us, step_us in _SEARCHES:
         first_us, last_us = int(log.places.t_us[0]) + search_us, int(log.places.t_us[-1]) - search_us
         rows = np.flatnonzero((telemetry.t_us > first_us) & (telemetry.t_us < last_us))
-        shared = telemetry.select(rows[:: len(rows) // _MOST_SHARED + 1])
+        shared = telemetry.select(rows[:: len(rows) // _MAX_SHARED + 1])
         half = np.arange(len(shared)) < len(shared) // 2
         offsets = np.arange(-search_us, search_us + 1, step_us)
         parts = [_lead(log.places, shared.select(half), offsets), _lead(log.places, shared.select(~half), offsets)]
-        if abs(parts[1].ahead_us - parts[0].ahead_us) >= _LEAST_AHEAD_US and all(each.known for each in parts):
+        if abs(parts[1].ahead_us - parts[0].ahead_us) >= _MIN_AHEAD_US and all(each.known for each in parts):
             first_s, second_s = (each.ahead_us * 1e-6 for each in parts)
             return (
                 f"{log.source}: its clock runs otherwise than the telemetry of the same vehicle: it is "
                 f"{first_s:+.2f} s ahead in the first half and {second_s:+.2f} s in the second; the log counts",
             )
         whole = _lead(log.places, shared, offsets)
-        if whole.known and abs(whole.ahead_us) < _LEAST_AHEAD_US:
+        if whole.known and abs(whole.ahead_us) < _MIN_AHEAD_US:
             return ()  # farther off a lap would fit as well
         if whole.known:
             leap = abs(abs(whole.ahead_us) - _LEAP_US) < _LEAP_US // 30
@@ -169,17 +169,17 @@ class _Lead:
     @property
     def known(self) -> bool:
         """True if they do, and with it alone where it is one."""
-        apart = abs(self.ahead_us) < _LEAST_AHEAD_US or self.now_m >= _CLEARLY * self.then_m
+        apart = abs(self.ahead_us) < _MIN_AHEAD_US or self.now_m >= _CLEARLY * self.then_m
         return self.then_m <= _ON_EACH_OTHER_M and apart
 
 
 def _lead(path: PlaceTrack, shared: PlaceTrack, offsets: NDArray[np.int64]) -> _Lead:
     """Lead of a path over another one, among some offsets, µs; infinite distances where that one hardly moves."""
-    if len(shared) < _LEAST_SHARED:
+    if len(shared) < _MIN_SHARED:
         return _Lead()
     at_m = metres(np.column_stack([np.r_[path.lat_deg, shared.lat_deg], np.r_[path.lon_deg, shared.lon_deg]]))
     path_m, wanted_m = at_m[: len(path)], at_m[len(path) :]
-    if np.ptp(wanted_m, axis=0).max() < _LEAST_WAY_M:
+    if np.ptp(wanted_m, axis=0).max() < _MIN_WAY_M:
         return _Lead()
 
     def apart_m(ahead_us: int) -> float:

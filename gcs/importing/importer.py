@@ -20,7 +20,7 @@ from gcs.errors import ImportFileError
 from gcs.importing.camera_choice import CameraOptions, ChosenCamera, choose_camera, mast_camera
 from gcs.importing.checks.row_times import gaps
 from gcs.importing.checks.side_by_side import above_fleet, fleet_words, height_words, uav_words
-from gcs.importing.clock_choice import LEAST_HEIGHT_M, searched_times
+from gcs.importing.clock_choice import MIN_HEIGHT_M, searched_times
 from gcs.importing.film import ImportedFilm, open_film
 from gcs.importing.film_log import read_film_log
 from gcs.importing.ground_vehicles import LAST_ID, GroundVehicles, clock_words, read_ground_vehicles
@@ -36,7 +36,7 @@ from gcs.session.session import VIDEO_SUFFIXES
 from infra.session_format import FRAMES, LOG, METADATA, VIEW_FOLDER
 from sim.session import new_session, write_frames
 
-_MOST_GAPS = 100
+_MAX_GAPS = 100
 _OF_A_FILM = frozenset({"video", "uav", "attitude", "camera", "direction", "clock"})
 """Subjects and roles that each film of a flight has its own of."""
 _CLOCKS = {
@@ -166,7 +166,7 @@ def _account(role: str, name: str, clock: str, read: tuple[str, ...], notes: Imp
 def _spans(places: PlaceTrack, shift_us: int) -> tuple[tuple[float, float], ...]:
     """Seconds of the film between gaps, of which only the longest count where there are many."""
     behind, steps = gaps(places.t_us), np.diff(places.t_us)
-    behind = np.sort(behind[np.argsort(steps[behind])[-_MOST_GAPS:]])
+    behind = np.sort(behind[np.argsort(steps[behind])[-_MAX_GAPS:]])
     t_s = np.round((places.t_us + shift_us) * 1e-6, 3)
     return tuple(zip(t_s[np.r_[0, behind + 1]].tolist(), t_s[np.r_[behind, -1]].tolist(), strict=True))
 
@@ -365,7 +365,7 @@ def _with_altitude(mast: Mast, fleet: GroundVehicles) -> Mast:
     """The mast with both of its heights, by the fleet's ground."""
     ground_m = 0.0 if np.isnan(fleet.ground_m) else fleet.ground_m
     if mast.height_m is None and mast.altitude_m is not None:
-        return replace(mast, height_m=max(mast.altitude_m - ground_m, LEAST_HEIGHT_M))
+        return replace(mast, height_m=max(mast.altitude_m - ground_m, MIN_HEIGHT_M))
     altitude_m = ground_m + (mast.height_m or 0.0) if mast.altitude_m is None else mast.altitude_m
     return replace(mast, altitude_m=altitude_m)
 

@@ -13,7 +13,7 @@ from gcs.errors import ImportFileError
 from gcs.importing.film import ImportedFilm
 from gcs.importing.vehicle_log import VehicleLog
 
-_LEAST_OVERLAP_US = 1_000_000
+_MIN_OVERLAP_US = 1_000_000
 _MOST_OF_FILM = 0.9
 """Reports of a smaller share of the film are told."""
 
@@ -146,7 +146,7 @@ def _shared_us(film_us: tuple[int, int], span_us: tuple[int, int]) -> int:
 
 
 def _overlaps(film_us: tuple[int, int], span_us: tuple[int, int]) -> bool:
-    return _shared_us(film_us, span_us) >= min(_LEAST_OVERLAP_US, film_us[1] - film_us[0])
+    return _shared_us(film_us, span_us) >= min(_MIN_OVERLAP_US, film_us[1] - film_us[0])
 
 
 def _words(first_us: int, last_us: int) -> str:

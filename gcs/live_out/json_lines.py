@@ -19,7 +19,7 @@ from infra.plain_text import plain
 FORMAT, VERSION = "rollcall live", 1
 DATAGRAM_BYTES = 65_507
 """The largest UDP datagram over IPv4."""
-MOST_CLIENTS = 16
+MAX_CLIENTS = 16
 MUTE_S = 5.0
 """A client that has taken nothing for this long is dropped: it would keep another out."""
 KERNEL_BYTES = 1 << 16
@@ -108,7 +108,7 @@ class JsonTcp(Sink):
 
     def __init__(self, url: SinkUrl, source: SinkSource, now_s: Callable[[], float] = time.monotonic) -> None:
         self._source, self._now_s = source, now_s
-        self._server = socket.create_server((url.host, url.port), backlog=MOST_CLIENTS)
+        self._server = socket.create_server((url.host, url.port), backlog=MAX_CLIENTS)
         self._server.setblocking(False)
         self._waiting: dict[socket.socket, bytearray] = {}
         """Bytes that each client has not taken yet."""
@@ -128,7 +128,7 @@ class JsonTcp(Sink):
 
     def serve(self) -> None:
         """Let clients in, and send what they take."""
-        while len(self._waiting) < MOST_CLIENTS:
+        while len(self._waiting) < MAX_CLIENTS:
             try:
                 client, _ = self._server.accept()
             except OSError:  # nobody is there, or is there any more

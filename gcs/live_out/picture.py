@@ -24,7 +24,7 @@ from gcs.report.labels import Labelling
 from gcs.report.overlay import draw, image_labels
 from gcs.snapshot import Snapshot
 
-MOST_WIDTH: Final = 1920
+MAX_WIDTH: Final = 1920
 """Wider pictures are made smaller, unless another width is asked for."""
 TTL: Final = 1
 DATAGRAM_BYTES: Final = 1316
@@ -39,7 +39,7 @@ class _Picture(Sink):
         del source
         address = socket.getaddrinfo(url.host, url.port, socket.AF_INET, socket.SOCK_DGRAM)[0][4]
         self._target = f"{address[0]}:{url.port}"
-        self._width = int(url.options.get("width", MOST_WIDTH))
+        self._width = int(url.options.get("width", MAX_WIDTH))
         self._film: av.container.OutputContainer | None = None
         self._encoder: LiveEncoder | None = None
         self._labelling: Labelling | None = None

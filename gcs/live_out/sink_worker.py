@@ -24,7 +24,7 @@ PAUSES_S = (0.2, 0.5, 1.0, 2.0, 5.0)
 """Before it is opened again; the last repeats."""
 NICENESS = 5
 """The flight comes first where the processor is short."""
-MOST_LETTERS = 200
+MAX_LETTERS = 200
 
 
 class _SinkWorker:
@@ -63,7 +63,7 @@ class _SinkWorker:
                     self._report.error = ""
         except OSError as error:
             self._close()
-            self._report.error = plain(error.strerror or str(error) or type(error).__name__)[:MOST_LETTERS]
+            self._report.error = plain(error.strerror or str(error) or type(error).__name__)[:MAX_LETTERS]
             _log.warning("%s: %s", self._settings.url.text, self._report.error)
 
     def _tell_station(self) -> None:

@@ -23,7 +23,7 @@ from gcs.mission.fence import Fence
 from gcs.mission.mast import MAST_ID, Mast, check_mount
 from infra.files.safe_open import read_small
 from infra.session_format import METADATA
-from infra.toml_tables import MOST_TOML_BYTES, build, parse_toml
+from infra.toml_tables import MAX_TOML_BYTES, build, parse_toml
 from vision.camera.intrinsics import Intrinsics
 from vision.camera.lens_file import read_lens
 from vision.errors import CameraError
@@ -340,7 +340,7 @@ def load_table(path: Path) -> dict[str, Any]:
         ConfigError: no such file, or not TOML.
     """
     try:
-        data = read_small(path, MOST_TOML_BYTES)
+        data = read_small(path, MAX_TOML_BYTES)
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such file; give a mission file, or see README for one to start from") from None
     except OSError as error:

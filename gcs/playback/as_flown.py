@@ -33,7 +33,7 @@ WORKED_OUT: Final = frozenset({"vehicle", "identity", "camera", "text"})
 """Kinds of events that a replay works out again; the others tell of links, disks and people."""
 HELD_S: Final = 50
 """An alarm is over this long after its last sign, at most; its event says how long it lasted until that."""
-MOST_EVENTS: Final = 20_000
+MAX_EVENTS: Final = 20_000
 OUTSIDE_US: Final = 86_400_000_000
 """Events that are farther from all packets and frames are from a clock that was wrong."""
 _NEVER_US: Final = 1 << 62
@@ -66,7 +66,7 @@ class FlownReports:
 
     def __init__(self, events: Sequence[Event], start_us: int, stop_us: int) -> None:
         near = (event for event in events if start_us - OUTSIDE_US <= event.t_us <= stop_us + OUTSIDE_US)
-        self._flown = sorted(near, key=lambda event: event.t_us)[-MOST_EVENTS:]
+        self._flown = sorted(near, key=lambda event: event.t_us)[-MAX_EVENTS:]
         self._has_keys = any(event.alarm_level for event in self._flown)
         """False: an older recording, of whose alarms there are only the words."""
         flown_us = [event.t_us for event in self._flown]
@@ -160,7 +160,7 @@ class FlownReports:
             return
         differs = bool(self._flown) and event.kind in WORKED_OUT
         self._now.append(replace(event, reported="now") if differs else event)
-        del self._now[:-MOST_EVENTS]
+        del self._now[:-MAX_EVENTS]
 
     def events(self) -> tuple[Event, ...]:
         """Events that the flight reported, and what is worked out besides; in order of time."""

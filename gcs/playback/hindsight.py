@@ -50,16 +50,16 @@ _AT_ONCE_S = 3.0
 _LOWER = 0.05
 """Margin of the least mean of a name below a screen's threshold: what was thought at first is in the mean."""
 _GAP_MAX_S = IdentifierParams().gap_max_s
-_LEAST_SHOWN = 0.005
+_MIN_SHOWN = 0.005
 """A candidate that is less probable is not told."""
-_MOST_CANDIDATES = 3
+_MAX_CANDIDATES = 3
 _UNTOLD = 0.002
 """Probability of all candidates that were not told, each below 0.005."""
 _NO_EVIDENCE: dict[str, Any] = dict.fromkeys(
     ("residual_m", "residual_px", "position_age_s", "projection", "topology", "fused"), NAN
 )
 """Fields of a box without what was measured for the name that it had at the time."""
-_MOST_PASSED = 1000
+_MAX_PASSED = 1000
 """Rows of a track that are kept although all boxes of their time have been named."""
 
 
@@ -96,7 +96,7 @@ class _Course:
     def forget(self, t_us: int) -> None:
         """Drop the rows before a time once they are many."""
         passed = bisect_left(self.times_us, t_us)
-        if passed > _MOST_PASSED:
+        if passed > _MAX_PASSED:
             del self.times_us[:passed], self.rows[:passed], self.fits[:passed]
 
 
@@ -250,7 +250,7 @@ def _told(box: Box, known: FloatArray | None, mission: Mission, contested: froze
     if known is None or box.stated or (box.doubt and math.isnan(box.confidence)):
         return box
     system_ids, p = mission.ugv_ids, known.tolist()
-    order = sorted((k for k, each in enumerate(p[:-1]) if each >= _LEAST_SHOWN), key=lambda k: -p[k])
+    order = sorted((k for k, each in enumerate(p[:-1]) if each >= _MIN_SHOWN), key=lambda k: -p[k])
     first = order[0] if order and p[order[0]] >= mission.identity.threshold - _LOWER else None
     name = 0 if first is None else system_ids[first]
     if name in contested:
@@ -259,7 +259,7 @@ def _told(box: Box, known: FloatArray | None, mission: Mission, contested: froze
     before = {candidate.system_id: candidate for candidate in box.candidates}
     renamed = name != box.system_id
     candidates = tuple(
-        _candidate(system_ids[k], p[k], before.get(system_ids[k]), renamed=renamed) for k in order[:_MOST_CANDIDATES]
+        _candidate(system_ids[k], p[k], before.get(system_ids[k]), renamed=renamed) for k in order[:_MAX_CANDIDATES]
     )
     evidence = _NO_EVIDENCE | {"residual_m": before[name].distance_m if name in before else NAN} if renamed else {}
     return replace(

@@ -21,11 +21,11 @@ from vision.detect.detections import Detections
 if TYPE_CHECKING:
     from vision.video.video import Frame
 
-_MOST_BETWEEN = 1000
+_MAX_BETWEEN = 1000
 """Frames that a flight skips between two that it looks at, at most."""
 PATIENCE_US = 3_000_000
 """Frames of a recording wait this long for the UAV's pose: no screen waits for them."""
-_MOST_QUEUED_US = 5_000_000
+_MAX_QUEUED_US = 5_000_000
 """A turn is made at most this long after a record that it has not taken in yet."""
 
 
@@ -109,7 +109,7 @@ class RecordedTurns:
             (m,) m >= n.
         """
         later = {turn.frame: turn.t_us for turn in self._folds.turns if turn.frame >= len(known)}
-        if not later or max(later) - len(known) > _MOST_BETWEEN * len(later):
+        if not later or max(later) - len(known) > _MAX_BETWEEN * len(later):
             return known
         frames = np.arange(len(known), max(later) + 1)
         more = np.interp(frames, np.array(list(later)), np.array(list(later.values()), dtype=np.float64))
@@ -132,7 +132,7 @@ class RecordedTurns:
                 record = min(max(turn.records, 1), len(line_us))
                 at_us = turn.t_us + int(line_us[record - 1] - stamped_us[record - 1]) if record else turn.t_us
                 if 0 < turn.records < len(line_us):
-                    at_us = min(at_us, int(line_us[turn.records]) + _MOST_QUEUED_US)
+                    at_us = min(at_us, int(line_us[turn.records]) + _MAX_QUEUED_US)
             last_us = max(last_us, at_us)
             yield last_us, turn, packets, boxes
 

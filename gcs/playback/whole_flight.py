@@ -30,7 +30,7 @@ _STRETCH_S, _MARGIN_S = 60.0, 30.0
 s."""
 _WHOLE_SHARE = 0.8
 """Weight of the whole flight against what is known of the track by itself."""
-_LEAST_GAIN = 0.97
+_MIN_GAIN = 0.97
 """A stretch counts where it gives this many of the names that are known without it, by their probabilities."""
 UNSURE = 0.89
 """An answer is surer only where both looks at it are: here the whole flight, and the track by itself."""
@@ -144,7 +144,7 @@ def _chosen(named: list[KnownFrame], segments: Segments, found: SegmentNames, th
                 gained += _named_share(pooled[track], threshold)
                 had += _named_share(before, threshold)
         whole.append(replace(known, p=pooled))
-    return whole if gained > _LEAST_GAIN * had else named
+    return whole if gained > _MIN_GAIN * had else named
 
 
 def _named_share(p: FloatArray, threshold: float) -> float:

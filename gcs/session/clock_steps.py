@@ -29,7 +29,7 @@ SEARCH_US = 1_000_000
 """Steps of a second and more are found in the stamps themselves, where record numbers are off because of damage."""
 SEARCH_ROWS = 5000
 NEAR_US = 5_000_000
-MOST_STEPS = 1000
+MAX_STEPS = 1000
 """More are not followed: each is searched for in all records."""
 NOTICED_US = 2_000_000
 """Stamps that leap by less, either way, are no sign that the clock was set."""
@@ -68,8 +68,8 @@ class ClockSteps:
         if not segments(path):
             return cls.none()
         table = read_table(path, CLOCK, without=("offset_us",))
-        columns = {name: column[:MOST_STEPS].astype(np.int64) for name, column in table.columns.items()}
-        return cls(**columns, skipped=table.skipped + max(len(table) - MOST_STEPS, 0))
+        columns = {name: column[:MAX_STEPS].astype(np.int64) for name, column in table.columns.items()}
+        return cls(**columns, skipped=table.skipped + max(len(table) - MAX_STEPS, 0))
 
     def __len__(self) -> int:
         return len(self.record)

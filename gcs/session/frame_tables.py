@@ -20,7 +20,7 @@ from mavlink.tlog.timestamps import times_ok
 from vision.detect.detections import Detections
 from vision.motion.image_motion import ImageMotion
 
-MOST_MISSING, ROOMY = 100_000, 64
+MAX_MISSING, ROOMY = 100_000, 64
 """Frames that may lack their row, at once and for each row that there is: bounds the memory of a frame index."""
 
 
@@ -56,7 +56,7 @@ def read_times(path: Path) -> FrameTimes:
     unordered = int(np.count_nonzero(np.diff(table["frame"]) < 0))
     frame, first = np.unique(table["frame"].astype(np.int64), return_index=True)
     time_us = table["time_us"][first].astype(np.int64)
-    keep = frame < ROOMY * len(frame) + MOST_MISSING
+    keep = frame < ROOMY * len(frame) + MAX_MISSING
     frame, time_us = frame[keep], time_us[keep]
     if not len(frame):
         raise SessionError(

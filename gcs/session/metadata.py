@@ -26,7 +26,7 @@ from gcs.session.log import SessionLog
 from infra.files.safe_open import create, open_folder, open_to_read
 from infra.files.segment import segments
 from infra.session_format import LOG, METADATA
-from infra.toml_tables import MOST_TOML_BYTES, parse_toml, toml_text
+from infra.toml_tables import MAX_TOML_BYTES, parse_toml, toml_text
 from mavlink.errors import TlogError
 from mavlink.signing.keys import KeyRing
 
@@ -35,7 +35,7 @@ Kind = TypeVar("Kind")
 PROGRAM = f"rollcall-gcs {version('rollcall-gcs')}"
 FLEET = "fleet"
 """In place of a system id: the key of all who have none of their own."""
-MOST_COUNTED_BYTES = 8 << 30
+MAX_COUNTED_BYTES = 8 << 30
 """A day at 100 kB/s; to count the records of more would take minutes."""
 
 
@@ -288,9 +288,9 @@ def _seal_locked(folder: Path, at: int) -> Interrupted | None:
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if os.fstat(fd).st_ino != os.stat(METADATA, dir_fd=at, follow_symlinks=False).st_ino:
             return None  # sealed by another process a moment ago
-        data = file.read(MOST_TOML_BYTES + 1)
-        if len(data) > MOST_TOML_BYTES:
-            return Interrupted(folder=folder, trouble=f"{METADATA}: larger than {MOST_TOML_BYTES >> 10} KiB")
+        data = file.read(MAX_TOML_BYTES + 1)
+        if len(data) > MAX_TOML_BYTES:
+            return Interrupted(folder=folder, trouble=f"{METADATA}: larger than {MAX_TOML_BYTES >> 10} KiB")
         table = parse_toml(data, METADATA)
         notes = table.get("session", {})
         return _seal(folder, at, table) if "started" in notes and "ended" not in notes else None
@@ -312,7 +312,7 @@ def _seal(folder: Path, at: int, table: dict[str, Any]) -> Interrupted:
 def _records(folder: Path) -> int | None:
     path = folder / LOG
     try:
-        if sum(part.stat().st_size for part in segments(path)) > MOST_COUNTED_BYTES:
+        if sum(part.stat().st_size for part in segments(path)) > MAX_COUNTED_BYTES:
             return None
         return len(SessionLog(path))
     except (TlogError, SessionError):

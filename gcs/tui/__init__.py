@@ -17,7 +17,7 @@ from gcs.report.rollcall import RollCall
 from gcs.station import Station
 from gcs.tui.app import RollcallApp
 from gcs.tui.draw.pixels import Graphics
-from gcs.tui.terminal.terminal_app import MOST_FPS
+from gcs.tui.terminal.terminal_app import MAX_FPS
 from gcs.tui.themes import ThemeName
 
 __all__ = ["Ended", "RollcallApp", "run", "run_start"]
@@ -39,7 +39,7 @@ def run(
     *,
     bell: bool = False,
     theme: ThemeName = "dark",
-    fps: float = MOST_FPS,
+    fps: float = MAX_FPS,
     calls: RollCall | None = None,
     to_end: Callable[[], bool] = lambda: False,
     hung_up: Callable[[], bool] = lambda: False,

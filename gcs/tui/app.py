@@ -53,12 +53,12 @@ from gcs.tui.screens.practising import ask_for_trouble
 from gcs.tui.screens.preflight import PreflightScreen
 from gcs.tui.screens.prompts import Prompt, ask_for_rival_video
 from gcs.tui.screens.saving import ask_to_save_screen, save_still
-from gcs.tui.terminal.terminal_app import MOST_FPS
+from gcs.tui.terminal.terminal_app import MAX_FPS
 from gcs.tui.themes import ThemeName
 from mavlink.geodesy import LocalFrame
 from vision.errors import VisionError
 
-POLL_S = 1 / MOST_FPS
+POLL_S = 1 / MAX_FPS
 COUNT_S = 2.0
 
 
@@ -87,7 +87,7 @@ class RollcallApp(ReplayApp):
         graphics: Graphics = "auto",
         bell: bool = False,
         theme: ThemeName = "dark",
-        fps: float = MOST_FPS,
+        fps: float = MAX_FPS,
         calls: RollCall | None = None,
     ) -> None:
         """Show a station.

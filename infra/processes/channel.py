@@ -16,7 +16,7 @@ import msgspec
 
 from infra.program_log import log_as_parent
 
-MOST_BYTES = 1 << 20
+MAX_BYTES = 1 << 20
 
 Received = TypeVar("Received")
 
@@ -35,7 +35,7 @@ class MessageChannel(Generic[Received]):
         reading: Connection[Any, Any],
         writing: Connection[Any, Any],
         received: type[Received] | Any,  # noqa: ANN401
-        most_bytes: int = MOST_BYTES,
+        most_bytes: int = MAX_BYTES,
     ) -> None:
         self._reading, self._writing, self._most_bytes = reading, writing, most_bytes
         self._decoder: msgspec.msgpack.Decoder[Received] = msgspec.msgpack.Decoder(received)
@@ -84,7 +84,7 @@ class MessageChannel(Generic[Received]):
 
 def connect_to_parent(
     requests: type[Received] | Any,  # noqa: ANN401 - unions are no types
-    most_bytes: int = MOST_BYTES,
+    most_bytes: int = MAX_BYTES,
 ) -> MessageChannel[Received]:
     """A child's end, in a program that :class:`infra.processes.child_process.ChildProcess` started.
 

@@ -15,7 +15,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import psutil
 
-from infra.processes.channel import MOST_BYTES, MessageChannel
+from infra.processes.channel import MAX_BYTES, MessageChannel
 from infra.program_log import child_environment
 
 _log = logging.getLogger(__name__)
@@ -61,7 +61,7 @@ class ChildProcess(Generic[Report]):
         *,
         fds: Collection[int] = (),
         environment: Mapping[str, str] | None = None,
-        most_bytes: int = MOST_BYTES,
+        most_bytes: int = MAX_BYTES,
     ) -> None:
         their_reading, our_writing = Pipe(duplex=False)
         our_reading, their_writing = Pipe(duplex=False)

@@ -85,18 +85,18 @@ _STD_OF_FIX_M = {4: 1.0, 5: 0.3, 6: 0.05}
 """1σ by GPS_FIX_TYPE where the receiver reports no accuracy: DGPS, RTK float, RTK fixed."""
 _M_PER_HDOP = 1.5
 """1σ of a single-frequency receiver at a dilution of 1."""
-_LEAST_ACCURACY_M, _LEAST_DILUTED_M = 0.02, 0.5
+_MIN_ACCURACY_M, _MIN_DILUTED_M = 0.02, 0.5
 """1σ is never less than this, by reported accuracy and by dilution."""
 _SEA_LEVEL_M = 5.0
 """Altitudes this near to zero are those of a barometer that was set to zero where the vehicle was switched on."""
-_LEAST_UP_STD_M = 2.0
+_MIN_UP_STD_M = 2.0
 """1σ of an altitude is never less than this, however good the receiver: barometers drift with the weather."""
 _ALTITUDE_M = -1000.0, 20_000.0
 """Possible altitudes above sea level; the wire's values for "unknown" are not among them."""
 _STDS = 3.0
 """Position errors up to this many σ are no jump."""
 
-_GAPS, _LEAST_GAPS = 5, 3
+_GAPS, _MIN_GAPS = 5, 3
 """Number of last gaps between reports whose median is the usual gap, and the least for one: outages count nothing."""
 _STALE_S = 1.0
 """Radios are a few tenths of a second late: younger positions are never stale."""
@@ -157,7 +157,7 @@ def too_far(gap_m: float, dt_s: float, std_m: float, limits: VehicleLimits) -> b
 def position_stds(gps: GpsRaw | None, limits: VehicleLimits) -> tuple[float, float]:
     """1σ of a position, level and of its altitude: as the receiver estimates them, else by what else it reports."""
     known = gps is not None and math.isfinite(gps.v_acc_m)
-    return _level_std(gps, limits), max(gps.v_acc_m, _LEAST_UP_STD_M) if gps and known else limits.default_up_std_m
+    return _level_std(gps, limits), max(gps.v_acc_m, _MIN_UP_STD_M) if gps and known else limits.default_up_std_m
 
 
 def _level_std(gps: GpsRaw | None, limits: VehicleLimits) -> float:
@@ -165,11 +165,11 @@ def _level_std(gps: GpsRaw | None, limits: VehicleLimits) -> float:
     if gps is None or gps.fix_type < _FIX_2D:
         return limits.default_std_m
     if math.isfinite(gps.h_acc_m):
-        return max(gps.h_acc_m, _LEAST_ACCURACY_M)
+        return max(gps.h_acc_m, _MIN_ACCURACY_M)
     if gps.fix_type in _STD_OF_FIX_M:
         return _STD_OF_FIX_M[gps.fix_type]
     if math.isfinite(gps.hdop):
-        return max(_M_PER_HDOP * gps.hdop, _LEAST_DILUTED_M)
+        return max(_M_PER_HDOP * gps.hdop, _MIN_DILUTED_M)
     return limits.default_std_m
 
 
@@ -357,7 +357,7 @@ class Positions:
         """
         if estimate is None:
             return "refused" if rejected_for and rejected_for not in NOT_YET else "never"
-        gap_s = statistics.median(self._gaps_s) if len(self._gaps_s) >= _LEAST_GAPS else 0.0
+        gap_s = statistics.median(self._gaps_s) if len(self._gaps_s) >= _MIN_GAPS else 0.0
         due_s = _STALE_S if math.isnan(self.period_s) else 2.0 * max(self.period_s, gap_s)
         if estimate.bracketed or estimate.age_s <= due_s:
             return "ok"

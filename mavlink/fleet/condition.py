@@ -20,9 +20,9 @@ from mavlink.protocol.messages import (
 )
 from mavlink.state import ARMING_FAILURES, VehicleCondition
 
-_MOST_SOURCES = 16
+_MAX_SOURCES = 16
 """Batteries, receivers and components that are remembered of each kind: a flood of ids must not cost memory."""
-_MOST_REASONS = 8
+_MAX_REASONS = 8
 """Reasons against arming."""
 _GONE_US = 30_000_000
 """Silence after which one is gone while another reports: slow links bring one report in ten seconds."""
@@ -31,7 +31,7 @@ _REASON_US = 60_000_000
 _PAYLOAD = 4
 """MAV_BATTERY_FUNCTION of what does not drive."""
 _STATES = {2: "low", 3: "critical", 4: "emergency", 5: "failed", 6: "unhealthy"}
-_MOST_SATELLITES = 100
+_MAX_SATELLITES = 100
 """More are not above any horizon."""
 _UNKNOWN_RSSI = 255
 
@@ -78,7 +78,7 @@ class ConditionReports:
         elif isinstance(sample, FilterStatus):
             _keep(self._filters, sample.component_id, sample)
         elif isinstance(sample, GpsRaw | SecondGps):
-            if sample.satellites > _MOST_SATELLITES:
+            if sample.satellites > _MAX_SATELLITES:
                 self._count("satellites that cannot be")
             else:
                 _keep(self._receivers, (sample.component_id, type(sample)), sample)
@@ -86,7 +86,7 @@ class ConditionReports:
             self._reasons.clear()
         elif isinstance(sample, StatusText) and sample.text.startswith(ARMING_FAILURES):
             self._reasons.pop(sample.text, None)
-            while len(self._reasons) >= _MOST_REASONS:
+            while len(self._reasons) >= _MAX_REASONS:
                 del self._reasons[next(iter(self._reasons))]
             self._reasons[sample.text] = sample.t_us
 
@@ -167,7 +167,7 @@ class ConditionReports:
 
 def _keep(reports: dict[Hashable, Source], key: Hashable, sample: Source) -> None:
     reports.pop(key, None)
-    while len(reports) >= _MOST_SOURCES:
+    while len(reports) >= _MAX_SOURCES:
         del reports[next(iter(reports))]
     reports[key] = sample
 

@@ -22,7 +22,7 @@ REPEAT_S = 0.25
 """For how long a frame from a link is known to have gone out; short, as heartbeats are equal at some message rates."""
 _ECHOES = 50_000
 """Frames remembered at most, for each of the two."""
-MOST_INBOUND = 24
+MAX_INBOUND = 24
 """Different inbound frames that are counted apart, each a line of the health; the rest is summed up."""
 OUTPUT_OPTIONS = "?ro (only listens), ?rw (may send to the UAV) or ?rw=11,12 (to these vehicles too)"
 
@@ -136,7 +136,7 @@ class Output:
             key = InboundFrames(sender=sender, message="", target=0, refusal=refusal)
         else:
             key = InboundFrames(sender=sender, message=_message_words(raw), target=target, refusal=refusal)
-        if key not in self._inbound and len(self._inbound) >= MOST_INBOUND:
+        if key not in self._inbound and len(self._inbound) >= MAX_INBOUND:
             key = InboundFrames(sender="", message="", target=0, refusal=refusal and "not counted apart")
         self._inbound[key] = self._inbound.get(key, 0) + 1
         if refusal:

@@ -18,7 +18,7 @@ _Event = tuple[Level, str]
 """Level and text."""
 PATIENCE = 10
 """A connection that is being made is not missed for this many looks, twice a second."""
-MOST = 5
+MAX_FLOODS = 5
 """Floods that are reported one by one at a time."""
 QUIET = 20
 """Looks for which a connection that comes and goes is not reported as lost again, and after which frames from a program
@@ -119,8 +119,8 @@ class HealthEvents:
 
 def _few(level: Level, texts: list[str]) -> list[_Event]:
     """The first of them, and how many more there are."""
-    more = len(texts) - MOST
-    return [(level, text) for text in texts[:MOST]] + [(level, f"{more} more such senders")] * (more > 0)
+    more = len(texts) - MAX_FLOODS
+    return [(level, text) for text in texts[:MAX_FLOODS]] + [(level, f"{more} more such senders")] * (more > 0)
 
 
 def _key(limit: FloodLimit) -> tuple[str, int, bool]:

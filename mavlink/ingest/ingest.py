@@ -29,7 +29,7 @@ from mavlink.ingest.plan import Outputs, Plan, Signing, check_links
 from mavlink.links.kinds import kind_of, parse_url
 from mavlink.links.recvmmsg import BATCH
 from mavlink.links.report import LinkCounts
-from mavlink.links.udp import LEAST_BUFFER_BYTES
+from mavlink.links.udp import MIN_BUFFER_BYTES
 from mavlink.protocol.packet import Packet
 from mavlink.state import Level, Notice
 
@@ -44,7 +44,7 @@ HUNG_S = 0.7
 """A process that shows no life for this long is replaced: with the start of the next that is a second."""
 _SEND_S = 0.2
 """For the process to take a request."""
-_MOST_NOTICES = 200
+_MAX_NOTICES = 200
 _ERRORS: dict[str, type[MavlinkError]] = {error.__name__: error for error in (LinkError, TlogError, SigningError)}
 _AGAIN_S = 0.3
 """A process that lived for less is followed by the next only after this."""
@@ -83,7 +83,7 @@ class Ingest:
         self.names = tuple(link.name for link in links)
         check_links(links, outputs.urls if outputs else ())
         self._sockets: list[socket.socket | None] = []
-        self._notices: deque[Notice] = deque(maxlen=_MOST_NOTICES)
+        self._notices: deque[Notice] = deque(maxlen=_MAX_NOTICES)
         self._before: tuple[LinkCounts, ...] = ()
         self._gap_s = 0.0
         self._generation = 0
@@ -364,10 +364,10 @@ class Ingest:
 
     def _warn_of_small_buffers(self) -> None:
         for link in self.health().links:
-            if 0 < link.buffer_bytes < LEAST_BUFFER_BYTES:
+            if 0 < link.buffer_bytes < MIN_BUFFER_BYTES:
                 size = f"{link.buffer_bytes >> 10} kB"
                 text = f"{link.name}: the system grants only {size} of receive buffer, too little when it is busy"
-                self._notice("warning", f"{text}; raise net.core.rmem_max to {LEAST_BUFFER_BYTES}")
+                self._notice("warning", f"{text}; raise net.core.rmem_max to {MIN_BUFFER_BYTES}")
 
     def _notice(self, level: Level, text: str) -> None:
         self._notices.append(Notice(t_us=now_us(), level=level, kind="link", text=text))

@@ -32,7 +32,7 @@ from mavlink.tlog.writer import TlogWriter
 
 KEPT_PER_S, BURST_S = 500.0, 4.0
 """Refused packets recorded of one sender: all of a vehicle that has no key, and enough to see what a forger does."""
-_MOST = 1024
+_MAX_SENDERS = 1024
 """Senders that are watched at a time; those who come later are one."""
 _OTHERS: Claim = (0, 0)
 
@@ -100,11 +100,11 @@ class RefusedPacketLimiter:
         return False
 
     def _new(self, index: int, claim: Claim, now_s: float) -> _RefusedSender:
-        if len(self._senders) >= _MOST:
+        if len(self._senders) >= _MAX_SENDERS:
             rested = [who for who, sender in self._senders.items() if now_s - sender.bucket.last_s > BURST_S]
             for who in rested:
                 del self._senders[who]
-        if len(self._senders) >= _MOST:
+        if len(self._senders) >= _MAX_SENDERS:
             claim = _OTHERS
         return self._senders.setdefault(
             (index, claim), _RefusedSender(TokenBucket(KEPT_PER_S, KEPT_PER_S * BURST_S, now_s))

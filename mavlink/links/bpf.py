@@ -23,8 +23,8 @@ FilterSource = tuple[int, int, int]
 _SO_ATTACH_FILTER, _SO_DETACH_FILTER = 26, 27
 _INSTRUCTION = struct.Struct("=HBBI")
 _PROGRAM = struct.Struct("@HP")
-_MOST_INSTRUCTIONS = 4096  # instructions that the kernel takes
-_MOST_JUMP = 200  # a condition jumps over 255 instructions at most
+_MAX_INSTRUCTIONS = 4096  # instructions that the kernel takes
+_MAX_JUMP = 200  # a condition jumps over 255 instructions at most
 _HASH_IP, _HASH_KIND = 0x9E3779B1, 0x85EBCA6B
 _KIND = 0  # place in the filter's memory
 _LOAD_NUMBER, _LOAD_MEMORY, _STORE = 0x00, 0x60, 0x02
@@ -65,8 +65,8 @@ def program(known: Iterable[FilterSource], own: Mapping[FilterSource, float], li
         *_pass_share(other),
         *_pass_share(likely),
     ]
-    if len(code) > _MOST_INSTRUCTIONS:
-        raise ValueError(f"{len(code)} instructions are more than the {_MOST_INSTRUCTIONS} that the kernel takes")
+    if len(code) > _MAX_INSTRUCTIONS:
+        raise ValueError(f"{len(code)} instructions are more than the {_MAX_INSTRUCTIONS} that the kernel takes")
     return b"".join(_INSTRUCTION.pack(*step) for step in code)
 
 
@@ -123,8 +123,8 @@ _KEY: _Code = [
 def _pass_known(keys: list[int]) -> _Code:
     """Code that lets datagrams with one of these hashes pass."""
     code: _Code = []
-    for start in range(0, len(keys), _MOST_JUMP):
-        block = keys[start : start + _MOST_JUMP]
+    for start in range(0, len(keys), _MAX_JUMP):
+        block = keys[start : start + _MAX_JUMP]
         code += [(_IF_EQUAL, len(block) - k, 0, key) for k, key in enumerate(block)]
         code += [(_JUMP, 0, 0, 1), (_RETURN, 0, 0, _PASS)]
     return code

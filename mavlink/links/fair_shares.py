@@ -37,7 +37,7 @@ _SLOWER, _FASTER = 0.5, 1.03
 """Factors on the rate that this machine reads: when it is late, and for each update when it is not."""
 _DRAIN_S = 0.3
 """For this long after it is lowered, what had queued before is still being read."""
-_LEAST = 1e-6
+_TINY = 1e-6
 """Keeps shares and divisors above zero."""
 
 
@@ -98,7 +98,7 @@ class Allowance:
             if self.credit_s >= 0.0 and not (now and used_s > dt_s):
                 return
         self.credit_s = 0.0
-        self.share = min(1.0, max(_LEAST, self.share * min(2.0, dt_s / max(used_s, _LEAST))))
+        self.share = min(1.0, max(_TINY, self.share * min(2.0, dt_s / max(used_s, _TINY))))
         if self.share < 1.0:
             if now_s - self.limited_s >= HOLD_S:
                 self.turned_away = 0.0
@@ -162,7 +162,7 @@ class Shares:
         parts = [(self.likely, traffic.likely), (self.other, traffic.other)]
         parts += [(allowance, traffic.read.get(sender, 0)) for sender, allowance in self.limited.items()]
         held_back = [allowance.estimate_refused(seen) for allowance, seen in parts]
-        scale = traffic.turned_away / max(sum(held_back), _LEAST)
+        scale = traffic.turned_away / max(sum(held_back), _TINY)
         for (allowance, seen), away in zip(parts, held_back, strict=True):
             allowance.count(seen, away * scale, dt_s, now_s)
 

@@ -16,7 +16,7 @@ from mavlink.links.report import LinkReport
 from mavlink.links.udp_link import UdpLink
 from mavlink.links.url import LinkUrl, network_url
 
-LEAST_BUFFER_BYTES = 4 << 20
+MIN_BUFFER_BYTES = 4 << 20
 """A smaller receive buffer is warned of: seconds of a large fleet do not fit."""
 _BUFFER_BYTES = 8 << 20
 """Receive buffer asked for: about a second of 10,000 packets."""

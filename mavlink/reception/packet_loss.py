@@ -21,12 +21,12 @@ _MAX_SEQUENCES = 32
 """Counters followed for one loss: components times links."""
 
 _HEARTBEAT = 0
-_WINDOW_MS, _MOST_INTERVALS = 30_000, 64
+_WINDOW_MS, _MAX_INTERVALS = 30_000, 64
 """Time over which what is regular is measured, and most intervals."""
 _NEIGHBOURS = 10
 """Intervals on each side of one that tell what is usual there: of this many, a few are whole though most messages are
 lost."""
-_LEAST_INTERVALS, _COUNTED_EVERY = 4, 4
+_MIN_INTERVALS, _COUNTED_EVERY = 4, 4
 _KNOWN_FROM = 10
 """Regular messages that have to come before a hole counts as a loss: of half as many it could be chance."""
 _SILENCE_MS = 10_000
@@ -98,7 +98,7 @@ class _RegularMessage:
         if not 0 < interval_ms <= _SILENCE_MS:
             return
         self._last_ms = made_ms
-        while self._span_ms > _WINDOW_MS or len(self._intervals_ms) >= _MOST_INTERVALS:
+        while self._span_ms > _WINDOW_MS or len(self._intervals_ms) >= _MAX_INTERVALS:
             self._span_ms -= self._intervals_ms.popleft()
             self._sent.popleft()
         self._intervals_ms.append(interval_ms)
@@ -109,7 +109,7 @@ class _RegularMessage:
     def count(self) -> None:
         """Count what came and what was sent, where enough is new."""
         total = len(self._intervals_ms)
-        if total < _LEAST_INTERVALS or (self.received and self._new < _COUNTED_EVERY):
+        if total < _MIN_INTERVALS or (self.received and self._new < _COUNTED_EVERY):
             return
         # of those before them, the intervals after are known now as well
         for at in range(max(0, total - self._new - _NEIGHBOURS), total):
@@ -124,7 +124,7 @@ class _RegularMessage:
     def _usual_ms(self, start: int, stop: int) -> int:
         """The second shortest interval, since the shortest may end with an extra message; 0 where there are too few."""
         near = sorted(islice(self._intervals_ms, max(0, start), stop))
-        return near[1] if len(near) >= _LEAST_INTERVALS else 0
+        return near[1] if len(near) >= _MIN_INTERVALS else 0
 
 
 class PacketLoss:

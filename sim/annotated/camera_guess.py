@@ -29,7 +29,7 @@ SHALLOWEST_DEG, STRAIGHT_DOWN_DEG = 12.0, 85.0
 """A camera that is guessed looks down at least so far; from so far on, straight down."""
 LOWEST_M, HIGHEST_M = 3.0, 500.0
 """Heights that the simulator takes."""
-MOST_LABELS = 200
+MAX_LABELS = 200
 """Number of labels looked at, the first ones: five cars for some seconds, within which a camera climbs little."""
 ROUNDS = 4
 """Rounds of the guess, each with the sizes that a car has at the tilt of the one before."""
@@ -98,7 +98,7 @@ def _sizes(tracks: AnnotatedTracks, size: tuple[int, int]) -> tuple[FloatArray, 
     whole = chosen[room[chosen] > 1.0]
     chosen = whole if len(whole) else chosen if len(chosen) else np.arange(len(tracks))
     # labels are in the order of images, and the camera is wanted as it was at the first
-    chosen = chosen[:MOST_LABELS]
+    chosen = chosen[:MAX_LABELS]
     return tracks.centre[chosen, 1], hull[chosen].max(axis=1)
 
 

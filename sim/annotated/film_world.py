@@ -38,15 +38,15 @@ LEVEL_STD = np.radians(2.0)
 """1σ by which a camera that is held level strays from its tilt, rad."""
 FARTHEST = 8.0
 """Ground that is this many heights away is too near the horizon to compare poses by."""
-LEAST_POINTS = 6
+MIN_POINTS = 6
 """Points of the ground that two images must share."""
 FAR_OFF = 1e4
 """A point that a pose does not show counts as this many px off, and none as more."""
-MOST_CLIMB = 1.5
+MAX_CLIMB = 1.5
 """From one image to the next no camera gets this much higher or lower: a homography that says so is wrong."""
 SPEED_SPAN_S = 1.0
 """Over which the reported speed of the UAV is taken."""
-MOST_TRIES = 60
+MAX_TRIES = 60
 """Maximum tries of poses for one image, derivatives included; ten are common."""
 
 
@@ -79,7 +79,7 @@ def _next_pose(scenario: Scenario, before: FloatArray, H: FloatArray, uv: FloatA
     near = np.linalg.norm(ground[:, :2] - before[:2], axis=1) < FARTHEST * height
     homogeneous = np.column_stack([uv, np.ones(len(uv))]) @ H.T
     near &= homogeneous[:, 2] > 0.0
-    if np.count_nonzero(near) < LEAST_POINTS:
+    if np.count_nonzero(near) < MIN_POINTS:
         return before
     ground, wanted = ground[near], homogeneous[near, :2] / homogeneous[near, 2:]
 
@@ -89,8 +89,8 @@ def _next_pose(scenario: Scenario, before: FloatArray, H: FloatArray, uv: FloatA
         return np.concatenate([off.ravel(), pose[4:] / LEVEL_STD])
 
     scale = [height, height, height, 1.0, 1.0, 1.0]
-    found = least_squares(residuals, before, method="lm", x_scale=scale, max_nfev=MOST_TRIES)
-    told = bool(np.isfinite(found.x).all()) and 1.0 / MOST_CLIMB < found.x[2] / height < MOST_CLIMB
+    found = least_squares(residuals, before, method="lm", x_scale=scale, max_nfev=MAX_TRIES)
+    told = bool(np.isfinite(found.x).all()) and 1.0 / MAX_CLIMB < found.x[2] / height < MAX_CLIMB
     return np.asarray(found.x) if told else before
 
 
@@ -124,9 +124,9 @@ LABEL_STD_PX = 1.5
 """1σ of a label's centre, px, as of those drawn by hand and interpolated."""
 UNSTEADINESS = 1.0
 """Spectral density of the acceleration of a car in traffic, m²/s³: it changes its speed by 1 m/s within a second."""
-LEAST_FOR_SPLINE = 5
+MIN_FOR_SPLINE = 5
 """Labels that a smoothing spline needs; fewer get a straight line."""
-LEAST_SPEED_MPS = 1.0
+MIN_SPEED_MPS = 1.0
 """Speed below which the path does not tell where a vehicle points, so its heading is held, m/s."""
 MOVED_LENGTHS = 2.0
 """A vehicle that came this many car lengths away from where it began has moved."""
@@ -155,12 +155,12 @@ class GroundTrack:
     def moved(self) -> bool:
         """True if it came away from where it began by more than labels err."""
         away = np.linalg.norm(self.xy - self.xy[0], axis=1)
-        return bool(np.median(np.sort(away)[-LEAST_FOR_SPLINE:]) > MOVED_LENGTHS * CAR_LENGTH_M)
+        return bool(np.median(np.sort(away)[-MIN_FOR_SPLINE:]) > MOVED_LENGTHS * CAR_LENGTH_M)
 
     def at(self, t: FloatArray) -> FloatArray:
         """(T, 2) the smooth path at times t (T,); straight on before the first label and after the last."""
         first, last = float(self.t[0]), float(self.t[-1])
-        path = _line(self) if len(self.t) < LEAST_FOR_SPLINE else _spline(self)
+        path = _line(self) if len(self.t) < MIN_FOR_SPLINE else _spline(self)
         inside = np.clip(t, first, last)
         span = min(END_SPEED_S, last - first)
         if span == 0.0:
@@ -213,7 +213,7 @@ def ground_motion(tracks: list[GroundTrack], grid: FloatArray) -> Motion:
 
 def _heading(v: FloatArray, speed: FloatArray) -> FloatArray:
     """(T,) radians clockwise from north, unwrapped; between times of driving turned evenly."""
-    driving = np.flatnonzero(speed > LEAST_SPEED_MPS)
+    driving = np.flatnonzero(speed > MIN_SPEED_MPS)
     if not len(driving):
         return np.full(len(speed), np.nan)
     turned = np.unwrap(np.arctan2(v[driving, 0], v[driving, 1]))

@@ -35,9 +35,9 @@ from infra.text_numbers import number
 from sim.annotated.tracks import AnnotatedTracks, upright_corners
 from sim.errors import AnnotationError, UnusedLabelError
 
-MOST_BYTES = 1 << 30
+MAX_BYTES = 1 << 30
 """A label file has some ten million rows at most."""
-MOST_NUMBER = 2**53
+MAX_NUMBER = 2**53
 """Maximum number of an image or a vehicle: up to here floating point has every whole number."""
 LAYOUTS = ("csv", "mot", "visdrone", "uavdt")
 CORNER_COLUMNS = ("x1", "y1", "x2", "y2", "x3", "y3", "x4", "y4")
@@ -77,7 +77,7 @@ def read_tracks(path: Path, layout: str = "auto", first_frame: int | None = None
         AnnotationError: no such file, no layout that is known, or not one row that can be used.
     """
     try:
-        lines = read_small(path, MOST_BYTES).decode("utf-8-sig", errors="replace").splitlines()
+        lines = read_small(path, MAX_BYTES).decode("utf-8-sig", errors="replace").splitlines()
     except (OSError, ValueError) as error:
         raise AnnotationError(
             f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}; give a file of labels"
@@ -211,7 +211,7 @@ def _mot_parser(rows: _Rows, path: Path) -> _Parser:
     classed = all(name.isdigit() and name != "0" for name in classes)
     kinds: dict[int, str] | None = None
     if names.is_file():
-        words = read_small(names, MOST_BYTES).decode("utf-8", errors="replace").splitlines()
+        words = read_small(names, MAX_BYTES).decode("utf-8", errors="replace").splitlines()
         kinds = {number: word.strip().lower() for number, word in enumerate(words, start=1)}
     elif classed and len(classes) > 1:
         kinds = MOT16_KINDS
@@ -264,7 +264,7 @@ def _frame_and_track(numbers: Sequence[float]) -> tuple[int, int]:
 
 
 def _whole_number(value: float) -> int:
-    if not (value.is_integer() and 0.0 <= value < MOST_NUMBER):
+    if not (value.is_integer() and 0.0 <= value < MAX_NUMBER):
         raise ValueError("not the number of an image or a vehicle")
     return int(value)
 

@@ -72,7 +72,7 @@ ATTRIBUTES = (
     "long-term",
 )
 """One 0 or 1 each, in this order."""
-MOST_BYTES = 1000
+MAX_BYTES = 1000
 FOLDERS_UP = 3
 """Levels above the labels at which the folder M_attr is looked for."""
 
@@ -90,7 +90,7 @@ def read_attributes(labels: Path) -> tuple[str, ...]:
         folders += [above / "M_attr", above / "M_attr" / "train", above / "M_attr" / "test"]
     for folder in folders:
         try:
-            cells = read_small(folder / name, MOST_BYTES).decode("ascii", errors="replace").replace(",", " ").split()
+            cells = read_small(folder / name, MAX_BYTES).decode("ascii", errors="replace").replace(",", " ").split()
         except (OSError, ValueError):
             continue
         return tuple(word for word, cell in zip(ATTRIBUTES, cells, strict=False) if cell == "1")

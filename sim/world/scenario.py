@@ -18,11 +18,11 @@ UAV_ID = 1
 """MAVLink system id of the UAV."""
 FIRST_UGV_ID = 11
 """MAVLink system id of the first ground vehicle; the others count on from it."""
-MOST_VIEWS = FIRST_UGV_ID - UAV_ID
+MAX_VIEWS = FIRST_UGV_ID - UAV_ID
 """Cameras, each with an aircraft that has a system id."""
 _SEED_STEP = 1_000_003
 """Difference of the seeds of two cameras: none that somebody chooses for another flight."""
-MOST_REPORTING = 240
+MAX_REPORTING = 240
 """Ground vehicles, filmed and outside; system ids end at 255."""
 
 
@@ -439,11 +439,11 @@ def _check(scenario: Scenario) -> None:
         check_limits(scenario, "scenario")
     except ValueError as error:
         raise ScenarioError(str(error)) from None
-    if scenario.fleet_size > MOST_REPORTING:
+    if scenario.fleet_size > MAX_REPORTING:
         together = f"vehicles and outside are {scenario.fleet_size} together"
-        raise ScenarioError(f"scenario: [ground]: {together}; at most {MOST_REPORTING} can be")
-    if len(scenario.views) >= MOST_VIEWS:
-        raise ScenarioError(f"scenario: {len(scenario.views)} [[views]]; at most {MOST_VIEWS - 1} can be")
+        raise ScenarioError(f"scenario: [ground]: {together}; at most {MAX_REPORTING} can be")
+    if len(scenario.views) >= MAX_VIEWS:
+        raise ScenarioError(f"scenario: {len(scenario.views)} [[views]]; at most {MAX_VIEWS - 1} can be")
     timing = scenario.timing
     if timing.rate_min_hz > timing.rate_max_hz:
         raise ScenarioError(

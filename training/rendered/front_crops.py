@@ -25,7 +25,7 @@ Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 SIDE = 128
 """Side of a crop, px: holds the longest vehicle, 80 px, at any angle and some ground around it."""
-LEAST_LENGTH_PX, MOST_LENGTH_PX = 12.0, 80.0
+MIN_LENGTH_PX, MAX_LENGTH_PX = 12.0, 80.0
 """Range of a vehicle's length in the crops; a choice."""
 PER_GROUND = 50
 """Crops until the ground is drawn again: making it costs more than a crop."""
@@ -79,7 +79,7 @@ def write_shard(folder: Path, seed: int, count: int) -> Path:
 
 def _random_length_px(rng: np.random.Generator) -> float:
     # even in the logarithm: as many between 12 and 24 px as between 24 and 48
-    return float(np.exp(rng.uniform(np.log(LEAST_LENGTH_PX), np.log(MOST_LENGTH_PX))))
+    return float(np.exp(rng.uniform(np.log(MIN_LENGTH_PX), np.log(MAX_LENGTH_PX))))
 
 
 def _random_view(rng: np.random.Generator, side: int, gsd_m: float) -> CameraView:

@@ -30,7 +30,7 @@ FLOOR = 0.15
 """Weaker boxes are no evidence."""
 STEP = 2.0
 """From one scale to the next: vehicles are seen over three octaves, and so by two or three neighbours."""
-LEAST_SIDE_PX = 200.0
+MIN_SIDE_PX = 200.0
 """Minimum side of the smallest canvas: a vehicle of the network's length would fill a quarter of a smaller one."""
 AGREE = 0.5
 """Probabilistic overlap from which boxes of two scales are one vehicle's, if they are about as long."""
@@ -40,7 +40,7 @@ SPREAD_OCTAVES = 0.25
 """Standard deviation of the lengths of vehicles of one kind, with the error of the boxes."""
 GRID_OCTAVES = 0.05
 """Resolution of the length."""
-LEAST_EVIDENCE, LEAST_LENGTH_PX = 0.35, 40.0
+MIN_EVIDENCE, MIN_LENGTH_PX = 0.35, 40.0
 """Two vehicles that two scales find with a score of 0.4, where vehicles are this long on the finest canvas. Of shorter
 ones an image has room for more, by the square, and what is none agrees by chance as much more often."""
 CAR_ASPECT = 2.5
@@ -94,7 +94,7 @@ def finish(examination: Generator[None, None, ApparentLength | None]) -> Apparen
 
 def scales(image: Image, finest: float) -> list[float]:
     """Scales to look at an image (H, W, 3), the coarsest first."""
-    octaves = int(np.log2(max(max(image.shape[:2]) * finest / LEAST_SIDE_PX, 1.0)))
+    octaves = int(np.log2(max(max(image.shape[:2]) * finest / MIN_SIDE_PX, 1.0)))
     return [finest / STEP**k for k in range(octaves, -1, -1)]
 
 
@@ -136,7 +136,7 @@ def common_length(length: Floats, weight: Floats, finest: float) -> ApparentLeng
     # evidence(g) = Σ wᵢ e^(−½ ((oᵢ − g) / σ)²)
     evidence = np.exp(-0.5 * ((octave - grid[:, None]) / SPREAD_OCTAVES) ** 2) @ weight
     best = int(evidence.argmax())
-    if evidence[best] < LEAST_EVIDENCE * max(LEAST_LENGTH_PX / (2.0 ** grid[best] * finest), 1.0) ** 2:
+    if evidence[best] < MIN_EVIDENCE * max(MIN_LENGTH_PX / (2.0 ** grid[best] * finest), 1.0) ** 2:
         return None
     return ApparentLength(px=float(2.0 ** grid[best]), evidence=float(evidence[best]))
 

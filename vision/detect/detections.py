@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vision.detect.boxes import corners
 
-MOST_WEAK = 60
+MAX_WEAK = 60
 """Boxes of one image that do not count: all are recorded, and with more of them no further vehicles are followed."""
 FIELDS = ("cx", "cy", "w", "h", "angle", "score", "heading")
 
@@ -93,12 +93,12 @@ class Detections:
         return self.select(self.score >= score)
 
     def useful(self, score: float) -> Detections:
-        """All of this score and more, and the best ``MOST_WEAK`` of the others."""
+        """All of this score and more, and the best ``MAX_WEAK`` of the others."""
         weak = np.flatnonzero(self.score < score)
-        if len(weak) <= MOST_WEAK:
+        if len(weak) <= MAX_WEAK:
             return self
         keep = self.score >= score
-        keep[weak[np.argsort(-self.score[weak], kind="stable")[:MOST_WEAK]]] = True
+        keep[weak[np.argsort(-self.score[weak], kind="stable")[:MAX_WEAK]]] = True
         return self.select(keep)
 
     def looked_at(self, xy: ArrayLike) -> NDArray[np.bool_]:

@@ -41,13 +41,13 @@ ACCEPTED = (
     "accepted are image classifiers (one input [N, 3, S, S] float32 or float16 → one output [N, classes] of logits; "
     "metadata 'front_deg' unless there are 2 or 4 classes)"
 )
-MOST_BATCH, MOST_SIDE, MOST_CLASSES = 64, 1024, 360
+MAX_BATCH, MAX_SIDE, MAX_CLASSES = 64, 1024, 360
 """A run is 800 MB at the most; more classes than degrees make no sense."""
 _DTYPES: dict[str, DTypeLike] = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
 _DEFAULTS = {"margin": "0", "mean": "0.485 0.456 0.406", "std": "0.229 0.224 0.225", "size": "224"}
 _COUNTS = {"margin": 1, "mean": 3, "std": 3, "size": 1}
 """Numbers in each entry of the metadata."""
-_RANGES = {"margin": (0.0, 4.0), "mean": (-1e3, 1e3), "std": (1e-6, 1e3), "size": (8.0, MOST_SIDE)}
+_RANGES = {"margin": (0.0, 4.0), "mean": (-1e3, 1e3), "std": (1e-6, 1e3), "size": (8.0, MAX_SIDE)}
 """Least and largest value of each."""
 
 
@@ -84,10 +84,10 @@ def read_contract(session: ort.InferenceSession, where: str) -> Contract:
     batch, _, side, _ = image.shape
     fixed = batch if isinstance(batch, int) else None
     side = side if isinstance(side, int) else int(values["size"][0])
-    if not (1 <= (fixed or 1) <= MOST_BATCH and 8 <= side <= MOST_SIDE and len(front) <= MOST_CLASSES):
+    if not (1 <= (fixed or 1) <= MAX_BATCH and 8 <= side <= MAX_SIDE and len(front) <= MAX_CLASSES):
         raise ModelError(
             f"{where}: it takes {fixed or 'any number of'} crops of {side} × {side} px and has {len(front)} classes; "
-            f"at most {MOST_BATCH} crops of {MOST_SIDE} px and {MOST_CLASSES} classes are accepted"
+            f"at most {MAX_BATCH} crops of {MAX_SIDE} px and {MAX_CLASSES} classes are accepted"
         )
     return Contract(
         name=image.name,
@@ -158,7 +158,7 @@ BUNDLED_FRONT = Path(__file__).parents[1] / "models" / "rollcall-front-resnet18.
 """Rollcall's own classifier of fronts."""
 SQUARE = 1.3
 """Up to this ratio of its sides a box may have its front at a longer side."""
-MOST_CROPS = 64
+MAX_CROPS = 64
 """Crops in one run; more boxes take several."""
 
 
@@ -210,7 +210,7 @@ class FrontClassifier:
         # z = (rgb / 255 − mean) / std
         gain, bias = 1.0 / (255.0 * contract.std), contract.mean / contract.std
         logits = np.empty((len(rows), len(contract.front)))
-        step = fixed or MOST_CROPS
+        step = fixed or MAX_CROPS
         for start in range(0, len(rows), step):
             crops = rectify(image, rows[start : start + step], contract.side, contract.margin)
             part = (crops[..., ::-1] * gain - bias).transpose(0, 3, 1, 2).astype(contract.dtype)

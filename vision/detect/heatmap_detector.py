@@ -2,8 +2,8 @@
 
 The model's contract (``training/export.py`` writes it): input ``image`` [1, H, W, 3] uint8 BGR, sides multiples
 of 32; output ``map`` [1, 9, H/4, W/4] float32 as read by ``vision.detect.decode_heatmap``; metadata ``rollcall``
-(version), ``stride``, ``nominal_length_m`` and ``nominal_length_px``: a vehicle of this many metres is found best at this
-many pixels.
+(version), ``stride``, ``nominal_length_m`` and ``nominal_length_px``: a vehicle of this many metres is found best at
+this many pixels.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ STILL_PX, FILM_PX = 1 << 20, 400_000
 """Pixels that are looked at at one scale to find the scale of an image, and of a film meanwhile."""
 SIDE_STEP = 32
 """Sides of a canvas are multiples of this, px."""
-LEAST_SIDE, MOST_SIDE = 64, 4096
+MIN_SIDE, MAX_SIDE = 64, 4096
 """Limits of a canvas side, px. Larger images are processed in tiles, which bounds the memory."""
-MOST_SCALE = 2.0
+MAX_SCALE = 2.0
 """Enlarging an image further adds no detail."""
 OVERLAP_LENGTHS = 4.0
 """Overlap of tiles, in vehicle lengths that the model was trained for: lorries are twice as long."""
@@ -79,7 +79,7 @@ class HeatmapDetector:
         self._score = score
         try:
             self._stride = int(_ranged(notes, "stride", 1, SIDE_STEP))
-            self._length_px = _ranged(notes, "nominal_length_px", 1, MOST_SIDE)
+            self._length_px = _ranged(notes, "nominal_length_px", 1, MAX_SIDE)
             self._px_per_m = self._length_px / _ranged(notes, "nominal_length_m", 0.01, 100)
         except (KeyError, ValueError, ZeroDivisionError) as error:
             raise ModelError(
@@ -92,9 +92,9 @@ class HeatmapDetector:
         height, width = image.shape[:2]
         known = gsd_m is not None and np.isfinite(gsd_m) and gsd_m > 0.0
         scale = self.scale(gsd_m) if known and gsd_m else self._scale_of_still(image)
-        if max(width, height) * scale <= MOST_SIDE:
+        if max(width, height) * scale <= MAX_SIDE:
             return self._detect_at_scale(image, scale, self._score)
-        side = int(MOST_SIDE / scale)
+        side = int(MAX_SIDE / scale)
         tiles = tile_grid((width, height), (side, side), OVERLAP_LENGTHS * self._length_px / scale)
         return detect_in_tiles(
             image, tiles, lambda parts: [self._detect_at_scale(part, scale, self._score) for part in parts]
@@ -102,7 +102,7 @@ class HeatmapDetector:
 
     def scale(self, gsd_m: float) -> float:
         """See ``vision.detect.detector.PartialDetector``."""
-        return min(gsd_m * self._px_per_m, MOST_SCALE)
+        return min(gsd_m * self._px_per_m, MAX_SCALE)
 
     def detect_in(self, image: Image, parts: Sequence[Tile], *, gsd_m: float) -> Detections:
         """See ``vision.detect.detector.PartialDetector``; sides that are whole steps of a canvas are seen at once."""
@@ -116,21 +116,21 @@ class HeatmapDetector:
 
     def examine(self, image: Image, most_px: int = FILM_PX) -> Generator[None, None, ApparentLength | None]:
         """How long vehicles are in an image, see ``vision.detect.apparent_length.examine``."""
-        return examine(image, partial(self._detect_at_scale, score=FLOOR), finest=MOST_SCALE, most_px=most_px)
+        return examine(image, partial(self._detect_at_scale, score=FLOOR), finest=MAX_SCALE, most_px=most_px)
 
     def film_gsd_m(self, image: Image, length_px: float | None) -> float:
         """See ``vision.detect.detector.MeasuringDetector``."""
         scale = default_scale(image)
         if length_px is not None:
             best, enough = (self._px_per_m * metres / length_px for metres in (CAR_M, ENOUGH_M))
-            scale = min(max(enough, min(best, scale)), MOST_SCALE)
+            scale = min(max(enough, min(best, scale)), MAX_SCALE)
         return float(scale / self._px_per_m)
 
     def _scale_of_still(self, image: Image) -> float:
         found = finish(self.examine(image, STILL_PX))
         if found is None:
             return default_scale(image)
-        return float(min(CAR_M / found.px * self._px_per_m, MOST_SCALE))
+        return float(min(CAR_M / found.px * self._px_per_m, MAX_SCALE))
 
     def _detect_at_scale(self, image: Image, scale: float, score: float) -> Detections:
         return self._detect_on(image, _canvas(image.shape[1], image.shape[0], scale), score, self._session)
@@ -186,7 +186,7 @@ def _check_map(session: ort.InferenceSession, where: str) -> None:
 def _canvas(width: int, height: int, scale: float) -> tuple[int, int]:
     """(width, height) of the model's input: the nearest sides that are multiples of 32, neither tiny nor huge."""
     wide = max(width, height)
-    scale = max(min(scale, MOST_SIDE / wide), LEAST_SIDE / wide)
+    scale = max(min(scale, MAX_SIDE / wide), MIN_SIDE / wide)
     columns = max(round(width * scale / SIDE_STEP), 1)
     # the height follows from the width that was chosen, rounded up: the image fills the width
     rows = max(int(np.ceil(height * columns / width - 1e-9)), 1)

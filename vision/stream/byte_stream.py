@@ -25,7 +25,7 @@ Packets: TypeAlias = "Iterator[Packet[CodedStream]]"
 
 TICK_HZ = 1_000_000
 _AT_ONCE = {"probesize": "32", "analyzeduration": "0"}
-_MOST_ARRIVALS = 1 << 16
+_MAX_ARRIVALS = 1 << 16
 """Pieces of a connection of which none was a picture's: a minute at a thousand datagrams a second."""
 _SYNC, _TS_PACKET = b"G", 188
 """Byte that each packet of a transport stream begins with, and how long it is."""
@@ -43,7 +43,7 @@ class Arrivals:
 
     def __init__(self) -> None:
         self._end = 0
-        self._came: deque[tuple[int, float]] = deque(maxlen=_MOST_ARRIVALS)
+        self._came: deque[tuple[int, float]] = deque(maxlen=_MAX_ARRIVALS)
 
     def add(self, size: int, at_s: float) -> None:
         """Count bytes that came at a Unix time."""

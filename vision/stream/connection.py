@@ -52,7 +52,7 @@ HTTP = ("http:", "https:")
 BYTE_STREAMS = ("tcp:", "srt:", *HTTP)
 ONE_STREAM = {"format_whitelist": f"{ONE_FILE},mpjpeg"}
 """Formats that others may send: a playlist or a session would have FFmpeg ask any host and open any port."""
-MOST_REDIRECTS = 4
+MAX_REDIRECTS = 4
 """On the same host, one after the other."""
 READ_BYTES = 32768
 """Most bytes that FFmpeg asks for at once."""
@@ -68,7 +68,7 @@ REORDERED = 2
 """Frames that a stream with B-frames holds back, where no decoding times are given."""
 Packets: TypeAlias = "Iterator[Packet[CodedStream]]"
 SCHEMES = ("http", "https")
-_MOST_SHOWN = 200
+_MAX_SHOWN = 200
 
 
 def sent_on(source: Source, timeout_s: float) -> Source | None:
@@ -85,7 +85,7 @@ def sent_on(source: Source, timeout_s: float) -> Source | None:
     parts = urlsplit(source.address)
     goal = urlsplit(urljoin(source.address, named))
     if goal.scheme not in SCHEMES or goal.hostname != parts.hostname:
-        shown = plain(concealed(goal.geturl()))[:_MOST_SHOWN]
+        shown = plain(concealed(goal.geturl()))[:_MAX_SHOWN]
         raise VideoError(
             f"video {source.text}: its server sends on to {shown}, which is not followed: only what is on the same "
             "host is; give that address if it is meant"
@@ -154,7 +154,7 @@ def open_input(source: Source) -> Input | None:
         VideoError: nothing there, no answer within the time, no video in it, or it is said to be on another host.
     """
     av.logging.set_level(av.logging.PANIC)
-    for _ in range(MOST_REDIRECTS):
+    for _ in range(MAX_REDIRECTS):
         begin_s = time.monotonic()
         try:
             return _open_line(source) or _input(source, _open(source))

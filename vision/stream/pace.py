@@ -12,7 +12,7 @@ STALL_S: Final = 1.0
 """Without a frame for this long a stream has stalled."""
 STALL_INTERVALS: Final = 2.5
 """But a slow one only after this many of its usual intervals: one frame may be late, or missing."""
-MOST_STALL_S: Final = 5.0
+MAX_STALL_S: Final = 5.0
 PACE_FRAMES: Final = 6
 """Number of frames that tell the pace; one gap among them does not change it."""
 
@@ -30,4 +30,4 @@ def stall_after_s(times_us: Sequence[int] | NDArray[np.int64], least_s: float = 
     if len(times_us) < 3:
         return least_s
     usual_s = float(np.median(np.diff(times_us))) * 1e-6
-    return max(least_s, min(STALL_INTERVALS * usual_s, MOST_STALL_S))
+    return max(least_s, min(STALL_INTERVALS * usual_s, MAX_STALL_S))

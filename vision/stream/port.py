@@ -29,7 +29,7 @@ REPORT_BUFFER_BYTES = 1 << 16
 """Sender reports are some dozens of bytes, every few seconds."""
 SLICE_S = 0.2
 """Longest wait between two checks whether to stop."""
-MOST_REPORTS = 8
+MAX_REPORTS = 8
 """Taken at once: a sender reports every few seconds."""
 
 
@@ -175,7 +175,7 @@ class Port:
             self._control = self._next_port()
         found: list[tuple[bytes, float]] = []
         try:
-            while len(found) < MOST_REPORTS:
+            while len(found) < MAX_REPORTS:
                 data, peer, t_us = receive_stamped(self._control)
                 present = self.senders.present
                 if present is not None and peer[0] == present.host:

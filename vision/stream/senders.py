@@ -31,8 +31,8 @@ RIVAL_S = 2.0
 """A rival that was not heard for this long is none any more."""
 PATIENCE_S = 6.0
 """Wait for a first picture before it is reported that none can be decoded."""
-MOST_TRIALS = 4
-MOST_PROVEN = 8
+MAX_TRIALS = 4
+MAX_PROVEN = 8
 SHARE = 9.0
 """Trials beside a sender that is shown wait for this many times what they took: they must not cost its frames."""
 
@@ -131,7 +131,7 @@ class Senders:
 
     def prefer(self, sender: Sender) -> None:
         """Give a sender the best right."""
-        self.proven = [sender, *(other for other in self.proven if other != sender)][:MOST_PROVEN]
+        self.proven = [sender, *(other for other in self.proven if other != sender)][:MAX_PROVEN]
 
     @property
     def rival(self) -> Sender | None:
@@ -182,7 +182,7 @@ class Senders:
     def _note_proven(self, sender: Sender) -> None:
         if sender in self.proven:
             return
-        if len(self.proven) >= MOST_PROVEN:
+        if len(self.proven) >= MAX_PROVEN:
             self.proven.remove([other for other in self.proven if other != self.present][-1])
         self.proven.append(sender)
 
@@ -191,7 +191,7 @@ class Senders:
         now_s = trial.began_s
         for silent in [s for s, t in self._trials.items() if now_s - t.heard_s >= RIVAL_S]:
             self._drop(silent)
-        if len(self._trials) >= MOST_TRIALS:
+        if len(self._trials) >= MAX_TRIALS:
             hosts = Counter(other.host for other in self._trials)
             victims = [s for s, t in self._trials.items() if not t.proven and s not in self.proven]
             if sender not in self.proven:

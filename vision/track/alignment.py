@@ -36,7 +36,7 @@ FINALISTS = 5
 """Candidates that are refined."""
 REFINEMENTS = 2
 """Rounds of least squares, each on the pairs that fit the last one."""
-MOST_NEAR = 12
+MAX_NEAR = 12
 """Boxes that are considered for each track, the nearest ones."""
 TURN_STD = 0.03
 """1σ of the rotation in one frame, rad: a fixed camera that looks ahead rolls so fast in gusts."""
@@ -56,7 +56,7 @@ MOTION_WEIGHT = 3.0
 """Weight of ln(1 + d²/2σ²), the prior of a displacement d: its tails are heavy since gusts come suddenly."""
 EVIDENT_SHARE = 0.9
 """If a small motion explains this much of all that could be explained, no other is looked for."""
-LEAST_GAIN = 12.0
+MIN_GAIN = 12.0
 """A motion has to explain more than none by as much, in units of the squared distance; less may be chance."""
 
 
@@ -174,7 +174,7 @@ def _near(
     with np.errstate(invalid="ignore"):
         possible = (squared < (reach * reach)[:, None]) & ~(turned > AXIS_LIMIT)
     squared = np.where(possible, squared, np.inf)
-    most = min(int(possible.sum(axis=1).max(initial=1)) or 1, MOST_NEAR)
+    most = min(int(possible.sum(axis=1).max(initial=1)) or 1, MAX_NEAR)
     column = np.argsort(squared, axis=1, kind="stable")[:, :most]
     larger = np.log(boxes.size[column] / tracks.size[:, None]) / SIZE_STD
     rows = np.arange(len(column))[:, None]
@@ -197,7 +197,7 @@ def _best(theta: Floats, pairs: _PairPoints, size: Floats, prior: _Prior, boxes:
     theta = np.concatenate([none, theta])
     score = _explained(_fit(theta, pairs, pairs.variance), pairs.column, boxes) - prior.penalty(theta)
     best = int(np.argmax(score))
-    if score[best] < score[0] + LEAST_GAIN:
+    if score[best] < score[0] + MIN_GAIN:
         best = 0
     return theta[best], float(score[best])
 

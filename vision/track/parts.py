@@ -23,7 +23,7 @@ BIN, SHORTEST_M, LONGEST_M = 0.05, 0.2, 40.0
 """Width of a class of lengths, of their ln, and the range of the classes, m."""
 ALIKE = 0.15
 """Lengths whose ln differ by no more are alike: a detector's boxes vary by a tenth."""
-LEAST_SHARE, LEAST_AGAINST_PARTS = 0.2, 0.35
+MIN_SHARE, MIN_AGAINST_PARTS = 0.2, 0.35
 """Least share of all boxes that must be as long as the whole, and least ratio to those as long as a part: vehicles
 that are two boxes for a third of the time give as many of one as of the other."""
 GAP, ASIDE = 0.22, 0.3
@@ -94,7 +94,7 @@ class Parts:
         """Tell whether a vehicle is rather as long as the first of three lengths than as the two parts of it."""
         reach = round(ALIKE / BIN)
         whole, *parts = (float(np.sum(weight[max(k - reach, 0) : k + reach + 1])) for k in _class_of(length_m).tolist())
-        return whole >= LEAST_SHARE * float(np.sum(weight)) and whole >= LEAST_AGAINST_PARTS * max(parts)
+        return whole >= MIN_SHARE * float(np.sum(weight)) and whole >= MIN_AGAINST_PARTS * max(parts)
 
 
 def _class_of(length_m: Floats) -> NDArray[np.int64]:

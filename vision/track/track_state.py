@@ -18,7 +18,7 @@ SIZE_TIME_S = 0.5
 """Time constant of the smoothed sides."""
 ENOUGH = 2.5
 """Evidence from which on a track is reported, nats. Raise → fewer tracks on nothing; lower → sooner ones."""
-MOST_SKIPPED_S = 1.0
+MAX_SKIPPED_S = 1.0
 """Time that nobody looks is no time out of sight, up to this much: by then a track may be anywhere."""
 CONFIRM_HITS = 2
 """Fewest frames that confirm: what looks most like a vehicle may still be none."""
@@ -221,7 +221,7 @@ class TrackState:
     def skip(self, rows: Flags, dt: float) -> None:
         """Note that nobody looks for some tracks (k,) in this frame, ``dt`` seconds after the one before."""
         self.table[SKIPPED, rows] = 1.0
-        self.table[SKIPPED_S, rows] = np.minimum(self.table[SKIPPED_S, rows] + dt, MOST_SKIPPED_S)
+        self.table[SKIPPED_S, rows] = np.minimum(self.table[SKIPPED_S, rows] + dt, MAX_SKIPPED_S)
 
     def note_expected(self) -> None:
         """Keep where the tracks are now as where they are expected in this frame."""

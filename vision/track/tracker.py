@@ -36,7 +36,7 @@ Flags = NDArray[np.bool_]
 INTERVALS, MISSED_FRAMES = 5, 2.2
 """Number of frame intervals whose median is the usual one, and how many usual ones a track may go without a box: one
 frame in which its vehicle is missed must not end it."""
-LEAST_SHIFT = 0.1
+MIN_SHIFT = 0.1
 """A smaller displacement of most tracks, in box sizes, is left to the filter."""
 REACH = 4.0
 """No track is displaced further by an unknown motion of the camera, sizes."""
@@ -237,7 +237,7 @@ class Tracker:
         keep = np.exp(-dt / UNREST_S)
         self._unrest *= keep
         nearest = state.apart(boxes)[voters][:, chosen].min(axis=1)
-        near = nearest < (LEAST_SHIFT * state.length[voters]) ** 2
+        near = nearest < (MIN_SHIFT * state.length[voters]) ** 2
         # boxes of nothing come once, but at the start nothing has come twice
         settled = state.confirmed[voters]
         if not np.count_nonzero(settled):

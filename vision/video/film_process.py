@@ -44,7 +44,7 @@ _ORPHAN_S = 5.0
 """Time between two looks of the process at whether who started it still lives, s."""
 _ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Threads of numpy's, which only carries pictures there, take address space."""
-_MOST_MESSAGE = (1 << 31) - 1
+_MAX_MESSAGE = (1 << 31) - 1
 
 Answer = TypeVar("Answer")
 
@@ -134,7 +134,7 @@ class FilmReader:
         try:
             self._memory = os.fdopen(make_memory(0), "r+b", buffering=0)
             self._process: ChildProcess[_Answer] = ChildProcess(
-                __name__, _Answer, fds=[self._memory.fileno()], environment=_ONE_THREAD, most_bytes=_MOST_MESSAGE
+                __name__, _Answer, fds=[self._memory.fileno()], environment=_ONE_THREAD, most_bytes=_MAX_MESSAGE
             )
         except OSError as error:
             raise VideoError(f"video {path}: no process starts to read it: {error.strerror}") from error
@@ -325,7 +325,7 @@ def main() -> None:
     """Answer requests until there are no more."""
     bound(resource.RLIMIT_CORE, 0)
     threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
-    parent: MessageChannel[_Request] = connect_to_parent(_Request, most_bytes=_MOST_MESSAGE)
+    parent: MessageChannel[_Request] = connect_to_parent(_Request, most_bytes=_MAX_MESSAGE)
     film = _FilmWorker(parent)
     with suppress(EOFError, OSError):  # nobody waits any more
         while (request := parent.receive()) is not None:

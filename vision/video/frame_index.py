@@ -29,11 +29,11 @@ ONE_FILE = (
     "h264,hevc,vvc,av1,mjpeg,yuv4mpegpipe,gif"
 )
 """Containers that are one file: a playlist would have FFmpeg open whatever its author names, pipes included."""
-_LEAST_ASPECT = 0.1
+_MIN_ASPECT = 0.1
 """A pixel that is narrower than this is a damaged number."""
 _AGREE = 3
 """Frames on either side of where time stamps begin again: those that are shown later than coded do not agree."""
-_MOST_TRIED = 64
+_MAX_TRIED = 64
 """Packets until the first picture."""
 
 
@@ -157,7 +157,7 @@ def _picture(path: Path, stream: VideoStream) -> tuple[int, int, int, float, str
     first = first_picture(path)
     turns = round(first.rotation / 90.0) % 4 if first is not None else 0
     aspect = float(stream.sample_aspect_ratio or coded.sample_aspect_ratio or 1.0)
-    aspect = aspect if _LEAST_ASPECT < aspect < 1.0 / _LEAST_ASPECT else 1.0
+    aspect = aspect if _MIN_ASPECT < aspect < 1.0 / _MIN_ASPECT else 1.0
     words = []
     if aspect != 1.0:
         # nothing is lost where the shorter side of a pixel is drawn out
@@ -185,7 +185,7 @@ def first_picture(path: Path) -> VideoFrame | None:
 
 def _first_frame(container: InputContainer, stream: VideoStream) -> VideoFrame | None:
     """None where it does not decode."""
-    for _, packet in islice(_decodable(container, stream), _MOST_TRIED):
+    for _, packet in islice(_decodable(container, stream), _MAX_TRIED):
         try:
             for frame in stream.codec_context.decode(packet):
                 return frame

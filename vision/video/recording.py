@@ -28,7 +28,7 @@ TICK = Fraction(1, 1000)
 """Matroska's, s."""
 RETRY_S, LONGEST_RETRY_S = 2.0, 8.0
 """After a failed write, before a new file is tried; doubles with each further failure."""
-MOST_SEGMENTS = 10_000
+MAX_SEGMENTS = 10_000
 """Files of one recording; a disk that fails each time must not fill a folder with names."""
 
 
@@ -141,7 +141,7 @@ class Recording:
             self._error = f"recording {kept.path}: deleted or moved while it was written"
 
     def _create(self, first_frame: int, unix_s: float) -> OutputContainer:
-        while self.segment < MOST_SEGMENTS:
+        while self.segment < MAX_SEGMENTS:
             self.segment += 1
             path = segment_path(self.path, self.segment)
             if not os.path.lexists(path):

@@ -171,9 +171,9 @@ _LOOKS: tuple[Callable[[FlightRecord], Finding | None], ...] = (
 """The worst first."""
 
 
-MOST_FLIGHTS: Final = 2000
+MAX_FLIGHTS: Final = 2000
 """That one page lists of each kind; a browser shows as many at once."""
-MOST_VEHICLES: Final = 1000
+MAX_VEHICLES: Final = 1000
 _FIGURES: Final = ("right", "precision", "name changes", "calibration error")
 """Columns of flights whose truth is known."""
 
@@ -292,11 +292,11 @@ def _failed(failed: Sequence[FlightRecord]) -> Section | None:
         return None
     rows = [
         (record.flight, record.error or "", str(record.attempts), "kept" if record.earlier_result else "none")
-        for record in sorted(failed, key=lambda record: record.flight)[:MOST_FLIGHTS]
+        for record in sorted(failed, key=lambda record: record.flight)[:MAX_FLIGHTS]
     ]
     names = ("flight", "what is wrong", "attempts", "earlier result")
     listed = table(names, rows, right=("attempts",), caption="Flights that failed")
-    return section("Failed flights", listed, _left_out(len(failed), MOST_FLIGHTS, "failed flights"))
+    return section("Failed flights", listed, _left_out(len(failed), MAX_FLIGHTS, "failed flights"))
 
 
 def _left_out(count: int, most: int, what: str) -> str:
@@ -308,7 +308,7 @@ def _flights(judged: Sequence[FlightJudgement]) -> Section:
         return section("Flights, the worst first", empty("Not one flight was named."))
     scored = any(each.record.score is not None for each in judged)
     rows = []
-    for each in judged[:MOST_FLIGHTS]:
+    for each in judged[:MAX_FLIGHTS]:
         record = each.record
         boxes, unnamed = record.boxes or 0, record.unnamed or 0
         rows.append(
@@ -328,7 +328,7 @@ def _flights(judged: Sequence[FlightJudgement]) -> Section:
     listed = table(
         ("flight", "reason", *figures), rows, right=figures, caption="Flights that were named, the worst first"
     )
-    return section("Flights, the worst first", listed, _left_out(len(judged), MOST_FLIGHTS, "better flights"))
+    return section("Flights, the worst first", listed, _left_out(len(judged), MAX_FLIGHTS, "better flights"))
 
 
 def _figures(score: ScoreRecord | None) -> tuple[str, ...]:
@@ -347,7 +347,7 @@ def _vehicles(done: Sequence[FlightRecord]) -> Section | None:
             calls.setdefault((call.name, call.system_id), []).append(call)
     rows = []
     for (name, system_id), each in sorted(calls.items(), key=lambda item: (_share_named(item[1]), item[0]))[
-        :MOST_VEHICLES
+        :MAX_VEHICLES
     ]:
         first_s = [call.first_named_s for call in each if call.first_named_s is not None]
         boxes = sum(call.boxes for call in each)
@@ -366,7 +366,7 @@ def _vehicles(done: Sequence[FlightRecord]) -> Section | None:
         return None
     right = ("system id", "flights", "boxes", "confidence", "named after, median")
     listed = table(("vehicle", *right), rows, right=right, caption="Vehicles over all flights, the worst first")
-    return section("Vehicles, the worst first", listed, _left_out(len(calls), MOST_VEHICLES, "vehicles"))
+    return section("Vehicles, the worst first", listed, _left_out(len(calls), MAX_VEHICLES, "vehicles"))
 
 
 def _share_named(calls: Sequence[VehicleCall]) -> float:

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import msgspec
 
-from gcs.cli.attach.place import MOST_BYTES, VARIABLES, Answer, Flying, Wish, connect
+from gcs.cli.attach.place import MAX_BYTES, VARIABLES, Answer, Flying, Wish, connect
 from gcs.cli.output.console import check_terminal
 from gcs.cli.screen_options import ScreenOptions
 from gcs.errors import GcsError
@@ -119,7 +119,7 @@ def _show(controller: int, connection: socket.socket) -> Answer | None:
             ready = [connection.fileno()]
         if connection.fileno() in ready:
             with contextlib.suppress(OSError, msgspec.DecodeError):
-                return msgspec.json.decode(connection.recv(MOST_BYTES), type=Answer)
+                return msgspec.json.decode(connection.recv(MAX_BYTES), type=Answer)
             if drawn:
                 os.write(1, RESTORE)
             return None

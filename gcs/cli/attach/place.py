@@ -13,7 +13,7 @@ import msgspec
 
 from gcs.cli.screen_options import ScreenOptions
 
-MOST_BYTES = 65_536
+MAX_BYTES = 65_536
 """No message is longer."""
 ANSWER_S = 5.0
 """A flight that is well greets sooner."""
@@ -76,7 +76,7 @@ def connect() -> list[tuple[Flying, socket.socket]]:
             connection.settimeout(ANSWER_S)
             try:
                 connection.connect(str(path))
-                flights.append((msgspec.json.decode(connection.recv(MOST_BYTES), type=Flying), connection))
+                flights.append((msgspec.json.decode(connection.recv(MAX_BYTES), type=Flying), connection))
             except ConnectionRefusedError:  # it was killed
                 connection.close()
                 path.unlink(missing_ok=True)

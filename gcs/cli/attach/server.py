@@ -15,7 +15,7 @@ from pathlib import Path
 
 import msgspec
 
-from gcs.cli.attach.place import MOST_BYTES, VARIABLES, Answer, Flying, Wish, socket_folder
+from gcs.cli.attach.place import MAX_BYTES, VARIABLES, Answer, Flying, Wish, socket_folder
 
 _log = logging.getLogger(__name__)
 
@@ -142,7 +142,7 @@ class AttachServer:
             if not _is_ours(connection):
                 raise PermissionError("of another user")
             connection.sendall(msgspec.json.encode(self._flying))
-            data, fds, _, _ = socket.recv_fds(connection, MOST_BYTES, 1)
+            data, fds, _, _ = socket.recv_fds(connection, MAX_BYTES, 1)
             if not data and not fds:  # only looked who flies
                 connection.close()
                 return

@@ -19,7 +19,7 @@ from aiohttp import web
 from textual_serve.server import Server
 
 LOOPBACK = "127.0.0.1"
-MOST_BROWSERS = 4
+MAX_BROWSERS = 4
 """Each has a replay of its own."""
 TOKEN_BYTES = 24
 DOWNLOADS = "download"
@@ -72,8 +72,8 @@ class _GuardedServer(Server):
         Raises:
             HTTPServiceUnavailable: there are enough.
         """
-        if self._browsers >= MOST_BROWSERS:
-            raise web.HTTPServiceUnavailable(text=f"{MOST_BROWSERS} browsers show it already; close one")
+        if self._browsers >= MAX_BROWSERS:
+            raise web.HTTPServiceUnavailable(text=f"{MAX_BROWSERS} browsers show it already; close one")
         self._browsers += 1
         try:
             return await super().handle_websocket(request)

@@ -15,7 +15,7 @@ CHECKSUM: Final = 1
 TIME: Final = 2
 VERSION: Final = 65
 """Tag of the standard's own number."""
-MOST_TEXT: Final = 127
+MAX_TEXT: Final = 127
 """Bytes."""
 _ST_0601: Final = b"\x11"
 
@@ -96,7 +96,7 @@ def _raw(tag: int, value: float) -> bytes | None:
 
 def _text(text: str) -> bytes:
     """Without half a letter at the end."""
-    return text.encode(errors="replace")[:MOST_TEXT].decode(errors="ignore").encode()
+    return text.encode(errors="replace")[:MAX_TEXT].decode(errors="ignore").encode()
 
 
 def _item(tag: int, raw: bytes) -> bytes:

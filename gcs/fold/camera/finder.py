@@ -27,14 +27,14 @@ IntArray = NDArray[np.int64]
 STEP_US, LOOKS = 400_000, 50
 """Looks closer together are left out: a vehicle moves by little more than its own error. This many are compared, 20
 s."""
-LEAST_LOOKS = 12
+MIN_LOOKS = 12
 """A search needs this many, 5 s; and half of them of a track."""
-AGAIN_US, RARER, MOST_AGAIN_US = 1_500_000, 1.15, 30_000_000
+AGAIN_US, RARER, MAX_AGAIN_US = 1_500_000, 1.15, 30_000_000
 """A search is made again after this long; as it costs half a second, each that finds nothing makes the next one
 rarer."""
 REFINED_AGAIN_US, REFINED_FOR_US = 5_000_000, 60_000_000
 """A camera that was found is refined every so often, for this long."""
-LEAST_HEIGHT_M = 5.0
+MIN_HEIGHT_M = 5.0
 """Above the ground; lower down nothing is level enough."""
 GUESSED_FOR_US = 30_000_000
 """For this long a direction that nobody told is no reason to doubt that film and telemetry belong together."""
@@ -135,11 +135,11 @@ class CameraFinder:
             self._gimbal, self._size = gimbal, size
         self._keep(state, boxes, tracks)
         again_us = self._again_us if self._fit is None else REFINED_AGAIN_US
-        if len(self._looks) < LEAST_LOOKS or 0 <= state.t_us - self._searched_us < again_us:
+        if len(self._looks) < MIN_LOOKS or 0 <= state.t_us - self._searched_us < again_us:
             return None, []
         self._searched_us = state.t_us
         film = self._film(ground_z, focal)
-        if float(np.median(film.p_enu[:, 2])) - ground_z < LEAST_HEIGHT_M:
+        if float(np.median(film.p_enu[:, 2])) - ground_z < MIN_HEIGHT_M:
             return None, []
         return self._search(state.t_us, film) if self._fit is None else self._refine(state.t_us, film, self._fit)
 
@@ -185,7 +185,7 @@ class CameraFinder:
         picture = np.full((len(looks), len(ids), 2), np.nan)
         for row, look in enumerate(looks):
             picture[row, np.searchsorted(ids, look.track_id)] = look.picture
-        long = np.count_nonzero(np.isfinite(picture[..., 0]), axis=0) >= LEAST_LOOKS // 2
+        long = np.count_nonzero(np.isfinite(picture[..., 0]), axis=0) >= MIN_LOOKS // 2
         known = all(look.known for look in looks)
         return FilmedFleet(
             t=np.array([(look.t_us - looks[0].t_us) * 1e-6 for look in looks]),
@@ -214,7 +214,7 @@ class CameraFinder:
             self._least_std = found.best.focal_std
             return self.camera, [_event(t_us, "info", f"camera found from the film: {_described(found.best)}")]
         if found.verdict is not CameraVerdict.STANDING:
-            self._again_us = min(RARER * self._again_us, MOST_AGAIN_US)
+            self._again_us = min(RARER * self._again_us, MAX_AGAIN_US)
         if found.verdict is self._told or t_us - self._first_us < TOLD_AFTER_US:
             return None, []
         self._told = found.verdict

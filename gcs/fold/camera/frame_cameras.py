@@ -37,14 +37,14 @@ from vision.track.tracks import Tracks
 if TYPE_CHECKING:
     from gcs.mission.terrain_file import TerrainFile
 
-LEAST_HEIGHT_M = 2.0
+MIN_HEIGHT_M = 2.0
 """Above the ground; lower down nothing is level enough."""
 SPEED_STD, UNKNOWN_SPEED_STD = 0.3, 8.0
 """1σ per axis of the UAV's reported velocity, m/s, and of one that reports none."""
 COARSE_M = 2.5
 """1σ of a position from which on it is none of an ordinary receiver with a view of the sky: rounded, or of few
 satellites."""
-BOX_NOISE, LEAST_NOISE_PX = 0.04, 1.0
+BOX_NOISE, MIN_NOISE_PX = 0.04, 1.0
 """1σ of a box's centre, in box sizes, and at least, px: as the tracker has it."""
 
 
@@ -250,7 +250,7 @@ class FrameCameras:
         seen = SeenTracks(
             track_id=track_id,
             ray=rays / rays[:, 2:],
-            noise=np.maximum(BOX_NOISE * np.sqrt(boxes.w * boxes.h), LEAST_NOISE_PX) / camera.intrinsics.fx,
+            noise=np.maximum(BOX_NOISE * np.sqrt(boxes.w * boxes.h), MIN_NOISE_PX) / camera.intrinsics.fx,
         )
         R_enu_cam = self._fusion.update(t_us, self._reported, camera.pose.p_enu, camera.ground_z, seen)
         if self._reported.known:
@@ -264,7 +264,7 @@ class FrameCameras:
         """Turn of the camera since the last frame by the pixels, with what telemetry knows of its flight."""
         before, v_enu = self._fusion.rotation(state.t_us), state.uav.v_enu
         height = float(camera.pose.p_enu[2]) - camera.ground_z
-        if before is None or height < LEAST_HEIGHT_M:
+        if before is None or height < MIN_HEIGHT_M:
             return None
         (R_enu_cam, dt), known = before, bool(np.isfinite(v_enu).all())
         # seen by a camera that is turned clockwise by ψ, Rz(−ψ) R, the UAV flies in the direction Rᵀ Rz(ψ) v

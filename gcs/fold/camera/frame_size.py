@@ -35,7 +35,7 @@ BEYOND = 1.02
 """Farthest place of a box's centre, in sizes of a frame: half a vehicle looks in."""
 EVERY_US = 2_000_000
 """Frames closer to each other are not independent."""
-MOST_LOOKS = 40
+MAX_LOOKS = 40
 DESCRIBED = 3.0
 """For the size that the camera is described for, nats: twenty streams have it for one that has not."""
 SURE = 5.0
@@ -135,7 +135,7 @@ def _sampled_frames(
             continue
         last_us, found = t_us, found + 1
         yield _SampledFrame(size=(width, height), boxes=seen.centre / width, places=places)
-        if found == MOST_LOOKS:
+        if found == MAX_LOOKS:
             return
 
 

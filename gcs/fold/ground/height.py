@@ -68,7 +68,7 @@ SMOOTHING_S = 2.0
 """The ground follows what is found with this time constant: one vehicle more must not move it by a step."""
 OUTLIER_M = 15.0
 """An altitude is left out where it is so far from the median, or ``OUTLIER_STDS`` from the plane of the others."""
-FLYING_M, LEAST_HEIGHT_M = 10.0, 3.0
+FLYING_M, MIN_HEIGHT_M = 10.0, 3.0
 """A UAV this far above its home is at least that far above the ground where it is, metres."""
 DATUMS_M = (36.0, -36.0)
 """Offsets of altitudes that nothing else confirms: in most places the geoid is up to 60 m from the ellipsoid.
@@ -238,14 +238,14 @@ class GroundHeight:
         uav_z, before = float(uav.p_enu[2]), len(self._left_out)
         if not math.isfinite(self._home_z(uav)):
             sources = self._found.sources if self._found else ()
-            if len(sources) == 1 and sources[0].z > uav_z - LEAST_HEIGHT_M:
+            if len(sources) == 1 and sources[0].z > uav_z - MIN_HEIGHT_M:
                 self._left_out.add(sources[0].name)
                 self._news.append(
                     f"{sources[0].name} put the UAV into the ground: another datum? Their level is not used, "
                     f"{GUESS_M:.0f} m above the ground is guessed until the film tells"
                 )
         elif uav.height_m > FLYING_M:
-            self._leave_out(lambda source: source.z > uav_z - LEAST_HEIGHT_M, uav_z - uav.height_m, self._home)
+            self._leave_out(lambda source: source.z > uav_z - MIN_HEIGHT_M, uav_z - uav.height_m, self._home)
         return len(self._left_out) > before
 
     def _leave_out(self, is_wrong: Callable[[HeightSource], bool], z: float, witness: str) -> None:
@@ -367,7 +367,7 @@ def find_ground(
             sources.append(HeightSource(name=GUESS, z=level, std_m=GUESS_STD_M))
             z, var = level, GUESS_STD_M**2
         if [source.name for source in sources] in ([ALTITUDES], [GUESS]):
-            datums_m = tuple(m for m in DATUMS_M if uav_enu[2] - z + m > LEAST_HEIGHT_M)
+            datums_m = tuple(m for m in DATUMS_M if uav_enu[2] - z + m > MIN_HEIGHT_M)
     elif home not in [*left_out, *(source.name for source in sources)]:
         sources.append(HeightSource(name=home, z=home_z, std_m=float(HOME_STDS_M[0])))
         z, var = _with_home(z, var, home_z)

@@ -27,15 +27,15 @@ _DEG_M = 111_320.0
 _FAR_M, _CLIMB_MPS = 30.0, 40.0
 _FAR_RAD, _TURN_RAD_S, _TURN = 0.5, 2.0, 2.0 * math.pi + 0.01
 """Heights and headings that are farther off than the first and back faster than the second are damaged."""
-_LEAST = 3
-_MOST_IN_A_ROW = 8
+_MIN_ROWS = 3
+_MAX_IN_A_ROW = 8
 """Damaged samples; what is off for longer is where it is."""
 _LEG_S, _OFF_MPS, _OFF_SHARE = 5.0, 2.0, 0.3
 """Over such a time velocities that are off by more than this and that share of the speed are not those of the path."""
 _ZERO_M, _UNSET_M = 0.5, 5.0
 """Bounds of a 0 that was written before a value was known: within the first of it, and no other value
 is nearer than the second."""
-MOST_M = 20_000.0
+MAX_M = 20_000.0
 """No altitude or height is farther from 0."""
 _USUAL_STEPS = 3.0
 """Usual steps, and the way between those before and after, that a sample which stands alone may be off by as well."""
@@ -95,7 +95,7 @@ def place_words(places: PlaceTrack, clock: LogClock) -> tuple[tuple[str, ...], B
 
 def _within_the_air(places: PlaceTrack) -> tuple[PlaceTrack, int]:
     """Altitudes and heights in another unit are unknown; and how many positions have such."""
-    alt, height = (np.abs(np.nan_to_num(column)) > MOST_M for column in (places.alt_m, places.height_m))
+    alt, height = (np.abs(np.nan_to_num(column)) > MAX_M for column in (places.alt_m, places.height_m))
     alt_m, height_m = np.where(alt, np.nan, places.alt_m), np.where(height, np.nan, places.height_m)
     return replace(places, alt_m=alt_m, height_m=height_m), int(np.count_nonzero(alt | height))
 
@@ -128,7 +128,7 @@ def _moving_as_told(places: PlaceTrack) -> tuple[PlaceTrack, int]:
     ends = np.searchsorted(t_s, t_s + _LEG_S)
     begins = np.flatnonzero(ends < len(known))
     ends = ends[begins]
-    if len(begins) < _LEAST:
+    if len(begins) < _MIN_ROWS:
         return places, 0
     way = np.zeros((len(known), 2))
     # s = ∫ v dt, by trapezia
@@ -207,7 +207,7 @@ def _within_a_day(log: VehicleLog) -> VehicleLog:
 def _reached(places: PlaceTrack) -> Bools:
     """(n,) which positions can be reached from that in the middle of all, over those between."""
     n = len(places)
-    if n < _LEAST:
+    if n < _MIN_ROWS:
         return np.ones(n, np.bool_)
     lat, lon = np.median(places.lat_deg), np.median(places.lon_deg)
     east = (places.lon_deg - lon + 180.0) % 360.0 - 180.0
@@ -262,7 +262,7 @@ def alone(t_us: Ints, path: Floats, far: float, fastest: float) -> NDArray[np.bo
     """
     usual = usual_step(path)
     found = np.zeros(len(t_us), np.bool_)
-    for count in range(1, _MOST_IN_A_ROW + 1):
+    for count in range(1, _MAX_IN_A_ROW + 1):
         for k in np.flatnonzero(_out_and_back(t_us, path, far + _USUAL_STEPS * usual, fastest, count)).tolist():
             found[k + 1 : k + 1 + count] = True
     return found

@@ -29,7 +29,7 @@ _BACK_US = 1_000_000
 _AGREE = 2
 """Rows of one logger come late alone, if at all."""
 _SECOND_US = 1_000_000
-_LEAST_ROWS = 3
+_MIN_ROWS = 3
 _GAP_US, _GAP_STEPS = 1_000_000, 5
 """A gap is longer than this, and than this many of the usual steps."""
 _MOST_OF_ALL = 0.9
@@ -38,7 +38,7 @@ _NEAR_M, _STEPS = 2.0, 3.0
 _FAR_M, _FASTEST_MPS = 30.0, 40.0
 """Nothing goes farther than this out of its path and back as fast as that."""
 _YEAR_FIRST = re.compile(r"^(\d{4})[/.](\d{2})[/.](\d{2})", re.ASCII)
-_MOST_TOLD = 3
+_MAX_TOLD = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +79,7 @@ def check_one_clock(t_us: Ints, source: str, where: Where = by_number, *, blocks
     Raises:
         ImportFileError: the times begin again, or all of them are the same.
     """
-    if len(t_us) >= _LEAST_ROWS and np.ptp(t_us) == 0:
+    if len(t_us) >= _MIN_ROWS and np.ptp(t_us) == 0:
         raise ImportFileError(
             f"{source}: all {len(t_us)} positions have the same time, {_words(int(t_us[0]))}: they tell no path"
         )
@@ -241,9 +241,9 @@ def _leap_words(times: Ints, moved_us: Ints, path_m: Floats, where: Where) -> li
     told = [
         f"its clock leaps by {by_us * 1e-6:+.2f} s after {where(row)}: the path goes on as if no time had passed; cut "
         "it there"
-        for row, by_us in found[:_MOST_TOLD]
+        for row, by_us in found[:_MAX_TOLD]
     ]
-    if len(found) > _MOST_TOLD:
+    if len(found) > _MAX_TOLD:
         return [f"{told[0]}; and so it does {len(found) - 1} times more: times that were cut, or of another clock?"]
     return told
 

@@ -30,7 +30,7 @@ _TURN, _LEVEL = np.radians(2.0 * np.pi + 0.01), np.radians(0.05)
 """Angles in radians that were taken for degrees are smaller than the first, and not all smaller than the second."""
 _MOST_OF_TURN = 0.6
 """Share of a turn that a yaw covers which is asked for its unit without a course."""
-_LEG_S, _LEAST_LEG_M, _LEAST_LEGS = 2.0, 2.0, 10
+_LEG_S, _MIN_LEG_M, _MIN_LEGS = 2.0, 2.0, 10
 """Legs that tell a course."""
 _ALONG, _NEARER = np.radians(35.0), np.radians(10.0)
 """Headings of what drives are along its course, forwards or backwards; they fit better if by more than the second."""
@@ -133,7 +133,7 @@ def _course_words(whose: str, track: PlaceTrack) -> Iterator[str]:
     rows, course = _courses(track)
     headings = track.heading[rows]
     known = np.isfinite(headings)
-    if np.count_nonzero(known) < _LEAST_LEGS:
+    if np.count_nonzero(known) < _MIN_LEGS:
         return
     off, length = _mean_angle(headings[known] - course[known])
     most, askew = float(np.abs(headings[known]).max()), _askew(off) if length > _AGREED else np.pi
@@ -167,7 +167,7 @@ def _courses(track: PlaceTrack) -> tuple[NDArray[np.int64], Floats]:
     ends = np.searchsorted(t_s, t_s + _LEG_S)
     begins = np.flatnonzero(ends < len(t_s))
     leg = path_m[ends[begins]] - path_m[begins]
-    went = (np.linalg.norm(leg, axis=1) > _LEAST_LEG_M) & (t_s[ends[begins]] - t_s[begins] < 2.0 * _LEG_S)
+    went = (np.linalg.norm(leg, axis=1) > _MIN_LEG_M) & (t_s[ends[begins]] - t_s[begins] < 2.0 * _LEG_S)
     begins, leg = begins[went], leg[went]
     return (begins + ends[begins]) // 2, np.arctan2(leg[:, 1], leg[:, 0])
 

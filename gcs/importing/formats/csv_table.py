@@ -105,10 +105,10 @@ def _check_steps(times: Floats, us: float, unit: str, where: str, give: str = _G
 Floats = NDArray[np.float64]
 
 _LATEST_US = 4_102_444_800_000_000  # the year 2100
-_MOST_ROWS = 2_000_000
-_MOST_SHOWN = 200
+_MAX_ROWS = 2_000_000
+_MAX_SHOWN = 200
 _AROUND = " \t\r\n\"'"
-_MOST_NAMED, _MOST_NAME = 8, 40
+_MAX_NAMED, _MAX_NAME = 8, 40
 _NO_NUMBER = "cells that are no numbers"
 _UNKNOWN = ("", "nan", "null", "none", "n/a", "na", "-", "--")
 """Words in a cell where nothing is known."""
@@ -134,10 +134,10 @@ def read_csv(path: Path) -> list[VehicleLog]:
     times, clock, said = unix_us(table.time, by_name[table.time], dated=table.dated, where=where)
     t_us = np.rint(np.clip(times, -1.0, _LATEST_US))
     assumed += said + ((NO_ZONE,) if table.zoneless else ())
-    titles = zip((plain(cell.strip(_AROUND))[:_MOST_NAME] for cell in cells), table.names, strict=True)
+    titles = zip((plain(cell.strip(_AROUND))[:_MAX_NAME] for cell in cells), table.names, strict=True)
     unread = [title for title, name in titles if title and name not in KNOWN]
-    more = f" and {len(unread) - _MOST_NAMED} more" if len(unread) > _MOST_NAMED else ""
-    found = (f"columns left alone: {', '.join(unread[:_MOST_NAMED])}{more}",) if unread else ()
+    more = f" and {len(unread) - _MAX_NAMED} more" if len(unread) > _MAX_NAMED else ""
+    found = (f"columns left alone: {', '.join(unread[:_MAX_NAMED])}{more}",) if unread else ()
     notes = ImportNotes(found=found, assumed=assumed, skipped=table.skipped)
     return _vehicles(path, by_name, t_us, clock, notes, np.array(table.lines, np.int64))
 
@@ -207,7 +207,7 @@ class _TextTable:
             raise ImportFileError(f"{path}: no column of times; the first line must name one of {wanted}")
         missing = [name for name in ("lat", "lon") if name not in self.names]
         if missing:
-            seen = ", ".join(self.names[:8])[:_MOST_SHOWN]
+            seen = ", ".join(self.names[:8])[:_MAX_SHOWN]
             raise ImportFileError(
                 f"{path}: column {missing[0]} is missing; the first line must name the columns, it has {seen}"
             )
@@ -251,8 +251,8 @@ class _TextTable:
         for number, line in lines:
             if not line.strip():
                 continue
-            if len(self.lines) >= _MOST_ROWS:
-                raise ImportFileError(f"{self._path}: more than {_MOST_ROWS} rows; cut it where the flight ends")
+            if len(self.lines) >= _MAX_ROWS:
+                raise ImportFileError(f"{self._path}: more than {_MAX_ROWS} rows; cut it where the flight ends")
             cells = [cell.strip(_AROUND) for cell in _cells(line, self._between)]
             if any(cells[width:]):
                 self.skipped["rows of more cells than there are columns"] += 1

@@ -29,7 +29,7 @@ from gcs.importing.vehicle_log import (
 )
 from mavlink.geodesy import rotation_from_euler
 
-_MOST_SET = 1 << 20
+_MAX_SET = 1 << 20
 _LATEST_US = 4_102_444_800_000_000
 """Year 2100: what is later is a date that is not known."""
 _ABOVE_ELLIPSOID = {75, 104}
@@ -111,7 +111,7 @@ def _sets(data: bytes, skipped: Counter[str]) -> Iterator[dict[int, float]]:
     at = data.find(SETS_KEY)
     while at >= 0:
         size, start = _length(data, at + len(SETS_KEY))
-        if size is None or size > _MOST_SET or start + size > len(data):
+        if size is None or size > _MAX_SET or start + size > len(data):
             skipped["KLV sets that are cut"] += 1
             return
         items = _items(data[start : start + size])

@@ -24,7 +24,7 @@ _TIME = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-5]\d(?:\.\d{1,9})?)$", re.ASCII
 _DATE = re.compile(r"(\d\d)(\d\d)(\d\d)$", re.ASCII)
 _MPS_PER_KNOT = 1852.0 / 3600.0
 _DAY_S = 86_400.0
-_LEAST_FIELDS = {"GGA": 9, "GNS": 9, "RMC": 9, "GST": 7, "ZDA": 4}
+_MIN_FIELDS = {"GGA": 9, "GNS": 9, "RMC": 9, "GST": 7, "ZDA": 4}
 _NAN2 = (math.nan, math.nan)
 
 
@@ -65,7 +65,7 @@ class _NmeaReader:
             return
         fields = body.split(",")
         time_s = _time_s(fields[0])
-        if len(fields) < _LEAST_FIELDS[kind] or math.isnan(time_s):
+        if len(fields) < _MIN_FIELDS[kind] or math.isnan(time_s):
             self._tracks.skipped["sentences without a time"] += 1
             return
         if time_s != self._fix.time_s or kind in self._fix.heard:

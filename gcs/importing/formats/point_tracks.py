@@ -19,9 +19,9 @@ from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog, whole
 from infra.plain_text import plain
 from infra.xml_text import ElementHandler, XmlRefusedError, read_elements
 
-_MOST_POINTS = 1_000_000
-_MOST_TRACKS = 255
-_MOST_NAME = 200
+_MAX_POINTS = 1_000_000
+_MAX_TRACKS = 255
+_MAX_NAME = 200
 _COLUMNS = 9
 """Columns of a point: Unix seconds, degrees, metres above sea and take-off, 1σ in metres, m/s north and east, line."""
 _NUMBER = re.compile(r"(?<!\d)(\d{1,3})(?!.*\d)", re.ASCII)
@@ -55,7 +55,7 @@ class PointTracks:
 
     def name(self, text: str) -> None:
         """Take the name of the track that is read."""
-        self._open.name = plain(text.strip()[:_MOST_NAME])
+        self._open.name = plain(text.strip()[:_MAX_NAME])
 
     def add(
         self,
@@ -80,8 +80,8 @@ class PointTracks:
             ImportFileError: there are too many.
         """
         self._count += 1
-        if self._count > _MOST_POINTS:
-            raise ImportFileError(f"{self._path}: more than {_MOST_POINTS} points; cut it where the flight ends")
+        if self._count > _MAX_POINTS:
+            raise ImportFileError(f"{self._path}: more than {_MAX_POINTS} points; cut it where the flight ends")
         if not (math.isfinite(unix_s) and unix_s >= 0.0):
             self.skipped["points without a time"] += 1
         elif not whole_places(np.array([place[0]]), np.array([place[1]]))[0]:
@@ -96,8 +96,8 @@ class PointTracks:
             ImportFileError: there are too many.
         """
         if self._open.columns:
-            if len(self._tracks) >= _MOST_TRACKS:
-                raise ImportFileError(f"{self._path}: more than {_MOST_TRACKS} tracks")
+            if len(self._tracks) >= _MAX_TRACKS:
+                raise ImportFileError(f"{self._path}: more than {_MAX_TRACKS} tracks")
             self._tracks.append(self._open)
         self._open = _PointTrack()
 

@@ -34,7 +34,7 @@ TELEMETRY_UUID = bytes.fromhex("8d646b4e556f4a908b7c35e629510321")
 _SCHEMA = "apcg.telemetry.v1"
 _USER_DATA = 5
 _H264_SEI, _H265_SEI = (6,), (39, 40)
-_MOST_JSON = 16 << 10
+_MAX_JSON = 16 << 10
 _OLDEST_MS = 1000.0
 """Greatest age at which a message is not left out."""
 _PARTS = re.compile(rb"\x00\x00\x01")
@@ -148,7 +148,7 @@ def log_of_messages(source: str, messages: Sequence[TimedBytes]) -> VehicleLog:
 
 
 def _record(data: bytes) -> Mapping[str, Any] | None:
-    if len(data) > _MOST_JSON:
+    if len(data) > _MAX_JSON:
         return None
     try:
         record = json.loads(data.rstrip(b"\0"))

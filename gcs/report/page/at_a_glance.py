@@ -14,7 +14,7 @@ from gcs.report.page.vehicle_parts import standing_of
 from gcs.report.score import Matched, score
 from gcs.report.vehicle_names import text_with_sender
 
-MOST_NAMES: Final = 8
+MAX_NAMES: Final = 8
 """Most vehicles named in one line; the roll call has all of them."""
 
 
@@ -38,8 +38,8 @@ def _standings(record: FlightSummary) -> Iterator[Line]:
     rows = record.rollcall.rows()
     for standing in ("confirmed", "tentative"):
         if names := [row.name for row in rows if standing_of(record, row) == standing]:
-            more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-            yield f"{standing}: {', '.join(names[:MOST_NAMES])}{more}", standing
+            more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+            yield f"{standing}: {', '.join(names[:MAX_NAMES])}{more}", standing
     never = (row for row in rows if standing_of(record, row) == "never named")
     yield from listed([(f"never named: {row.name} ({row.remark})", "never") for row in never])
     if seen := [row for row in rows if row.boxes and row.frames_in_view]:

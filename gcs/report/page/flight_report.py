@@ -20,7 +20,7 @@ from gcs.report.score import Matched
 from gcs.report.vehicle_names import text_with_sender
 from gcs.snapshot import Reported
 
-MOST_LISTED: Final = 1000
+MAX_LISTED: Final = 1000
 """Alarms, and other events, of one flight that the page lists; the rest is counted."""
 _REPORTED: Final[Mapping[Reported, str]] = {
     "": "",
@@ -89,7 +89,7 @@ def _alarms(record: FlightSummary) -> str:
             span.alarm.advice,
             _REPORTED[span.alarm.reported],
         )
-        for number, span in enumerate(record.alarms[:MOST_LISTED], 1)
+        for number, span in enumerate(record.alarms[:MAX_LISTED], 1)
     ]
     more = _left_out(len(record.alarms), "alarms")
     columns = ("number", "from", "until", "level", "what", "what to do", "told by")
@@ -101,7 +101,7 @@ def _events(record: FlightSummary) -> str:
         return empty("No warning was given.")
     # what the operator did and marked is always listed
     own = [event for event in record.events if event.kind in ("mark", "operator")]
-    listed = {id(event) for event in (*own, *record.events)[: max(MOST_LISTED, len(own))]}
+    listed = {id(event) for event in (*own, *record.events)[: max(MAX_LISTED, len(own))]}
     rows = [
         (
             clock((event.t_us - record.start_us) * 1e-6),
@@ -126,7 +126,7 @@ def _reports(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Seque
 
 
 def _left_out(count: int, what: str) -> str:
-    return empty(f"{count - MOST_LISTED} more {what} are not listed.") if count > MOST_LISTED else ""
+    return empty(f"{count - MAX_LISTED} more {what} are not listed.") if count > MAX_LISTED else ""
 
 
 def _lines(lines: Sequence[str]) -> str:

@@ -20,11 +20,11 @@ from mavlink.geodesy import LocalFrame
 
 FloatArray = NDArray[np.float64]
 
-MOST_PARTS: Final = 400
+MAX_PARTS: Final = 400
 """Most parts of a flight's time: more than a page shows side by side."""
 FRAMES_A_PART: Final = 3
 """At least, on average: a part without a frame looks like one without a name."""
-MOST_CHANGES: Final = 20
+MAX_CHANGES: Final = 20
 LONGEST_STEP_US: Final = 1_000_000
 """For which a frame's names are taken to hold while no other is looked at."""
 
@@ -119,7 +119,7 @@ class FlightSummary:
 
     def __init__(self, mission: Mission, start_us: int, stop_us: int, frame_s: float) -> None:
         self.start_us, self.stop_us = start_us, max(stop_us, start_us + 1)
-        self.parts = min(max(int(self.span_s / (FRAMES_A_PART * frame_s)), 1), MOST_PARTS)
+        self.parts = min(max(int(self.span_s / (FRAMES_A_PART * frame_s)), 1), MAX_PARTS)
         self.name_of = mission.name_of
         self.rollcall = RollCall(mission)
         self.vehicles = {i: VehicleRecord.empty(i, mission.name_of(i), self.parts) for i in mission.ugv_ids}
@@ -192,7 +192,7 @@ class FlightSummary:
             vehicle.seen[part] = self._place(box.p_enu, snapshot.origin)
         if vehicle.track_id not in (0, box.track_id):
             vehicle.changed += 1
-            if len(vehicle.changes) < MOST_CHANGES:
+            if len(vehicle.changes) < MAX_CHANGES:
                 vehicle.changes.append((at_us, vehicle.track_id, box.track_id))
         vehicle.track_id = box.track_id
 

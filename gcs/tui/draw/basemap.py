@@ -15,7 +15,7 @@ from mavlink.geodesy import LocalFrame
 
 STRENGTH: Final = 0.4
 """Opacity of the picture over the background, 0..1."""
-MOST_TILES: Final = 64
+MAX_TILES: Final = 64
 """For one picture; a view that needs more is drawn with coarser ones."""
 FARTHEST_NORTH_DEG: Final = 85.0
 """Web Mercator has no poles."""
@@ -67,7 +67,7 @@ class Basemap:
         """The tiles of a part of the world, (h, w, 4) with 255 where there are any, and where in it the view is."""
         left, top, right, bottom = (math.floor(edge / TILE_PX) for edge in pixels)
         columns, rows = right - left + 1, bottom - top + 1
-        if columns * rows > MOST_TILES:
+        if columns * rows > MAX_TILES:
             return None
         mosaic = np.zeros((rows * TILE_PX, columns * TILE_PX, 4), dtype=np.uint8)
         for row in range(rows):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.int64)
 LONGEST = 4096
 FARTHEST = 1e12
-LEAST_STEP = 1e-9
+MIN_STEP = 1e-9
 """Shorter than this along an axis, in dots, a line is parallel to the edge."""
 
 Inks = int | NDArray[np.int64]
@@ -75,7 +75,7 @@ class BrailleCanvas:
         self, start: NDArray[np.float64], step: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(k,) shares of lines at which each enters and leaves the grid (Liang–Barsky); enters last: it never does."""
-        step = np.where(np.abs(step) < LEAST_STEP, LEAST_STEP, step)
+        step = np.where(np.abs(step) < MIN_STEP, MIN_STEP, step)
         low, high = -start / step, ((2.0 * self.columns, 4.0 * self.rows) - start) / step
         return np.minimum(low, high).max(axis=1, initial=0.0), np.maximum(low, high).min(axis=1, initial=1.0)
 

@@ -15,7 +15,7 @@ TALLER = 1.3
 """The video is this much higher than its frame where there is room: a part of the frame fills it."""
 FLEET_SHARE = 0.42
 """Share of the width that the table may take beside a view."""
-LEAST_IDENTITY_ROWS = 6
+MIN_IDENTITY_ROWS = 6
 IDENTITY_ROWS, MORE_IDENTITY_ROWS = 13, 24
 """Rows for who, how sure, what against, where and what to do; on tall screens for what else is known too."""
 TALL = 46
@@ -107,7 +107,7 @@ def _main(width: int, height: int, state: LayoutState, shown: frozenset[str]) ->
 
 def _hides_vehicles(height: int, state: LayoutState) -> bool:
     """Tell whether a map below the table takes rows of it, or has too few for the names of this many vehicles."""
-    return height - (state.fleet_rows + 1) - LEAST_IDENTITY_ROWS < max(CHART_ROWS, state.fleet_rows // ROWS_OF_NAMES)
+    return height - (state.fleet_rows + 1) - MIN_IDENTITY_ROWS < max(CHART_ROWS, state.fleet_rows // ROWS_OF_NAMES)
 
 
 def _beside(width: int, height: int, state: LayoutState, shown: frozenset[str]) -> dict[str, Rect]:
@@ -153,7 +153,7 @@ def _heights(panes: list[str], width: int, height: int, state: LayoutState) -> d
         "video": CHART_ROWS,
         "map": CHART_ROWS,
         "fleet": min(state.fleet_rows + 1, max(4, height // 2)),
-        "identity": LEAST_IDENTITY_ROWS,
+        "identity": MIN_IDENTITY_ROWS,
         "events": EVENT_ROWS,
         "alarms": min(ALARM_ROWS, max(EVENT_ROWS, height // 3)),
     }

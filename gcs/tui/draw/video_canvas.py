@@ -46,7 +46,7 @@ CORNERS = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
 DOTS = np.array([2, 4])
 """Across and down a cell."""
 
-LEAST_FIELD = (24, 8)
+MIN_FIELD = (24, 8)
 """Columns and rows of a field that has room for an inset."""
 
 _packed = partial(pack, theme=DARK)
@@ -95,7 +95,7 @@ def video_inset(
     snapshot: Snapshot, selected: int, columns: int, rows: int, track: int = 0, former: Inset | None = None
 ) -> Inset | None:
     """Area where ``video_cells`` enlarges the picked vehicle, None where that is not known or there is no room."""
-    if snapshot.width <= 0 or snapshot.height <= 0 or columns < LEAST_FIELD[0] or rows < LEAST_FIELD[1]:
+    if snapshot.width <= 0 or snapshot.height <= 0 or columns < MIN_FIELD[0] or rows < MIN_FIELD[1]:
         return None
     boxes = boxes_in_order(snapshot, selected, track)
     marks = list(zip(boxes, _anchors(snapshot, boxes, columns, rows), strict=True))

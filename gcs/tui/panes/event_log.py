@@ -24,7 +24,7 @@ from mavlink.state import Level
 FILTERS: Final[tuple[Level, ...]] = ("info", "warning", "alarm")
 LEVEL_LABELS: Final = {"info": "all", "warning": "warnings", "alarm": "alarms"}
 MARKS: Final = {"info": "  ", "warning": "! ", "alarm": "!!"}
-MOST: Final = 2000
+MAX_EVENTS: Final = 2000
 GLYPHS: Final[Mapping[str, str]] = MappingProxyType(
     {
         "link": "⇄",
@@ -111,7 +111,7 @@ class EventPane(Pane):
         """Rows that may be on screen: not of a replay's future, of the newest few thousand events."""
         until_us = None if self._live or self.snapshot is None else self.snapshot.now_us
         past = [event for event in self.all_events if until_us is None or event.t_us <= until_us]
-        look = (past[-MOST:], self.least, self.words)
+        look = (past[-MAX_EVENTS:], self.least, self.words)
         if look != self._look:  # to search and fold takes longer than to draw
             self._look, self._shown = look, rows_of(self.filtered(look[0]))
         return self._shown
@@ -217,7 +217,7 @@ class EventPane(Pane):
         """One row; while the log has the focus, as many as the text needs."""
         names = tuple(each.name for each in self.snapshot.vehicles) if self.snapshot is not None else ()
         kept_for = width, self.has_focus, names, ink()
-        if kept_for != self._kept_for or len(self._kept) > MOST:
+        if kept_for != self._kept_for or len(self._kept) > MAX_EVENTS:
             self._kept, self._kept_for = {}, kept_for
         ours = bool(self.selected) and row.event.system_id == self.selected
         if (row, ours) not in self._kept:

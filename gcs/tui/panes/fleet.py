@@ -131,7 +131,7 @@ def _link(row: VehicleRow) -> Cell:
     if not math.isfinite(row.loss):
         return f"{BARS[-1]} ok", INK
     bars = BARS[max(0, len(BARS) - 1 - sum(row.loss > limit for limit in LOSSES))]
-    return f"{bars} {percent(row.loss) if row.loss >= LEAST_LOSS else 'ok'}", WARN if row.loss > LOSSY else INK
+    return f"{bars} {percent(row.loss) if row.loss >= MIN_LOSS else 'ok'}", WARN if row.loss > LOSSY else INK
 
 
 def _link_and_position(row: VehicleRow) -> Cell:
@@ -195,7 +195,7 @@ def _name(row: VehicleRow) -> Cell:
 BARS: Final = "▁▂▄▆"
 LOSSES: Final = (0.02, 0.10, 0.30)
 """Shares of packets lost from which a link has a bar less; the second is where operators are warned."""
-LEAST_LOSS: Final = 0.005
+MIN_LOSS: Final = 0.005
 """Less is shown as none."""
 NAME = Column(title="NAME", width=6, rank=0, cell=_name)
 POSITION: Final = "POS"

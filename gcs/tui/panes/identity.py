@@ -61,7 +61,7 @@ STANDINGS: Final[tuple[Standing, ...]] = get_args(Standing)
 """In the order in which they are counted."""
 MARGIN = 1
 """Cells kept free at the right."""
-MOST_ROWS = 60
+MAX_ROWS = 60
 NAME_CELLS = 13
 """Width of what is before a fact."""
 BAR_CELLS, SHORT_BAR_CELLS = 8, 4
@@ -69,7 +69,7 @@ ROOMY_CELLS = 36
 """Width of a candidate's bar: the short one in a pane narrower than the last."""
 WITHOUT_NAME: Final[tuple[Standing, ...]] = ("unidentified", "misplaced", "no position", "out of view")
 """Standings of vehicles that no box is while there is a picture, first those that should be in it."""
-MOST_WITHOUT_NAME: Final = 6
+MAX_WITHOUT_NAME: Final = 6
 """Vehicles told of with the reason; the rest is counted."""
 NEVER_HEARD: Final = "never heard"
 PLACES: Final = (("upper left", "top", "upper right"), ("left", "", "right"), ("lower left", "bottom", "lower right"))
@@ -141,7 +141,7 @@ class IdentityPane(Pane):
 
     def rows_wanted(self, width: int) -> int:
         """Rows below the heading that everything would take."""
-        return len(self.body(width, MOST_ROWS))
+        return len(self.body(width, MAX_ROWS))
 
 
 def _columns(facts: Sequence[Fact], width: int, height: int) -> list[Strip]:
@@ -374,7 +374,7 @@ def _without_name(snapshot: Snapshot) -> list[Fact]:
         row for row in snapshot.vehicles if row.role == "ugv" and row.standing in WITHOUT_NAME and not row.elsewhere
     ]
     facts: list[Fact] = []
-    for row in sorted(rows, key=first)[:MOST_WITHOUT_NAME]:
+    for row in sorted(rows, key=first)[:MAX_WITHOUT_NAME]:
         worst = worst_alarm(snapshot, row.system_id)
         why = plain(trouble_of(worst)) if worst is not None else expected_place(snapshot, row)
         colour = standing_colour(row.standing) if worst is None else level_colour(worst.level)

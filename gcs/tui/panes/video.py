@@ -33,7 +33,7 @@ PIXELS_EVERY_S = 0.15
 """Least time between images; a terminal that takes longer is given as long again to answer keys."""
 LAG_SHOWN_S = 0.05
 IMAGE_ID = "pixels"
-LEAST_RULE = 4
+MIN_RULE = 4
 """Cells round the pane's name, and of the line between it and the figures."""
 
 
@@ -94,7 +94,7 @@ class VideoPane(Pane):
         if self.enlarged and not (self._inset and self._inset.seen):
             return [(self._inset_note(), ink(WARN, HEAD))]
         parts = [(self._frame_note(self.snapshot), ink(INK, HEAD)), *_state_parts(self.snapshot)]
-        while parts and len(self.label) + width_of(parts) + LEAST_RULE > self.size.width:
+        while parts and len(self.label) + width_of(parts) + MIN_RULE > self.size.width:
             parts.pop()
         return parts
 

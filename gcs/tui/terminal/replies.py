@@ -23,7 +23,7 @@ _BEGUN = re.compile(
 """The end of what was read may be the beginning of one of these."""
 _NO_KEY = re.compile(r"\x1b(?:\[[?>=]|_G)")
 """No key begins like this."""
-MOST_CHARACTERS = 4_096
+MAX_CHARACTERS = 4_096
 """A reply that is longer is none."""
 KEY_HOLD_S = 0.03
 """An escape is held for this long, for it may begin a reply: parts of one come together but for the line between."""
@@ -53,7 +53,7 @@ class Replies:
         """Typed part of what was read."""
         text = self._held + text
         begun = _BEGUN.search(text)
-        at = len(text) if begun is None or len(text) - begun.start() > MOST_CHARACTERS else begun.start()
+        at = len(text) if begun is None or len(text) - begun.start() > MAX_CHARACTERS else begun.start()
         text, self._held = text[:at], text[at:]
         return _REPLY.sub(self._take, text)
 

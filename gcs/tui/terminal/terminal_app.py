@@ -24,7 +24,7 @@ from gcs.tui.draw.terminal_kind import has_terminal
 from gcs.tui.terminal.driver import TerminalDriver
 from gcs.tui.themes import THEMES, ThemeName, next_theme, textual_theme
 
-MOST_FPS = 12.0
+MAX_FPS = 12.0
 """Pictures a second that are drawn at most, on any terminal."""
 
 
@@ -71,7 +71,7 @@ class TerminalApp(App[None]):
         theme: colours to begin with.
     """
 
-    def __init__(self, fps: float = MOST_FPS, theme: ThemeName = "dark") -> None:
+    def __init__(self, fps: float = MAX_FPS, theme: ThemeName = "dark") -> None:
         super().__init__()
         palette.use_depth(depth_of(self.colours))
         for each in THEMES.values():
@@ -116,13 +116,13 @@ class TerminalApp(App[None]):
     def picture_waits(self) -> bool:
         """Tell whether the terminal does not have the last pictures yet, or has had as many as ``fps`` allows.
 
-        To be asked ``MOST_FPS`` times a second; a picture may be drawn whenever the answer is no.
+        To be asked ``MAX_FPS`` times a second; a picture may be drawn whenever the answer is no.
         """
         now_s = time.monotonic()
         if now_s < self._picture_due_s or (isinstance(self._driver, TerminalDriver) and self._driver.has_picture):
             return True
         # who asks is not punctual to the millisecond
-        self._picture_due_s = now_s + 1 / self._fps - 0.5 / MOST_FPS if self._fps < MOST_FPS else now_s
+        self._picture_due_s = now_s + 1 / self._fps - 0.5 / MAX_FPS if self._fps < MAX_FPS else now_s
         return False
 
     def _display(self, screen: Screen[object], renderable: RenderableType | None) -> None:

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs.live_out.json_lines import BEHIND_BYTES, MOST_CLIENTS, MUTE_S, JsonTcp, JsonUdp, json_line
+from gcs.live_out.json_lines import BEHIND_BYTES, MAX_CLIENTS, MUTE_S, JsonTcp, JsonUdp, json_line
 from gcs.live_out.sink import SinkSource
 from gcs.live_out.sink_url import parse_tell
 from gcs.session.box_table import json_row
@@ -125,18 +125,18 @@ def test_clients_that_take_nothing_make_room_after_five_seconds():
     sink = JsonTcp(url, SOURCE, lambda: clock[0])
     large = replace(full(), vehicles=full().vehicles * 200)
     with ExitStack() as open_clients:
-        for _ in range(MOST_CLIENTS):
+        for _ in range(MAX_CLIENTS):
             mute = open_clients.enter_context(socket.socket())
             mute.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
             mute.connect((url.host, url.port))
-        assert until(lambda: sink.serve() or sink.clients == MOST_CLIENTS)
+        assert until(lambda: sink.serve() or sink.clients == MAX_CLIENTS)
         later = open_clients.enter_context(socket.create_connection((url.host, url.port), timeout=30))
         size = len(json_line(large, SOURCE))
         for frame in range(BEHIND_BYTES // 2 // size):
             sink.write(replace(large, frame=frame))
         clock[0] = MUTE_S - 0.1
         sink.serve()
-        assert sink.clients == MOST_CLIENTS
+        assert sink.clients == MAX_CLIENTS
         clock[0] = MUTE_S + 0.1
         sink.serve()
         assert until(lambda: sink.serve() or sink.clients == 1)
