@@ -46,7 +46,7 @@ class SearchParams:
     hypotheses: int = 6
     """Joint hypotheses of pose and assignment that are kept."""
     start_hypotheses: int = 3
-    """How many of them the next update starts from."""
+    """Number of hypotheses that the next update starts from."""
     spread_every: int = 6
     """Every n-th update also starts from the prior's mean, turned and shifted in time."""
     shift_every: int = 3
@@ -101,7 +101,7 @@ class LearningParams:
     clutter_age_s: float = 2.5
     """Age from which a track that is surely none of ours counts as clutter, seconds."""
     clutter_memory_s: float = 30.0
-    """How long after that clutter is expected, seconds."""
+    """Time after that in which clutter is expected, seconds."""
     spare_tracks: float = 0.5
     """Tracks beyond the vehicles expected in view that do not count as clutter: the expectation is uncertain."""
     offset_tension: float = 1.5
@@ -127,7 +127,7 @@ class IdentifierParams:
     bias_m: float = 1.5
     """Prior 1σ per axis of a vehicle's slowly wandering position error, metres; learnt from confident pairs."""
     bias_tau_s: float = 60.0
-    """Its correlation time, seconds."""
+    """Correlation time of the bias, seconds."""
     mean_floor_m: float = 0.12
     """Least 1σ of a block mean, metres, however many samples: box centre against antenna, lens distortion."""
     pixel_std: float = 1.5

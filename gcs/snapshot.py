@@ -49,12 +49,12 @@ class Statement:
     system_id: int
     """System id of the vehicle, 0 none of ours."""
     frame: int = -1
-    """From which frame on it counts, -1 not yet."""
+    """Frame from which on the statement counts, -1 not yet."""
     cx: float = NAN
     cy: float = NAN
     """Place of the box in that frame, px, NaN unknown: a replay that tracks otherwise finds it there."""
     undone: bool = False
-    """It is withdrawn with this frame."""
+    """True if the statement is withdrawn with this frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,7 +92,7 @@ class Event:
     alarm_level: Level | Literal[""] = ""
     """The level of the alarm that comes or is over, empty where none does."""
     over: bool = False
-    """That alarm is over."""
+    """True if that alarm is over."""
     reported: Reported = ""
     statement: Statement | None = None
     """Statement that the operator made or withdrew with it; a replay does so at the same frame."""
@@ -165,9 +165,9 @@ class VehicleRow:
     """True if the reported position is in view; None when the camera's pose is unknown."""
     standing: Standing = "no position"
     standing_since_us: int = 0
-    """Since when it has this standing, 0 unknown."""
+    """Time since which it has this standing, Unix µs, 0 unknown."""
     expected_px: tuple[float, float] | None = None
-    """Its reported position in the image plane, also outside of the frame; None unknown or behind."""
+    """Reported position in the image plane, px, also outside of the frame; None unknown or behind."""
     track_id: int = 0
     """Track that carries this identity, 0 none."""
     confidence: float = NAN
@@ -199,7 +199,7 @@ class VehicleRow:
     doubted_for: str = ""
     """Why its positions may be wrong by its own word, empty without doubt."""
     compass_doubted: bool = False
-    """Its compass contradicts its filter."""
+    """True if its compass contradicts its filter."""
     clock_fault: str = ""
     """Fault of its clocks in words, empty while nothing is."""
     condition: VehicleCondition = field(default_factory=VehicleCondition)
@@ -215,9 +215,9 @@ class Candidate:
 
     system_id: int
     confidence: float
-    """That the box is this vehicle, 0..1."""
+    """Probability that the box is this vehicle, 0..1."""
     distance_m: float = NAN
-    """From the box to where the vehicle reports to be, NaN where it has not lately."""
+    """Distance from the box to where the vehicle reports to be, m; NaN where it has not lately."""
     against: str = ""
     """Reason against it, in words; empty: nothing."""
     missing: str = ""
@@ -252,7 +252,7 @@ class Box:
     candidates: tuple[Candidate, ...] = ()
     """The most likely vehicles, the best first, at most three."""
     since_us: int = 0
-    """Since when it has had this name, or none; 0 unknown."""
+    """Time since which it has had this name, or none, Unix µs; 0 unknown."""
     stated: bool = False
     """The name, or that it is none of ours, is what the operator stated."""
     none_of_ours: float = NAN
@@ -345,13 +345,13 @@ class Health:
     keys: int | None = None
     """Signing keys in use, 0 when nothing received can be authenticated; None without a receiver."""
     full_in_s: float = NEVER
-    """Until the disk is full if recording goes on as lately, inf unknown."""
+    """Time until the disk is full if recording goes on as lately, s; inf unknown."""
     write_failing_s: float = 0.0
-    """For how long the recording cannot be written, 0 while it can."""
+    """Time for which the recording could not be written, s; 0 while it can."""
     write_reason: str = ""
     """Why, in the system's words."""
     write_stalled_s: float = 0.0
-    """For how long the disk has not answered, 0 while it does."""
+    """Time for which the disk has not answered, s; 0 while it does."""
     write_lost: int = 0
     """Packets that were given up because too many waited."""
     ingest_restarts: int = 0

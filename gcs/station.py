@@ -36,11 +36,11 @@ class Newcomer:
 
     system_id: int
     kind: str
-    """Its type in a word."""
+    """Type of the vehicle in a word."""
     away_m: float
-    """Over ground from the nearest vehicle of the fleet; inf unknown."""
+    """Distance over ground from the nearest vehicle of the fleet, m; inf unknown."""
     offered: bool
-    """It may be one of ours: a ground vehicle that reports to be near, and that nobody has left out."""
+    """True if it may be one of ours: a ground vehicle that reports to be near, and that nobody has left out."""
 
     @property
     def offer(self) -> str:
@@ -55,7 +55,7 @@ class CameraPicture:
     name: str
     """Name of its aircraft or mast."""
     snapshot: Snapshot | None
-    """Its newest; None before the first."""
+    """Newest snapshot of the camera; None before the first."""
     on_show: bool
     """True of the camera that map, table and keys are about."""
 

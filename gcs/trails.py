@@ -95,7 +95,7 @@ def _interrupted(
     times: NDArray[np.int64],
     longest_us: int,
 ) -> Trail:
-    """With a row of NaN between places that must not be joined."""
+    """Insert a row of NaN between places that must not be joined."""
     dt_us = np.diff(times)
     step_m = np.hypot(*np.diff(places, axis=0).T) if len(places) > 1 else np.zeros(0)
     cut = (dt_us > longest_us) | (step_m > SLACK_M + FASTEST_MPS * dt_us * 1e-6)

@@ -21,7 +21,7 @@ class ReportOnce:
         self._reported: set[str] = set()
 
     def new(self, texts: Iterable[str]) -> list[str]:
-        """Those that were not reported before, in order; now they are."""
+        """Return the items that were not reported before, in order; now they are."""
         fresh = [text for text in dict.fromkeys(texts) if text not in self._reported]
         fresh = fresh[: self._most - len(self._reported)]
         self._reported.update(fresh)

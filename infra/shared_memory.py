@@ -20,7 +20,7 @@ import tempfile
 from zlib import crc32
 
 _HEAD = struct.Struct("=II")
-"""Before each record or value: its length and its checksum."""
+"""Header of each record or value: its length and its checksum."""
 _CURSORS_BYTES = 16
 _WRITTEN, _READ = 0, 1
 """Bytes ever put into a ring and taken out of it: cursors only grow, their place is the remainder."""

@@ -31,7 +31,7 @@ _LONG_KEY = re.compile(rf"""(?<![\w"'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t
 _PLACE = re.compile(r"\.(\w+)|\[(\d+)\]")
 """One step of the path in a msgspec error message, such as ``$.ugv[0].system_id``."""
 _WHOLE_FLOAT = 2.0**53
-"""Below this every whole number is exact as a float."""
+"""Bound below which every whole number is exact as a float."""
 
 
 def parse_toml(data: bytes, where: str) -> dict[str, Any]:

@@ -58,7 +58,7 @@ _SIGNING_EPOCH_US = 1_420_070_400_000_000
 LOST_SHARES = {"loss": 0.4, "far": 0.75}
 LIE_M, IMPOSTOR_M, ELSEWHERE_M = 30.0, 80.0, 40.0
 _TURN = 2.4
-"""From the direction in which a vehicle is elsewhere to that of the next one, rad: no two are alike."""
+"""Angle from the direction in which a vehicle is elsewhere to that of the next one, rad: no two are alike."""
 _DEGREES7_PER_M = 1e7 / 111_195.0
 _SAYS_EVERY = 10
 """Heartbeats."""
@@ -125,7 +125,7 @@ class Troubles:
         """Time that is taken from the boot times of vehicles that booted again."""
         self._beats = dict.fromkeys(self._ids, 0)
         self._driving: set[int] = set()
-        """Those that beat as ground vehicles."""
+        """System ids of those that send heartbeats as ground vehicles."""
         self._rng = np.random.default_rng(1)
         self._socket: socket.socket | None = None
         if port:

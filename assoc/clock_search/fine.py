@@ -68,7 +68,7 @@ class OffsetFit:
     offset_s: float
     """δ, seconds."""
     std_s: float
-    """Its 1σ if the assignment is right."""
+    """1σ of the offset, seconds, if the assignment is right."""
     evidence: float
     """V, nats."""
     pairs: int

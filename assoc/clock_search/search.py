@@ -57,7 +57,7 @@ class ClockVerdict(Enum):
     UNRELATED = "unrelated"
     """No offset fits better than an unrelated fleet would."""
     NO_OVERLAP = "no overlap"
-    """Within the bounds no report of the fleet is of the film's time, or nothing was seen for long enough."""
+    """No report of the fleet within the bounds is of the film's time, or nothing was seen for long enough."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

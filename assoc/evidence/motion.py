@@ -105,7 +105,7 @@ class _Past:
     """All samples of n vehicles up to one of each."""
 
     state: _NullState
-    """After that sample."""
+    """State after the newest sample."""
     earlier: _NullState
     """Before it, where it is far aside; else the time is NaN."""
     score: FloatArray
@@ -129,7 +129,7 @@ class _Report(NamedTuple):
     p: list[float]
     """East and north, metres."""
     v: list[float]
-    """Their speed, m/s, NaN unknown."""
+    """Speed, m/s, of each vehicle; NaN unknown."""
     heading: float
     std_m: float
 

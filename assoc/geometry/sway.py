@@ -69,7 +69,7 @@ class Sway:
     off: FloatArray
     """(K, A) radians or metres, of the prior's axes."""
     prior: SwayPrior
-    """Under which it was fitted."""
+    """Prior under which the sway was fitted."""
     cost: float = 0.0
     """Cost of its freedom to the evidence for the film, nats: with it, some of what is not so fits as well."""
 

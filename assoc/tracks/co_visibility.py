@@ -19,7 +19,8 @@ _MAX_NATS = 8.0
 _PROBABLE = 0.95
 """Probability above which a vehicle surely is one of the tracks seen beside another."""
 _HISTORY_S = 5.0
-"""It must have been for this long, seconds: the first names of two that report one place may be wrong."""
+"""Time for which a vehicle must have been another track, seconds: the first names of two that report one place may be
+wrong."""
 _LONGEST_STEP_S = 1.0
 """Time that counts between two updates, seconds."""
 
@@ -93,7 +94,8 @@ class CoVisibility:
         return np.asarray(self._elsewhere_s[columns] >= _HISTORY_S)
 
     def log_not_lost(self, columns: IntArray, seen: BoolArray) -> FloatArray:
-        """How likely each vehicle is none of the lost tracks beside which a track was seen: ln (1 − max_k p_k).
+        """Return the log probability that each vehicle is none of the lost tracks that were seen beside a track: ln (1
+        − max_k p_k).
 
         Args:
             columns: (m,) tracks.

@@ -181,12 +181,12 @@ class BatchCounts:
     """Outcome of the flights of one run."""
 
     done: int = 0
-    """With a result, those that were skipped included."""
+    """Number of flights with a result, skipped ones included."""
     skipped: int = 0
-    """Those whose result was there before."""
+    """Number of flights whose result was there before."""
     failed: int = 0
     frames: int = 0
-    """That were looked at in this run."""
+    """Number of frames that this run looked at."""
 
 
 def run_batch(
@@ -249,7 +249,7 @@ def run_batch(
 
 
 def _check(results: ResultStore) -> None:
-    """That a folder is new, or a batch's.
+    """Check that a folder is new or a batch's.
 
     Raises:
         BatchError: it holds something else.

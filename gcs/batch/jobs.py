@@ -150,7 +150,7 @@ class FlightDone(msgspec.Struct, frozen=True, tag=True):
 
     record: FlightRecord
     skipped: bool
-    """It was there before."""
+    """True if the result was there before."""
     worker_bytes: int
     """Memory that the worker holds now."""
 

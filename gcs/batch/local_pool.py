@@ -15,7 +15,7 @@ from gcs.batch.stores import open_results
 
 FlightResult = tuple[FlightJob, FlightDone | FlightFailed]
 OnFrames = Callable[[str, int, int], None]
-"""Given a flight's name, how many frames of it are done, and of how many."""
+"""Callback for progress: a flight's name, the number of frames that are done, and of all frames."""
 
 
 def run_in_processes(

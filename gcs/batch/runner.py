@@ -33,7 +33,7 @@ ONE_THREAD = {
     name: os.environ.get(name, "1")
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
 }
-"""Unless told: there is a worker for each core."""
+"""Environment of a worker: one thread unless told otherwise, as there is a worker for each core."""
 _Told = FramesDone | FlightDone | FlightFailed
 _log = logging.getLogger(__name__)
 
@@ -52,7 +52,7 @@ class RunLimits:
     timeout_s: float | None = None
     """Timeout of one attempt."""
     most_bytes: int | None = None
-    """That a worker may hold; None: its share of the machine's memory."""
+    """Most memory that a worker may hold, bytes; None: its share of the machine's memory."""
 
 
 def keep_log(job: FlightJob, result: FlightDone | FlightFailed, log: bytes) -> None:

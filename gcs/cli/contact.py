@@ -35,8 +35,8 @@ STOPPED = 130
 """Exit code of who was interrupted before anything flew, as shells have it."""
 
 SETTLED_S = 3.0
-"""With nothing new for this long everybody has been heard: positions and heartbeats come once a second or more
-often."""
+"""Time with nothing new after which everybody has been heard, s: positions and heartbeats come at least once a
+second."""
 TURN_S = 0.2
 TELL_S = 1.0
 
@@ -52,7 +52,7 @@ class Wanted:
     uav: int | None
     """System id of the aircraft that films; None: as heard."""
     ugv: tuple[int, ...]
-    """Those of the fleet; empty: as heard."""
+    """Ground vehicles of the fleet by the command line; empty: as heard."""
     forward: tuple[str, ...]
     """Addresses that packets go on to."""
     accept_late: tuple[int, ...]
@@ -168,7 +168,7 @@ def prepare(
 
 
 def _with_videos(mission: Mission, videos: Sequence[str], path: Path) -> Mission:
-    """With the further cameras' videos of the command line, where it has them.
+    """Return the mission with the further cameras' videos of the command line, where it has them.
 
     Raises:
         GcsError: there are more than cameras, or two cameras have one.

@@ -219,7 +219,7 @@ def fly(
 
 
 def _with_model(mission: Mission, model: Path | None) -> Mission:
-    """With another detector, where one is given."""
+    """Return the mission with another detector, where one is given."""
     if model is None:
         return mission
     return replace(mission, detector=replace(mission.detector, model=str(model.absolute())))
@@ -367,7 +367,8 @@ def _gone_on(flight: Flight, why: str, door: AttachServer) -> str:
 def _wait(
     flight: Flight, calls: RollCall, door: AttachServer, asked: AskedBySignals, duration: float | None = None
 ) -> None:
-    """Until the time is over or a signal to end comes; shows the screens on terminals that are attached meanwhile.
+    """Wait until the time is over or a signal to end comes; show the screens on terminals that are attached meanwhile.
+    A flight outlives the terminal that it was started on.
 
     A flight outlives the terminal that it was begun on.
     """

@@ -25,7 +25,8 @@ from mavlink.geodesy import LocalFrame
 from mavlink.state import Level
 
 Path = Callable[[GeoPoint, bool], Command | None]
-"""Given the newest place and whether this is the first command: the command, None when there is nothing to send."""
+"""Function from the newest position, and whether this is the first command, to the command; None when there is nothing
+to send."""
 Verdict = Literal["not yet", "done", "not moved", "unknown"]
 THERE_RAD = math.radians(15.0)
 """Angle to its goal below which the camera has it in view: most see 30° to either side, and gimbals lag behind."""
@@ -42,7 +43,7 @@ class PointingMonitor:
     """
 
     patience_s: float
-    """Without progress for this long it does not move."""
+    """Time without progress after which a gimbal counts as standing still, s."""
     since_s: float
     """Time of the order, then of the last progress."""
     off_rad: float = math.nan
@@ -67,7 +68,7 @@ class PointingMonitor:
 
 
 def above(alt_m: float) -> Path:
-    """Over the vehicle, at a height above sea level."""
+    """Return the position over the vehicle at a height above sea level."""
     return lambda place, first: mav_cmd.reposition(place, alt_m, change_mode=first)
 
 
@@ -114,7 +115,7 @@ class CommandSender(Protocol):
     """A way to bring a command to the UAV."""
 
     async def send(self, command: Command) -> CommandAck:
-        """Its answer."""
+        """Send a command and return the vehicle's answer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,19 +127,20 @@ class CommandParams:
     fly_s: float = 1.0
     """Seconds between two goals for the UAV."""
     lost_s: float = 10.0
-    """Without a position for this long a stream ends."""
+    """Time without a position after which a stream of commands ends, s."""
     radius_m: float = 20.0
     """Radius of a circle around a vehicle."""
     speed_mps: float = 3.0
-    """Along that circle."""
+    """Speed along the circle, m/s."""
     moved_m: float = 5.0
     """A vehicle that has gone so far is circled around again."""
     settle_s: float = 2.0
-    """For the flight mode to be the one that an order asked for."""
+    """Time for the flight mode to become the one that an order asked for, s."""
     see_s: float = 5.0
-    """For a gimbal to report that it turns where it was ordered to: its reports may have to be asked for first."""
+    """Time for a gimbal to report that it turns where it was ordered to, s: its reports may have to be asked for
+    first."""
     text_s: float = 0.3
-    """After a refusal, for the reason to come as text."""
+    """Time after a refusal for the reason to come as text, s."""
 
 
 Report = Callable[[Level, str], None]

@@ -44,7 +44,7 @@ class Command:
     number: int
     """MAV_CMD."""
     params: tuple[float, ...] = ()
-    """From the first; those left out are 0."""
+    """Parameters from the first on; those left out are 0."""
     place: GeoPoint | None = None
     alt_m: float = NAN
     component: int = AUTOPILOT

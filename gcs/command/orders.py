@@ -13,7 +13,7 @@ class Order:
 
     key: str
     words: str
-    """With ``{uav}`` and, when it is about a ground vehicle, ``{ugv}``."""
+    """Name of the order, with ``{uav}`` and, when it is about a ground vehicle, ``{ugv}``."""
     about: Literal["ugv", "uav"]
     """Target that it needs: a ground vehicle, or the UAV alone."""
     job: Literal["camera", "flight", ""] = ""

@@ -19,7 +19,7 @@ from infra.plain_text import plain
 from infra.reporting import Throttle
 
 XML_DECLARATION: Final = b'<?xml version="1.0" encoding="UTF-8"?>\n'
-"""Before an event that is sent by itself, and before a file of them."""
+"""XML declaration before an event that is sent alone, and before a file of events."""
 PERIOD_US: Final = 1_000_000
 """Least time between two events of one vehicle."""
 STALE_US: Final = 10_000_000

@@ -40,7 +40,7 @@ class _LookedAt:
     boxes: Detections | None
     motion: ImageMotion | None
     since_us: int
-    """When it was put by, by the wall clock."""
+    """Time at which the frame was put aside, by the wall clock."""
 
 
 class FrameLoop:
@@ -86,7 +86,7 @@ class FrameLoop:
         self._records = self._record_us = 0
         """Number of the record after the one taken in last, and the stamp of that one."""
         self._lag_us = self._shown_us = 0
-        """How long after the last frame was taken it was shown, and when that was."""
+        """Delay with which the last frame was shown after it was taken, µs, and the time of that."""
         self._frame_ends: deque[float] = deque(maxlen=PACE_FRAMES)
         self.health = Health()
         self.latest: Snapshot | None = None
@@ -112,7 +112,7 @@ class FrameLoop:
 
     @property
     def throughput(self) -> Throughput:
-        """How many frames it processes, and how fast."""
+        """Number of frames that it processes, and how fast."""
         ends = tuple(self._frame_ends)
         fps = (len(ends) - 1) / (ends[-1] - ends[0]) if len(ends) > 1 and time.monotonic() - ends[-1] < PACE_S else 0.0
         return Throughput(frames=self._frames, fps=fps, packets_dropped=self._packets_dropped)
@@ -247,7 +247,8 @@ class FrameLoop:
         return boxes
 
     def _compare(self, frame: Frame, boxes: Detections) -> ImageMotion | None:
-        """How the camera moved since the last frame that was looked at, recorded; None where that cannot be told."""
+        """Return how the camera moved since the last frame that was looked at, and record it; None where that cannot be
+        told."""
         self._moved = None
         try:
             motion = self._motions.update(frame.image, boxes.at_least(self._pipeline.mission.detector.score))
@@ -276,5 +277,5 @@ class FrameLoop:
 
 
 def _behind_s(t_us: int, heard_us: int) -> float:
-    """How far telemetry is behind a moment, 0 where it is not or nothing is known."""
+    """Return how far telemetry is behind a moment, s; 0 where it is not or nothing is known."""
     return max(t_us - heard_us, 0) * 1e-6 if heard_us else 0.0

@@ -202,7 +202,7 @@ class Listening:
 
     @property
     def quiet_s(self) -> float:
-        """For how long nothing new was heard."""
+        """Time since something new was heard, s."""
         return (now_us() - max(self.began_us, self.roster.news_us, self._video_us)) * 1e-6
 
     def hand_over(self) -> tuple[Packet, ...]:

@@ -21,7 +21,8 @@ NEAR_M = 2000.0
 MAX_OFFERED = 8
 """Most newcomers offered: more at once are made up, or another fleet; they can be taken in all the same."""
 MAX_PACKETS = 1000
-"""From strangers that are looked at between two looks at who they are: under a flood that is enough."""
+"""Most packets of unknown senders that are examined from one check for new vehicles to the next: enough under a
+flood."""
 
 
 class Newcomers:

@@ -19,7 +19,7 @@ from mavlink.protocol.packet import Packet
 from vision.video.video import Frame
 
 IDLE_S = 0.2
-"""Without a new frame for this long the fleet is shown all the same."""
+"""Time without a new frame after which the fleet is shown all the same, s."""
 IDLE_OF_MANY_S = 0.4
 """The same of each of several cameras."""
 WAITING_S = 0.02

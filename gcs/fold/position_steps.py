@@ -70,7 +70,7 @@ class StepFilter:
         return self._begin_anew(t_us, p_enu, step - self.shift_enu)
 
     def _begin_anew(self, t_us: int, p_enu: FloatArray, step: FloatArray) -> float:
-        """From the reported place on; how far in metres that is from where the image was taken to be."""
+        """Start from the reported position; return how far, in metres, that is from where the image was taken to be."""
         self._go_on_from(t_us, p_enu)
         self.shift_enu, self._unsure_us = np.zeros(3), 0
         return float(np.hypot(step[0], step[1]))

@@ -20,7 +20,8 @@ CONTRADICTED_US = 3_000_000
 """A statement is withdrawn once another answer has been sure for this long: doubts about neighbours pass in a
 second."""
 HOLE_US, HOLE_STEPS = 1_000_000, 2
-"""After this long without a frame, and this many times the interval before, it is counted again."""
+"""Gap after which a contradiction is counted again: this long without a frame, and this many times the interval
+before."""
 
 
 LATE_FRAMES = 30
@@ -33,7 +34,7 @@ class _Standing:
 
     made: Statement
     contradicted_us: int = 0
-    """Since when it is, 0 while it is not."""
+    """Time since which the statement is contradicted, 0 while it is not."""
 
 
 class Statements:

@@ -53,9 +53,10 @@ class AlarmRule(Generic[Subject]):
     doubts_name: bool = False
     """Nobody is to act on the vehicle's name meanwhile: it does not count as confirmed."""
     lasts_s: float = 0.0
-    """It must last this long to be raised."""
+    """Time for which the condition must last to raise the alarm."""
     clears_after_s: float = CLEARS_AFTER_S
-    """It must be gone this long to be over. 0 where what is asked holds on to it after its last sign already."""
+    """Time for which the condition must be gone to end the alarm. 0 where ``condition`` itself holds on after its last
+    sign."""
     logged_by: str = ""
     """Module that writes the lines of the event log on it, with addresses or file names that the alarm does not have;
     empty: the alarm's own coming and going is logged."""

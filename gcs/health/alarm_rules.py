@@ -18,7 +18,7 @@ from gcs.snapshot import Snapshot
 Rules = Iterable[AlarmRule[Any]]
 AGAIN = "again and again:"
 ON_AND_OFF = " on and off"
-"""At the end of the key of what keeps coming back."""
+"""Ending of the key of an alarm that keeps coming back."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -113,7 +113,7 @@ LATELY_US = 300_000_000
 BREAK_US = 500_000
 """Shortest break: what was gone for less has not come again."""
 FLAPS, MAX_COUNTED = 3, 1_000
-"""From this many times on it comes and goes."""
+"""Number of times from which on an alarm counts as coming and going, and the most that are counted."""
 STAYS_US = 10_000_000
 """Time after which coming and going is an alarm of its own as well."""
 MINUTES_FROM_S = 90.0
@@ -143,18 +143,18 @@ class _State:
 
     finding: Finding
     first_us: int
-    """Since when it has been found without a break, 0 while it is not."""
+    """Time since which it has been found without a break, 0 while it is not."""
     seen_us: int
     worst_us: int
     """Time at which it was last found at the level it has."""
     found_us: int = 0
     """Time at which it was last found at any level."""
     lower_us: int = 0
-    """Since when it has been found at a lower level only, 0 while it is not."""
+    """Time since which it has been found at a lower level only, 0 while it is not."""
     raised_us: int = 0
     """Time at which it became an alarm, 0 not yet."""
     coming: bool = True
-    """It has come, and not lasted yet."""
+    """True if it has come, and not lasted yet."""
     came: deque[int] = field(default_factory=lambda: deque(maxlen=MAX_COUNTED))
     """Times at which it came, lately."""
     flapping_us: int = 0

@@ -20,7 +20,7 @@ LASTING = 20
 """Number of faults of one job in a row that mean that it does not work any more."""
 MAX_KEPT = 100
 _WAIT_S = 0.2
-"""For a traceback to be written; on a disk that hangs it is written later."""
+"""Time that a traceback may take to be written, s; on a disk that hangs it is written later."""
 
 
 class Faults:

@@ -33,10 +33,11 @@ TURNED_DEG, TILTED_DEG = 45.0, 8.0
 TURNED_STD_DEG, TURNED_FOR_S = 4.0, 5.0
 """1σ up to which such an error is known, and how long it must be found: an estimate may leap while little is seen."""
 FIT, NO_FIT, NO_FIT_FOR_S = 0.9, 0.0025, 2.0
-"""Above the first probability video and telemetry belong together, below the second they do not; a moment's cover of
-the camera is no news. With no evidence it is 0.05."""
+"""Probability above which video and telemetry belong together, and the one below which they do not; the time covers a
+camera hidden for a moment. With no evidence it is 0.05."""
 NOT_KNOWN, NOT_KNOWN_FOR_S = 0.5, 10.0
-"""Below this probability nothing is named; for this long that need not be said: who drives is known within 5 s."""
+"""Probability below which nothing is named, and the time for which that need not be said: who drives is known within 5
+s."""
 DIFFER_FOR_S = 2.0
 """A name that one of two cameras corrects is no contradiction."""
 FEW_FPS = 1.0

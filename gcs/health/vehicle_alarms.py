@@ -24,7 +24,7 @@ NO_POSITION_S = 10.0
 NO_ATTITUDE_S = 3.0
 """Seconds without attitude: as long as a position takes to be lost."""
 HELD_S = 3.0
-"""Within this a vehicle that sends its time once a second has proved that its packets are new."""
+"""Time within which a vehicle that sends its time once a second has proved that its packets are new."""
 CLOCK_FAULT_S = 5.0
 """A clock that was set a moment ago is still in messages that were made before."""
 LOSS_S = 5.0

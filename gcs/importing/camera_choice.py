@@ -41,7 +41,7 @@ class ChosenCamera:
     """A camera and where its numbers are from."""
 
     camera: Camera
-    """Without numbers where nothing tells the field of view."""
+    """Camera, without numbers where nothing tells the field of view."""
     optics: str
     """In words, where the field of view is from."""
     direction: str

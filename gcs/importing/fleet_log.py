@@ -143,7 +143,7 @@ def open_fleet(path: Path) -> FleetTlog:
 
 
 def _with_tracks(fleet: FleetTlog) -> FleetTlog:
-    """With the places of all vehicles.
+    """Return the log with the positions of all vehicles.
 
     Raises:
         ImportFileError: a vehicle's times are of no clock.

@@ -35,9 +35,9 @@ class GroundVehicles:
     places: Mapping[int, PlaceTrack]
     """Vehicles by system id, on Unix time, each with a position or more."""
     tlog: FleetTlog | None
-    """Their telemetry log, where there is one."""
+    """Telemetry log of the ground vehicles, where there is one."""
     logs: Mapping[int, VehicleLog]
-    """Those that are in no telemetry log, by system id."""
+    """Logs of the vehicles that are in no telemetry log, by system id."""
 
     told: tuple[str, ...] = ()
     """In words, what one of them says against another."""
@@ -81,7 +81,7 @@ class GroundVehicles:
         return self.tlog.aircraft if self.tlog is not None else ()
 
     def streams(self) -> list[Iterable[TlogRecord]]:
-        """Their records, each stream in order of time."""
+        """Records of the ground vehicles, each stream in order of time."""
         streams: list[Iterable[TlogRecord]] = []
         if self.tlog is not None:
             streams.append(self.tlog.records(without=self.logs))

@@ -61,7 +61,7 @@ class SourceAccount:
     left_out: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
     """Number of records, by reason."""
     spans: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=lambda: MappingProxyType({}))
-    """From and to which second of the film it tells of whom, without gaps."""
+    """Spans of the film, from and to second, by whom the source tells of; without gaps."""
 
     def table(self) -> dict[str, Any]:
         """Table of the account, for session.toml and for programs."""

@@ -26,7 +26,7 @@ Ints = NDArray[np.int64]
 ACCELERATION = 1.5
 """q in m²/s³: a multicopter or a car that changes its speed by this in a second, 1σ."""
 COARSE_CELL_M = 1.0
-"""From here on the rounding of positions is more than their noise."""
+"""Cell size from which on the rounding of positions is more than their noise."""
 ROUNDS = 200
 """Rounds of ADMM: the path is within centimetres of its end by then."""
 _STEP_US = 90_000

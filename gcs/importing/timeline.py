@@ -20,12 +20,12 @@ _MOST_OF_FILM = 0.9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilmTimes:
-    """From the clocks of film and UAV to the fleet's."""
+    """Shifts from the clocks of film and UAV to the fleet's."""
 
     film_us: int
     """Unix µs of the film's first frame."""
     uav_shift_us: int
-    """From the clock of the UAV's log to Unix time."""
+    """Shift from the clock of the UAV's log to Unix time, µs."""
     said: str
     """In words, where that is from."""
     assumed: tuple[str, ...] = ()
@@ -91,7 +91,7 @@ def find_timeline(
 
 
 def film_length_us(film: ImportedFilm) -> int:
-    """From its first frame to its last."""
+    """Return the duration from the film's first frame to its last, µs."""
     return int(film.elapsed_us[-1])
 
 

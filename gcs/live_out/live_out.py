@@ -26,10 +26,10 @@ WATCH_S = 0.2
 START_S = 30.0
 """A process may take this long to begin on a computer that has other things to do."""
 PATIENCE_S = 10.0
-"""Without a sign of life for this long it hangs: longer than any connection is waited for."""
+"""Time without a sign of life after which a process hangs, s: longer than any connection is waited for."""
 STOP_S = 2.0
 PAUSES_S = (0.0, 1.0, 5.0, 15.0)
-"""Before another is started; the last repeats."""
+"""Pauses before another process is started, s; the last repeats."""
 STEADY_S = 60.0
 AGAIN_S = 60.0
 """Least time between two reports of trouble with one address."""

@@ -18,7 +18,7 @@ class SinkSource(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     """The session's name."""
     replayed: bool = False
-    """It is a recording, and may have happened at any time."""
+    """True of a recording, which may have happened at any time."""
 
 
 class SinkSettings(msgspec.Struct, kw_only=True, tag=True):
@@ -38,7 +38,7 @@ class SinkReport(msgspec.Struct, kw_only=True, tag=True):
     sent: int = 0
     """Messages or pictures that left."""
     dropped: int = 0
-    """That did not: too large, or a receiver was too slow."""
+    """Number of snapshots that were not sent: too large, or a receiver was too slow."""
     clients: int = 0
     """Clients that are being served."""
     error: str = ""

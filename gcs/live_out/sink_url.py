@@ -38,7 +38,7 @@ class SinkScheme:
     """Module in this folder and class."""
     options: tuple[str, ...] = ()
     serves: bool = False
-    """It listens at the address: others come and read."""
+    """True if the sink listens at the address: others come and read."""
     images: bool = False
     library: str = ""
     """Package it is made with that is not always installed; the extra has the same name."""

@@ -21,7 +21,7 @@ _log = logging.getLogger(__name__)
 POLL_S = 0.005
 REPORT_S = 1.0
 PAUSES_S = (0.2, 0.5, 1.0, 2.0, 5.0)
-"""Before it is opened again; the last repeats."""
+"""Pauses before the sink is opened again, s; the last repeats."""
 NICENESS = 5
 """The flight comes first where the processor is short."""
 MAX_LETTERS = 200
@@ -41,7 +41,7 @@ class _SinkWorker:
         self._report_due_s = 0.0
 
     def run(self) -> None:
-        """Until the station ends."""
+        """Serve until the station ends."""
         try:
             while True:
                 self._turn()

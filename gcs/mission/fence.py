@@ -22,11 +22,11 @@ class Fence:
     name: str = "fence"
     """Name that operators use."""
     keep: Literal["in", "out"] = "in"
-    """On which side vehicles stay."""
+    """Side of the fence on which vehicles stay."""
     polygon: Annotated[
         tuple[Place, ...], Meta(max_length=MAX_CORNERS, description="corners, each [latitude, longitude]")
     ] = ()
-    """Its corners in order; the last is joined to the first."""
+    """Corners of the fence in order; the last is joined to the first."""
     centre: Place | None = None
     """Centre of a circle, instead."""
     radius_m: Annotated[float, Meta(ge=0.0, le=100_000.0)] = 0.0

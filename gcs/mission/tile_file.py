@@ -34,7 +34,7 @@ MAX_READ_S: Final = 1.0
 MAX_SLOW: Final = 3
 """Tiles that were given up for taking longer, after which the file is left alone."""
 FAULTS = (sqlite3.Error, UnicodeDecodeError)
-"""Errors that SQLite raises; the second where it quotes a file's words that are no text."""
+"""Exceptions that SQLite raises; the second where it quotes a file's words that are no text."""
 MAX_HEAP_BYTES: Final = 256 << 20
 STEPS: Final = 10_000
 """Steps of SQLite's machine between two looks at the clock."""
@@ -76,7 +76,7 @@ class TileFile:
             raise ConfigError(f"{path}: cannot be read as MBTiles: {plain(str(error))}") from None
 
     def _bound(self) -> None:
-        """Whoever made the file wrote its views, which may ask for any work: none may take long, or much memory."""
+        """Bound time and memory of queries: whoever made the file wrote its views, which may ask for any work."""
         self._until_s = time.monotonic() + MAX_OPEN_S
         self._slow = 0
         self._base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_TILE_BYTES)
@@ -95,12 +95,12 @@ class TileFile:
             raise ConfigError(f"{self.path}: tiles of format {plain(kind)[:20]!r}; PNG, JPEG or WebP are needed")
         zooms = self._base.execute("SELECT DISTINCT zoom_level FROM tiles ORDER BY zoom_level LIMIT 100").fetchall()
         self.zooms = tuple(zoom for (zoom,) in zooms if isinstance(zoom, int) and 0 <= zoom <= MAX_ZOOM)
-        """Which there are, the coarsest first."""
+        """Zoom levels in the file, the coarsest first."""
         if not self.zooms:
             raise ConfigError(f"{self.path}: it has no tiles at a zoom of 0 to {MAX_ZOOM}")
         credit = re.sub(r"<[^>]*>", "", str(notes.get("attribution", "")))
         self.credit = plain(credit.strip())[:LONGEST_CREDIT]
-        """Whose pictures these are, empty where the file does not say so."""
+        """Attribution of the pictures, empty where the file has none."""
 
     def tile(self, zoom: int, column: int, row: int) -> Image | None:
         """(256, 256, 3) BGR of a tile; None where the file has none that can be decoded.

@@ -36,7 +36,7 @@ class OpenedSession:
 
     session: Session
     log: SessionLog
-    """Its telemetry."""
+    """Telemetry of the session."""
     mission: Mission
     """The session's own, or what telemetry tells of who flies."""
     frames: FrameTimes | None

@@ -43,7 +43,8 @@ class PacketsInOrder:
             self._next = next(self._packets, None)
 
     def awaited(self, pipeline: Pipeline, t_us: int) -> Iterator[Packet]:
-        """Those up to a frame's time, and those until the UAV's pose at that time is known, if it comes."""
+        """Return the packets up to a frame's time, and those until the UAV's pose at that time is known, if it
+        comes."""
         # a frame that is dated before it was taken came later than its date
         yield from self.until(max(t_us, pipeline.telemetry_time(t_us)))
         uav_id, until_us = pipeline.mission.uav.system_id, pipeline.awaits_until(t_us, PATIENCE_US)
@@ -68,7 +69,7 @@ class GroundScale:
         self._packets = packets
 
     def gsd_m(self, frame: Frame) -> float | None:
-        """At the centre of a frame; frames come in order."""
+        """Return the ground resolution at the centre of a frame, metres per pixel; frames come in order."""
         for packet in self._packets.until(max(frame.t_us, self._pipeline.telemetry_time(frame.t_us))):
             self._pipeline.add_packet(packet)
         self._pipeline.follow_ground(frame.t_us)
@@ -91,7 +92,7 @@ class RecordedTurns:
 
     @classmethod
     def open(cls, path: Path, log: SessionLog, boxes: FrameDetections) -> RecordedTurns | None:
-        """From ``folds.csv``; None where no frame was ever looked at.
+        """Read ``folds.csv``; None where no frame was ever looked at.
 
         Raises:
             SessionError: the file is no such table.

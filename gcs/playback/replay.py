@@ -322,7 +322,7 @@ class Replay:
         self.add_event(event)
 
     def add_event(self, event: Event) -> None:
-        """For the event log on the screen alone."""
+        """Add an event for the event log on the screen alone."""
         with self._lock:
             insort(self._added, event, key=lambda other: other.t_us)
 

@@ -29,7 +29,7 @@ MIN_PX: Final = 32.0
 UNSEEN_PX: Final = 120.0
 """Shown around where a vehicle without a box should be: its position is a few metres off."""
 CALMER: Final = 1
-"""It moves to another corner where at least this many more boxes would be uncovered."""
+"""Number of boxes, at least, that another corner must uncover for the inset to move there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -139,7 +139,7 @@ def leader_of(place: Place) -> tuple[float, float, float, float]:
 
 
 def _inside(label: Label, grid: Grid) -> Label | None:
-    """With the part of the mark that is in the grid."""
+    """Return the label with the part of its mark that is in the grid."""
     x, y, w, h = label.anchor
     left, top, right, bottom = max(0, x), max(0, y), min(x + w, grid.columns), min(y + h, grid.rows)
     if left >= right or top >= bottom:
@@ -158,7 +158,8 @@ def _legend_place(occupied: Occupied, label: Label) -> Place | None:
 
 
 def _place_all(labels: Sequence[Label], occupied: Occupied, former: Labelling) -> tuple[list[Place], list[Label]]:
-    """Those that can stay do, then the others choose, then those in a poor place look for a better one."""
+    """Place all labels: those that can stay do, then the others choose, then those in a poor place look for a better
+    one."""
     placed: dict[int, Place] = {}
     for label in labels:
         if label.stressed and former.former.get(label.key, (1,))[0] > 0:

@@ -41,9 +41,9 @@ class RollCallRow:
     system_id: int
     name: str
     first_named_s: float
-    """Since the first frame that was looked at; NaN: never named."""
+    """Time of the first name since the first frame that was looked at, s; NaN: never named."""
     boxes: int
-    """That got its name."""
+    """Number of boxes that got its name."""
     frames_in_view: int
     """In which it reported to be where the camera looks, of those that were looked at."""
     frames_unknown: int
@@ -206,7 +206,7 @@ class RollCall:
 
     @property
     def alarms(self) -> AlarmCounts:
-        """That were raised."""
+        """Number of alarms that were raised."""
         return self._told or count_alarms(self._alarms.spans)
 
     @property
@@ -222,7 +222,8 @@ class RollCall:
 
     @property
     def skipped(self) -> str:
-        """Those frames in words, empty for none: boxes of others do not tell a frame without any from one skipped."""
+        """Sentence on the frames without boxes, empty for none: boxes of others do not tell a frame without any from
+        one skipped."""
         if self._as_flown or not self.skipped_frames:
             return f"{self.skipped_frames} more frames came and were not looked at" if self.skipped_frames else ""
         return f"{self.skipped_frames} more frames have no boxes: nothing was found in them, or nobody looked"
@@ -234,7 +235,7 @@ class RollCall:
 
     @property
     def span_s(self) -> float:
-        """From the first frame that was looked at to the last."""
+        """Duration from the first frame that was looked at to the last, s."""
         return (self._stop_us - self._start_us) * 1e-6
 
     def rows(self) -> list[RollCallRow]:

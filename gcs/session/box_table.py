@@ -31,7 +31,7 @@ class BoxColumn:
     """One column."""
 
     kind: str
-    """Its Arrow type."""
+    """Arrow type of the column."""
     digits: int = 0
     """Decimal places that are kept of a ``double``."""
 

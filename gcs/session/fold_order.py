@@ -37,7 +37,7 @@ class FoldTurn:
     frame: int = NO_FRAME
     """Frame of the video, or ``NO_FRAME``."""
     boxes: int | None = None
-    """Found in the frame; None: there was none, or the detector failed."""
+    """Number of boxes in the frame; None: there was none, or the detector failed."""
     size: tuple[int, int] | None = None
     """Width and height of its image, px; None: there was none."""
 

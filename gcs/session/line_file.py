@@ -17,7 +17,7 @@ from infra.files.record_state import RecordState
 from infra.files.write_buffer import Chunk, WriteBuffer
 
 RAM_BYTES = 16 << 20
-"""Over a minute of the evidence of twenty boxes at thirty frames a second."""
+"""Memory for lines that wait, bytes: over a minute of the evidence of twenty boxes at thirty frames a second."""
 HANG_S = 5.0
 """Closing waits this long for a disk that hangs, counted from when it began to."""
 

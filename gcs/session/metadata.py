@@ -69,7 +69,7 @@ class FlightNotes:
 
     @classmethod
     def from_table(cls, table: object) -> FlightNotes:
-        """From the ``[session]`` table; what is not of the right kind is left out."""
+        """Read the ``[session]`` table; what is not of the right kind is left out."""
         if not isinstance(table, Mapping):
             return cls()
         refused = table.get("refused")

@@ -21,7 +21,7 @@ ROOT = str(Path(__file__).resolve().parents[2])
 NICENESS = 10
 """The flight's processes go first."""
 LONGEST_S = 120
-"""For one session: a log of 8 GB takes 16 s of processor."""
+"""Longest time to seal one session, s: a log of 8 GB takes 16 s of processor."""
 END_S = 2.0
 """A flight that ends waits this long for a session that is being looked into; the next flight seals the others."""
 

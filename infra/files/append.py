@@ -35,7 +35,7 @@ HANG_S = 5.0
 """Closing waits this long for a disk that hangs."""
 _COPY_BYTES = 1 << 20
 _SPACE_MAY_RETURN = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
-"""After these the same file goes on; after any other a new segment is begun."""
+"""Errors after which the same file goes on; after any other a new segment is started."""
 
 
 class _Mode(Enum):
@@ -157,7 +157,7 @@ class AppendFile:
 
     @property
     def rows(self) -> int:
-        """Accepted so far."""
+        """Number of rows accepted so far."""
         return self._accepted
 
     @property
@@ -167,7 +167,7 @@ class AppendFile:
 
     @property
     def state(self) -> RecordState:
-        """Its present state; without the lock, since who asks must not hang with the disk."""
+        """State of the file now; without the lock, since who asks must not hang with the disk."""
         mode = self._mode  # before the failures, which are set before it
         failures, segment, waiting = self._failures, self._segment, self._waiting
         since_s, now_s = self._writing_since_s, time.monotonic()

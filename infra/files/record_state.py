@@ -14,17 +14,17 @@ class RecordState:
     name: str
     """Name of the segment being written."""
     rows: int = 0
-    """Accepted so far."""
+    """Number of rows accepted so far."""
     bytes: int = 0
-    """Written so far, over all segments."""
+    """Number of bytes written so far, over all segments."""
     failing_s: float = 0.0
-    """For how long writing has failed; 0: it is writing."""
+    """Time for which writing has failed, s; 0: it is writing."""
     reason: str = ""
     """Why it fails or last failed, in the system's words."""
     faults: int = 0
     """Number of times that it began to fail, repaired since or not."""
     failed_ago_s: float = math.inf
-    """Since it last failed, inf where it never did."""
+    """Time since it last failed, s; inf where it never did."""
     waiting: int = 0
     """Rows in memory only, on their way to the disk."""
     waiting_bytes: int = 0
@@ -33,7 +33,7 @@ class RecordState:
     sync_age_s: float = 0.0
     """Age of the oldest row that is perhaps not on the disk; 0: all are."""
     stalled_s: float = 0.0
-    """For how long the disk has not answered to a row that it was given; 0: none waits for its answer."""
+    """Time for which the disk has not answered to a row that it was given, s; 0: none waits for its answer."""
     clock_step_s: float = 0.0
     """Sum of the steps by which the wall clock was set since the recording began."""
 

@@ -35,7 +35,7 @@ class RestorableFile:
 
     @property
     def name(self) -> str:
-        """Under which a library opens this file and no other, while it is held here."""
+        """Path under which a library opens this file and no other, while it is held here."""
         return f"/dev/fd/{self._file.fileno()}"
 
     def is_gone(self) -> bool:

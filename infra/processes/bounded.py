@@ -36,7 +36,7 @@ Answer = TypeVar("Answer", bound=msgspec.Struct)
 
 
 class UnreadError(Exception):
-    """It was not read; the message, one line, says why."""
+    """A file was not read; the message, one line, says why."""
 
 
 class _Work(msgspec.Struct):

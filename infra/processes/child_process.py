@@ -35,7 +35,7 @@ class ProcessorTime(NamedTuple):
 
     used_s: float
     waited_s: float
-    """For which its first thread could have run and was not let."""
+    """Time for which its first thread could have run and was not let, s."""
 
 
 class ChildProcess(Generic[Report]):
@@ -93,7 +93,7 @@ class ChildProcess(Generic[Report]):
 
     @property
     def pid(self) -> int:
-        """Its id."""
+        """Process id."""
         return self._process.pid
 
     @property
@@ -112,7 +112,7 @@ class ChildProcess(Generic[Report]):
 
     @property
     def processor_time(self) -> ProcessorTime:
-        """Its share of the processors so far; nothing once it is over."""
+        """Processor time of the process so far; nothing once it is over."""
         used_s = waited_s = 0.0
         with contextlib.suppress(psutil.Error):
             times = self._status.cpu_times()

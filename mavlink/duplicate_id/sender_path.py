@@ -99,7 +99,7 @@ class SenderPath:
         self.late_us = 0
         """Delay of this sender's link behind another's."""
         self.follows = False
-        """Its places lie on that one's path."""
+        """True if its places lie on the path of a sender that is ahead of it."""
         self._path: SampleBuffer[ClaimedPlace] = SampleBuffer(_PATH, MAX_PROVEN_LAG_US)
         self._path.add(place.boot_us, place)
 

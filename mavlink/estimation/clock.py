@@ -86,13 +86,13 @@ class ClockFit(Enum):
     """Agreement of the boot time of one message with the clock; each as (fits, late)."""
 
     FITS = True, False
-    """It is on the clock's line."""
+    """The message is on the clock's line."""
     LATE = False, True
-    """It came late: of this count, or of the one before the last reboot."""
+    """The message came late: of this count, or of the one before the last reboot."""
     OUTLIER = False, False
-    """Neither: another sender, or a reboot or step that is not accepted yet."""
+    """The message fits neither: another sender, or a reboot or step that is not accepted yet."""
     FOLLOWED_LATE = True, True
-    """It came late, and the clock follows it from now on."""
+    """The message came late, and the clock follows it from now on."""
 
     def __init__(self, fits: bool, late: bool) -> None:
         self.fits = fits
@@ -105,7 +105,7 @@ class ClockReading(NamedTuple):
     """Reading that one message gives of the clock."""
 
     boot_us: int
-    """Its boot time, unwrapped."""
+    """Boot time of the message, unwrapped."""
     fit: ClockFit
     rebooted: bool = False
     """The vehicle has rebooted, as this message proves."""
@@ -417,7 +417,7 @@ class VehicleClock:
             self._fall_back_to_arrival(arrival_us)
 
     def _fall_back_to_arrival(self, arrival_us: int) -> None:
-        """From now on the boot time of a message is its arrival."""
+        """Take the arrival of a message for its boot time from now on."""
         self._by_arrival = True
         self.epoch += 1
         self._restart(arrival_us, arrival_us)

@@ -20,7 +20,7 @@ REAL_BINS = 30
 OFF = 0.05
 """A rate that is off by more is no clock's."""
 UNSTEADY, CHANGED = 0.02, 0.01
-"""Nor is one that is off by this much and changes by this much within seconds."""
+"""Error of a rate, and its change within seconds, with both of which it is no clock's."""
 REAL = 0.005
 """Off by less, a clock can be followed."""
 BACK_US, LEAP_US = 60_000_000, 600_000_000

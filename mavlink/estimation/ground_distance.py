@@ -35,7 +35,7 @@ class GroundDistance:
             self._range = sample
 
     def range_m(self, t_us: int) -> float:
-        """Along the body's own vertical axis at a Unix time, NaN unknown."""
+        """Return the distance along the body's own vertical axis at a Unix time, m; NaN unknown."""
         sample = self._range
         return sample.distance_m if sample and abs(t_us - sample.t_us) <= _LASTS_US else math.nan
 

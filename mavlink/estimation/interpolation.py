@@ -26,7 +26,7 @@ LOST_S = 3.0
 _EXTRAPOLATE_S = 2.0
 """A position is extrapolated by its velocity for this long: vehicles turn, and then it is wrong."""
 _HERMITE_S = 2.0
-"""Over longer gaps velocities do not determine the path between."""
+"""Longest gap over which velocities determine the path between, s."""
 _VELOCITY_MISFIT_MPS = 2.0
 """Velocities that differ from the mean velocity between two positions by more than this are not used for the path."""
 _DRIVER_ACCELERATION = 1.5
@@ -141,7 +141,7 @@ class Fix(NamedTuple):
     """Clockwise from north, NaN unknown."""
     std_m: float
     height_m: float
-    """Above home as reported."""
+    """Height above home as reported, m."""
     up_std_m: float
     """1σ of ``up``; NaN where no possible altitude was reported and ``up`` is that of the home plane."""
 
@@ -151,7 +151,7 @@ class PositionEstimate(NamedTuple):
 
     fix: Fix
     age_s: float
-    """Since the newest report at or before that time."""
+    """Time since the newest report at or before that time, s."""
     bracketed: bool
     """A later report exists too, and soon enough after: interpolated, not extrapolated."""
 
@@ -224,7 +224,7 @@ class Pose(NamedTuple):
     pitch: float
     yaw: float
     age_s: float
-    """Since the newest report at or before that time."""
+    """Time since the newest report at or before that time, s."""
     bracketed: bool
     """Interpolated, not extrapolated."""
 

@@ -66,7 +66,7 @@ _JUMPS, _JUMPS_US = 3, 10_000_000
 _AWAY_US = 2_000_000
 """Time away that counts likewise: longer than a place that is held needs to be accepted."""
 _SETTLED_US = 3_000_000
-"""After the last jump a vehicle has settled."""
+"""Time after the last jump in which a vehicle settles."""
 
 
 class JumpDetector:

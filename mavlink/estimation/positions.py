@@ -32,7 +32,8 @@ class VehicleLimits:
     max_speed: float = 30.0
     """m/s; a position that needs more than this to get to is rejected. Raise for fast vehicles."""
     jump_margin_m: float = 20.0
-    """Beyond what the speed allows: filters settle in steps, and white noise of 4 m makes neighbours 20 m apart."""
+    """Margin beyond what the speed allows, m: filters settle in steps, and white noise of 4 m makes neighbours 20 m
+    apart."""
     jump_accept_us: int = 1_000_000
     """A new place that has been held for this long, with nothing from the old one, is where the vehicle is."""
     height_gap_m: float = 150.0
@@ -52,7 +53,7 @@ class VehicleLimits:
     max_climb: float = 20.0
     """m/s; an aircraft whose height changes faster has jumped."""
     climb_margin_m: float = 20.0
-    """Beyond what the climb allows."""
+    """Margin beyond what the climb allows, m."""
 
 
 class Verdict(Enum):

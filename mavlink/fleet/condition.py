@@ -158,7 +158,7 @@ class ConditionReports:
         return max(fresh, key=lambda each: (each.fix_type, each.satellites), default=None)
 
     def _checked(self, sample: Power) -> Power:
-        """Without a charge that cannot be."""
+        """Return the report without a charge that cannot be."""
         if -1 <= sample.charge_percent <= 100:
             return sample
         self._count("battery charge that cannot be")

@@ -442,7 +442,7 @@ class Vehicle:
         return tuple(self._notice(t_us, level, text) for level, text in reports if text)
 
     def estimate(self, t_us: int) -> PositionEstimate | None:
-        """Its position at a Unix time, µs; None before its first report."""
+        """Return its position at a Unix time, µs; None before its first report."""
         return self.positions.at(self.clock.boot_of(t_us))
 
     def status(self, t_us: int, estimate: PositionEstimate | None) -> VehicleStatus:

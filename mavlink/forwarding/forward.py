@@ -167,7 +167,7 @@ class Forwarder:
         return ways - shared, "" if ways - shared else "it is for all systems, and others would receive it too"
 
     def _ways_to(self, system: int) -> set[tuple[int, int]]:
-        """On each link the address from which a system was received last."""
+        """Return the address on each link from which a system was received last."""
         fresh = self._fresh()
         ways = sorted((t_us, link, peer) for (i, link, peer), t_us in fresh.items() if i == system)
         return set({link: peer for _, link, peer in ways}.items())

@@ -17,9 +17,11 @@ _COMMANDS = (75, 76)  # COMMAND_INT, COMMAND_LONG
 _COMMAND_AT = 28
 """Byte of both at which the number of the command begins."""
 ECHO_S = 2.0
-"""For how long a frame that comes back is known to be our own; shorter than a sequence number takes to come around."""
+"""Time for which a frame that comes back is known to be our own, s; shorter than a sequence number takes to come
+around."""
 REPEAT_S = 0.25
-"""For how long a frame from a link is known to have gone out; short, as heartbeats are equal at some message rates."""
+"""Time for which a frame from a link is known to have gone out, s; short, as heartbeats are equal at some message
+rates."""
 _ECHOES = 50_000
 """Frames remembered at most, for each of the two."""
 MAX_INBOUND = 24
@@ -29,7 +31,7 @@ OUTPUT_OPTIONS = "?ro (only listens), ?rw (may send to the UAV) or ?rw=11,12 (to
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InboundFrames:
-    """Like frames from a program behind an output, and how many of them came."""
+    """Kind of frames from a program behind an output, and how many of them came."""
 
     sender: str
     """Address of the program; empty for all those that are not counted apart."""

@@ -100,7 +100,7 @@ class HealthEvents:
         return [(level, f"{output}: {sender} sent {frames.message} to {target} through this station{times}")]
 
     def _forwarding(self, output: OutputCounts) -> list[_Event]:
-        """That nobody takes what an output sends, once, and when it is taken again."""
+        """Report once that nobody takes what an output sends, and when it is taken again."""
         name, before = output.name, self._dropped.get(output.name, 0)
         self._dropped[name] = output.dropped
         if output.dropped > before:

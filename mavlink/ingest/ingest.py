@@ -43,7 +43,7 @@ HEALTH_S = 0.5
 HUNG_S = 0.7
 """A process that shows no life for this long is replaced: with the start of the next that is a second."""
 _SEND_S = 0.2
-"""For the process to take a request."""
+"""Time for the process to take a request, s."""
 _MAX_NOTICES = 200
 _ERRORS: dict[str, type[MavlinkError]] = {error.__name__: error for error in (LinkError, TlogError, SigningError)}
 _AGAIN_S = 0.3
@@ -209,7 +209,7 @@ class Ingest:
         return (dict(links[link].others) | known).get(peer, "")
 
     def health(self) -> IngestHealth:
-        """Its health, as reported some times a second."""
+        """Health of the process, as reported some times a second."""
         reported = self._published_health()
         if reported is not None:
             self._health = reported
@@ -278,7 +278,7 @@ class Ingest:
             raise
 
     def _begin(self, process: ChildProcess[IngestReport]) -> None:
-        """It is this process's turn."""
+        """Give the process its turn."""
         if self._generation:
             self._interrupted = self._describe_in_hand()
             self._carry_counts_over()

@@ -21,9 +21,9 @@ _RECEIVED_UNTIL_AT, _STATUS_AT, _RING_AT = 2048, 4096, 262_144
 _RECEIVED_UNTIL = struct.Struct("=QQ")
 """Unix µs, and the ring's position up to which everything that came before then is in it."""
 _BATCH = struct.Struct("=QB")
-"""Before the packets of a batch: number of the first of their records in the log, and the link."""
+"""Header of a batch of packets: number of the first of their records in the log, and the link."""
 _PACKET = struct.Struct("=QIHB")
-"""Before each frame: arrival in Unix µs, number of the peer, length, auth."""
+"""Header of each frame: arrival in Unix µs, number of the peer, length, auth."""
 _AUTHS = tuple(Auth)
 _UNRECORDED = (1 << 64) - 1
 

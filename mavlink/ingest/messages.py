@@ -29,7 +29,7 @@ class KnownFleet(msgspec.Struct, frozen=True, tag=True):
 
     system_ids: tuple[int, ...]
     uav: int
-    """To which programs behind outputs may send."""
+    """System id of the UAV, to which programs behind outputs may send."""
 
 
 class Opened(msgspec.Struct, frozen=True, tag=True):

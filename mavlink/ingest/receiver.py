@@ -120,7 +120,7 @@ class RefusedPacketLimiter:
 
 _TIME = struct.Struct(">Q")
 _SETUP_SIGNING = b"\x00\x01\x00"
-"""Its message id as in a header."""
+"""Message id of SETUP_SIGNING as in a header."""
 
 
 class Signatures:
@@ -288,7 +288,7 @@ class Receiver:
             self._memory.slots[Slot.SENT] += 1
 
     def _record(self, batch: Batch) -> int | None:
-        """On the way to the log; return the first record's number, None when they are lost."""
+        """Put packets on the way to the log; return the first record's number, None when they are lost."""
         pack, pairs = _TIME.pack, zip(batch.times_us, batch.frames, strict=True)
         data = b"".join([piece for t_us, raw in pairs for piece in (pack(t_us), raw)])
         return self._log.write_records(data, len(batch))

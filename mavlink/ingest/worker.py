@@ -38,7 +38,7 @@ PAUSE_S = 0.004
 HEALTH_S, HEALTH_SOON_S = 0.2, 0.05
 """Intervals at which health is reported to the station, and soon after a new sender: alarms name its address."""
 _FEW = 128
-"""After a batch of fewer packets the other links have their turn."""
+"""Size of a batch below which the other links have their turn."""
 _ROUNDS = 8
 """Batches of one link before the others have their turn."""
 

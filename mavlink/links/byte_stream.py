@@ -16,7 +16,7 @@ from mavlink.protocol.framing import FrameCounts, Framer
 from mavlink.protocol.packet import Packet
 
 PATIENCE_S = 0.3
-"""For this long the bytes of a frame may be on their way: radios and TCP hand them on in pieces, with pauses
+"""Time for which the bytes of a frame may be on their way: radios and TCP hand them on in pieces, with pauses
 between."""
 ORDERS_BYTES, FORWARDED_BYTES = 1 << 12, 1 << 18
 """Most that may wait for a slow other end: few of our own frames, as orders must not come late; of forwarded packets a
@@ -51,7 +51,7 @@ class FrameStream:
         self._counters = counters
         self._clock_s = clock_s
         self._since_s = math.inf
-        """Since when the frame is unfinished that is waited for."""
+        """Time since which the frame that is waited for is unfinished."""
         self._searched = 0
         """Number of waiting bytes that hide nothing."""
 

@@ -36,7 +36,7 @@ HOLD_S = 3.0
 _SLOWER, _FASTER = 0.5, 1.03
 """Factors on the rate that this machine reads: when it is late, and for each update when it is not."""
 _DRAIN_S = 0.3
-"""For this long after it is lowered, what had queued before is still being read."""
+"""Time after the read rate is lowered in which what had queued before is still being read."""
 _TINY = 1e-6
 """Keeps shares and divisors above zero."""
 
@@ -64,7 +64,7 @@ class Allowance:
     wanted_per_s: float = 0.0
     """Rate that arrives, passed or not."""
     turned_away: float = 0.0
-    """About how many datagrams of this flood did not pass."""
+    """Estimated number of datagrams of this flood that did not pass."""
     limited_s: float = -math.inf
     """Time at which it last was limited, monotonic."""
 
@@ -74,11 +74,11 @@ class Allowance:
         return cls(burst_s, burst_s)
 
     def estimate_refused(self, seen: int) -> float:
-        """About how many did not pass where this many did, n (1/p − 1); even where none did, some may have come."""
+        """Estimate how many did not pass where ``seen`` did, n (1/p − 1); even where none did, some may have come."""
         return (seen + 0.5) * (1.0 / self.share - 1.0)
 
     def count(self, seen: int, away: float, dt_s: float, now_s: float) -> None:
-        """Note how many passed in a time, and how many did not."""
+        """Count the datagrams that passed in a time, and those that did not."""
         part = min(dt_s / _SMOOTH_S, 1.0) if self.share < 1.0 else 1.0
         self.wanted_per_s += part * ((seen + away) / dt_s - self.wanted_per_s)
         self.turned_away += away

@@ -37,11 +37,11 @@ class FloodLimit:
     address: str
     """Host and port that they seem to come from; of unknown senders the one that most come from."""
     system_id: int
-    """That they carry, MIXED for datagrams that are not one frame each, or STRANGERS."""
+    """System id that they carry, MIXED for datagrams that are not one frame each, or STRANGERS."""
     wanted_per_s: float
     """Datagrams that arrive."""
     turned_away: int
-    """About how many of them were dropped by the filter."""
+    """Estimated number of them that were dropped by the filter."""
     refused: bool = False
     """True if their signatures are refused, and they are so many that not all are recorded."""
 

@@ -22,7 +22,7 @@ from mavlink.links.byte_stream import PATIENCE_S, Connection, FrameStream, queue
 from mavlink.links.url import LinkUrl, network_url, serial_url
 
 PAUSES_S = (0.5, 1.0, 2.0, 4.0)
-"""Before it is opened again."""
+"""Pauses before the stream is opened again, s."""
 
 
 class StreamLink(Link):

@@ -63,7 +63,7 @@ class UdpIn(UdpLink):
 
     @property
     def troubles(self) -> tuple[str, ...]:
-        """That floods cannot be limited, on a system without socket filters."""
+        """Warning that floods cannot be limited, on a system without socket filters."""
         text = f"{self.name}: this system has no socket filters; a flood of strangers can push others out"
         return (text,) if self.limiter.is_unsupported else ()
 

@@ -52,7 +52,7 @@ class UdpLink(Link):
         self._trusts_checksums = options.trusts_checksums
         self._datagrams = Datagrams(sock) if available() else None
         self._batches: list[Batch] = []
-        """Received since the last update of the shares, as are the counts that follow."""
+        """Batches received since the last update of the shares, as are the counts that follow."""
         self._bad_datagrams: Counter[Sender] = Counter()
         self._unknown_counts = [0, 0]
         """Datagrams of unknown senders that look like one frame, and others."""
@@ -87,7 +87,7 @@ class UdpLink(Link):
         return (self._socket.fileno(),) if self._open else ()
 
     def read_batch(self) -> Batch:
-        """Up to some hundred datagrams that are there, without waiting; empty when there are none or closed."""
+        """Read up to some hundred datagrams that are there, without waiting; empty when there are none or closed."""
         batch = Batch()
         if not self._open:
             return batch
@@ -135,7 +135,7 @@ class UdpLink(Link):
         return self.peers.address(peer)
 
     def trust(self, claims: set[Claim], t_us: int) -> None:
-        """These senders have proved who they are: they pass up to their limits, and may be sent to."""
+        """Trust senders that have proved who they are: they pass up to their limits, and may be sent to."""
         self.peers.trust(claims, t_us)
 
     def limits(self) -> tuple[FloodLimit, ...]:

@@ -84,9 +84,9 @@ class GlobalPosition(NamedTuple):
     lat_deg: float
     lon_deg: float
     alt_m: float
-    """Above sea level."""
+    """Altitude above sea level."""
     relative_alt_m: float
-    """Above home."""
+    """Height above home."""
     v_north: float
     v_east: float
     v_down: float
@@ -231,7 +231,7 @@ class MountStatus(_Sample):
     yaw: float
     """Relative to the vehicle's nose."""
     boot_ms: int = 0
-    """It has none."""
+    """Boot time: the message has none."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,7 +75,7 @@ class Arrival(NamedTuple):
 
     sender: SenderKey
     late: bool
-    """Its channel is seconds behind another that brings the same packets."""
+    """True if its channel is seconds behind another that brings the same packets."""
     lag: ChannelLag
     """Lag of its channel, by the message before."""
 
@@ -215,7 +215,7 @@ class Reception:
         self.signed = 0
         """Packets with a signature that was verified."""
         self.unsigned = 0
-        """Accepted packets without one."""
+        """Number of accepted packets without a signature."""
         self._channels: dict[tuple[int, int], _Channel] = {}
         self._first_copies = _FirstCopies()
         self._current = -1, 0, 0  # link, peer and time of the last packet over a channel that was up to date

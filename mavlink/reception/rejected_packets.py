@@ -38,7 +38,7 @@ _ALARM_AFTER = 3
 _REORDERED_AFTER, _REORDERED_EVERY_US = 20, 600_000_000
 """Reordered packets are reported from this many on and every ten minutes: two radios last a whole flight."""
 _HELD_US = 3_000_000
-"""Held packets this close together are one incident, which is reported once it has lasted as long."""
+"""Time within which held packets are one incident, which is reported once it has lasted as long."""
 _AUTH_LASTS_US = 10_000_000
 """Time after a rejected packet for which a vehicle's signatures count as not good."""
 _REASONS = {
@@ -105,13 +105,13 @@ class PacketRejections:
 
     def __init__(self) -> None:
         self.unsigned = 0
-        """Without a verified signature, where a key is set."""
+        """Number of packets without a verified signature, where a key is set."""
         self.bad_signature = 0
-        """Made with another key, replayed, or from the future."""
+        """Number of packets whose signature was made with another key, replayed, or from the future."""
         self.replayed = 0
         """Packets among these of a recording that is played again."""
         self.held = 0
-        """With a right signature, where nothing proves that they are made now."""
+        """Number of packets with a right signature, where nothing proves that they are made now."""
         self._ages = _PacketAges()
         self._counts: Counter[Auth] = Counter()
         self._count_reports: dict[Auth, ReportGrowth] = {}

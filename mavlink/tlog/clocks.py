@@ -34,7 +34,7 @@ class ClockStep:
     row: int
     """First record with the new time."""
     offset: int
-    """Its place in the file."""
+    """Offset of the step in the file."""
     by_s: float
     """Positive: forward."""
 

@@ -132,7 +132,7 @@ def _crcs(
 
 
 def _good_frames(data: Bytes, at: Ints, magic: int) -> Frames:
-    """Those of the candidate places where a good frame begins."""
+    """Return the candidate places where a good frame begins."""
     longest, extras, one, _ = _tables()
     at, length, ids, payload = _headers(data, at, magic)
     plausible = payload <= longest[np.minimum(ids, _ID_LIMIT - 1)]

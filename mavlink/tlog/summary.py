@@ -22,7 +22,7 @@ class MessageInfo:
     name: str
     count: int
     rate_hz: float
-    """Over the span from its first to its last, 0 for a single one or a file without times."""
+    """Rate over the span from its first to its last, Hz; 0 for a single one or a file without times."""
     known: bool
     """False: not in the dialect, so neither its contents nor its sender are to be trusted."""
 
@@ -55,7 +55,7 @@ class TlogInfo:
 
     @property
     def span_s(self) -> float:
-        """From the earliest to the latest record; 0 in a file without times."""
+        """Duration from the earliest to the latest record, s; 0 in a file without times."""
         return 0.0 if self.time_source == "none" else (self.last_us - self.first_us) * 1e-6
 
 

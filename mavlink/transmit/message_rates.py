@@ -67,7 +67,7 @@ CALM_S = 30.0
 AGAIN_S = 4.0
 """Seconds between two requests for one message: its rate has to be measured meanwhile."""
 BEHIND_S = 10.0
-"""For this long after a packet that was rejected as replayed a link's rates are not judged."""
+"""Time after a packet that was rejected as replayed in which a link's rates are not judged."""
 PAUSE_S = 1.5
 """A link that brings nothing at all for this long is interrupted: that is no sign of a low rate."""
 LOSS_MEMORY = 50.0
@@ -123,7 +123,8 @@ class _MessageStream:
         self.rejected = False
 
     def hz(self, now_s: float) -> float:
-        """Over the last seconds: by the intervals, but no more than by the count, which falls when a stream ends."""
+        """Rate over the last seconds, Hz: by the intervals, but no more than by the count, which falls when a stream
+        ends."""
         while self.arrivals and self.arrivals[0] < now_s - WINDOW_S:
             self.arrivals.popleft()
         count = len(self.arrivals)
@@ -147,7 +148,7 @@ class _VehicleLink:
         self.requested_s = -math.inf
 
     def restart(self, now_s: float) -> None:
-        """After a reboot or a silence everything may have to be requested again."""
+        """Forget the answers: after a reboot or a silence everything may have to be requested again."""
         self.since_s, self.requested = now_s, None
         for stream in self.streams.values():
             stream.restart()

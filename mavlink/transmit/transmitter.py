@@ -27,7 +27,7 @@ _HEARTBEAT, _TIMESYNC, _SETUP_SIGNING = 0, 111, 256
 _SHORTEST_V2 = 12
 """Bytes of a MAVLink 2 frame without payload."""
 REACHABLE_US = 10_000_000
-"""For how long after its last packet the UAV is sent to on a link."""
+"""Time for which the UAV is sent to on a link after its last packet there."""
 
 WriteFrame = Callable[[int, int, bytes], None]
 

@@ -43,9 +43,10 @@ MIN_POINTS = 6
 FAR_OFF = 1e4
 """A point that a pose does not show counts as this many px off, and none as more."""
 MAX_CLIMB = 1.5
-"""From one image to the next no camera gets this much higher or lower: a homography that says so is wrong."""
+"""Most height that a camera gains or loses from one image to the next, as a factor: a homography that says more is
+wrong."""
 SPEED_SPAN_S = 1.0
-"""Over which the reported speed of the UAV is taken."""
+"""Time over which the reported speed of the UAV is taken."""
 MAX_TRIES = 60
 """Maximum tries of poses for one image, derivatives included; ten are common."""
 

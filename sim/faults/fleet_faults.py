@@ -49,7 +49,7 @@ class SimulatedSender:
     reboot_s: float = math.inf
     move_port_s: float = math.inf
     label: str = ""
-    """Under which its packets are counted."""
+    """Name under which its packets are counted."""
 
     def boot_ms(self, t: float, before_s: float) -> int:
         """Milliseconds since its last boot; the first was ``before_s`` before the start."""

@@ -16,7 +16,7 @@ FloatArray = NDArray[np.float64]
 SCORE = 5
 """Column of the score."""
 HIDDEN_SHARE = 0.5
-"""Below this visible share a body is not detected, and is not in the truth of a rendered frame."""
+"""Visible share below which a body is not detected, and is not in the truth of a rendered frame."""
 WEAK_SCORES = (0.1, 0.29)
 """Range of scores that are too low to count."""
 SPREAD = 0.1

@@ -97,7 +97,7 @@ class ScenarioFlight:
     roam_m: float = 0.0
     """Amplitude of a slow wandering of the filmed point, across and along the image's mean direction."""
     roam_s: Annotated[float, Meta(ge=1.0, le=1e6)] = 24.0
-    """Its period."""
+    """Period of the roaming, s."""
     climb_mps: float = 0.0
 
 
@@ -147,8 +147,8 @@ class Gnss:
     bias_m: float = 0.6
     """Standard deviation of the wandering bias."""
     bias_kind: Literal["gauss-markov", "filtered", "walk", "steps", "sine"] = "gauss-markov"
-    """Its course: with its deviation kept up, the same smoothly as an autopilot's filter gives it, as a random walk
-    from there, in steps, or in a wave."""
+    """Course of the bias: with its deviation kept up, the same smoothly as an autopilot's filter gives it, as a random
+    walk from there, in steps, or in a wave."""
     tau_s: Annotated[float, Meta(ge=0.1, le=1e6)] = 60.0
     """Correlation time; in which a walk adds the deviation once more; mean time between steps; period of the wave."""
     steps_per_min: Annotated[float, Meta(ge=0.0, le=60.0)] = 0.0
@@ -203,7 +203,7 @@ class ScenarioTiming:
     video_offset_s: float = 0.0
     """Video time minus telemetry time, in the frame stamps."""
     declared_offset: Literal["exact", "zero", "auto"] = "exact"
-    """Its value in ``session.toml``."""
+    """Offset that ``session.toml`` declares."""
     frame_jitter_s: float = 0.002
     frame_loss: Annotated[float, Meta(ge=0.0, le=0.9)] = 0.0
     """Share of frames that are not in the video."""
@@ -331,8 +331,8 @@ class ScenarioView:
     """A further camera over the same fleet, on an aircraft of its own; its errors are drawn again."""
 
     mast: bool = False
-    """It is on a mast: ``flight`` should not move, nothing is sent, and the mission has the place. What the mission has
-    of direction is off by ``declared``, and this much is stated as 1σ."""
+    """True if the camera is on a mast: ``flight`` should not move, nothing is sent, and the mission has the place. What
+    the mission has of direction is off by ``declared``, and this much is stated as 1σ."""
     aside_m: tuple[float, float] = (0.0, 0.0)
     """East and north of where ``flight`` alone would have it, metres."""
     flight: ScenarioFlight = field(default_factory=ScenarioFlight)

@@ -35,7 +35,7 @@ MIN_COVERAGE = 0.6
 WORST_FOCAL = 0.005
 """1σ of a focal length, as a share of it."""
 MIN_TILT = np.deg2rad(15.0)
-"""That a quarter of the views reach; boards that face the camera leave focal length and distance undetermined."""
+"""Tilt that a quarter of the views reach; boards that face the camera leave focal length and distance undetermined."""
 CELLS = (24, 18)
 """Columns and rows in which coverage is counted."""
 PLACES = (
@@ -59,7 +59,7 @@ class Calibration:
     tilt: float
     """Angle between board and image that a quarter of the views reach, rad."""
     views: tuple[BoardView, ...]
-    """Those that were used."""
+    """Views that were used."""
     covered: NDArray[np.bool_]
     """(rows, columns) cells of the image in which a board was seen."""
 

@@ -22,7 +22,7 @@ from vision.camera.intrinsics import Intrinsics
 from vision.errors import CameraError
 
 CORNER_PX = 0.5
-"""From OpenCV's pixels to ours."""
+"""Shift from OpenCV's pixels to ours."""
 NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")
 KNOWN = (*NUMBERS, "distortion", "calibration")
 YAML = (".yaml", ".yml")

@@ -29,7 +29,7 @@ CAR_M = 4.5
 FLOOR = 0.15
 """Weaker boxes are no evidence."""
 STEP = 2.0
-"""From one scale to the next: vehicles are seen over three octaves, and so by two or three neighbours."""
+"""Factor from one scale to the next: vehicles are seen over three octaves, and so by two or three neighbours."""
 MIN_SIDE_PX = 200.0
 """Minimum side of the smallest canvas: a vehicle of the network's length would fill a quarter of a smaller one."""
 AGREE = 0.5

@@ -86,7 +86,7 @@ def _reach(rows: NDArray[np.float64], overlap: float) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rule:
-    """Which boxes are returned."""
+    """Rule for the boxes that are returned."""
 
     classes: NDArray[np.intp]
     """(k,) class numbers of vehicles."""

@@ -76,7 +76,7 @@ class Detections:
         return len(self.cx)
 
     def select(self, index: ArrayLike) -> Detections:
-        """Those at ``index``: integers (k,), in that order, or a mask (m,) bool."""
+        """Return the detections at ``index``: integers (k,), in that order, or a mask (m,) bool."""
         chosen = np.asarray(index)
         if chosen.dtype == np.bool_ and chosen.all():
             return self
@@ -89,7 +89,7 @@ class Detections:
         return taken
 
     def at_least(self, score: float) -> Detections:
-        """Those of this score and more."""
+        """Return the detections of this score and more."""
         return self.select(self.score >= score)
 
     def useful(self, score: float) -> Detections:
@@ -111,7 +111,8 @@ class Detections:
         return np.asarray(np.any(inside, axis=1))
 
     def looked_share(self, size: tuple[int, int]) -> float:
-        """About which share of an image of (width, height) px was looked at; where parts overlap it is less."""
+        """Return the share of an image of (width, height) px that was looked at, about; where parts overlap it is
+        less."""
         if self.looked is None:
             return 1.0
         sides = self.looked[:, 2:] - self.looked[:, :2]

@@ -157,7 +157,7 @@ Floats = NDArray[np.float64]
 BUNDLED_FRONT = Path(__file__).parents[1] / "models" / "rollcall-front-resnet18.onnx"
 """Rollcall's own classifier of fronts."""
 SQUARE = 1.3
-"""Up to this ratio of its sides a box may have its front at a longer side."""
+"""Ratio of its sides up to which a box may have its front at a longer side."""
 MAX_CROPS = 64
 """Crops in one run; more boxes take several."""
 

@@ -115,7 +115,7 @@ class HeatmapDetector:
         return detect_in_tiles(image, parts, lambda images: [look(part) for part in images])
 
     def examine(self, image: Image, most_px: int = FILM_PX) -> Generator[None, None, ApparentLength | None]:
-        """How long vehicles are in an image, see ``vision.detect.apparent_length.examine``."""
+        """Measure the length of vehicles in an image, see ``vision.detect.apparent_length.examine``."""
         return examine(image, partial(self._detect_at_scale, score=FLOOR), finest=MAX_SCALE, most_px=most_px)
 
     def film_gsd_m(self, image: Image, length_px: float | None) -> float:

@@ -111,7 +111,7 @@ def draw(image: NDArray[np.uint8], fit: Letterbox, *, average: bool) -> NDArray[
 
 
 def undo(found: Detections, fit: Letterbox, image: NDArray[np.uint8]) -> Detections:
-    """From the canvas to the image (H, W, 3); boxes centred on the margins are dropped."""
+    """Bring detections from the canvas to the image (H, W, 3); boxes centred on the margins are dropped."""
     height, width = image.shape[:2]
     boxes = fit.undo_boxes(found.boxes)
     cx, cy, w, h, _ = boxes.T

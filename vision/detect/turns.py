@@ -52,7 +52,7 @@ worth of pixels: names begin at once, half a second late at the most."""
 MAX_ALONE = 0.4
 """Share of what is left of a frame's pixels for reports that nothing explains: many may be wrong."""
 REPORTED_US = 350_000
-"""Where a vehicle reports to be and none was found is looked at again after this long."""
+"""Time after which the place where a vehicle reports to be and none was found is looked at again."""
 KEPT_US, FORGOTTEN_US, AGAIN_US = 1_000_000, 3_000_000, 1_500_000
 """A place is given up when nothing was found there for this long although it was looked at; in any case; and one that
 was only proposed, and is empty, may be proposed again."""
@@ -66,25 +66,25 @@ FOLLOWS = 0.5
 
 
 class _LookPlace(NamedTuple):
-    """Where to look, px of the image."""
+    """Place to look at, px of the image."""
 
     at: Point
-    """Where it is expected in this frame."""
+    """Position at which it is expected in this frame."""
     base: Point = (math.nan, math.nan)
-    """Where it was in the last frame, or, while it goes unseen, in the last but one."""
+    """Position in the last frame, or, while it goes unseen, in the last but one."""
     unseen: bool = False
     v: Point = (0.0, 0.0)
     """px/s, the camera's motion taken out."""
     seen_us: int = 0
-    """When a vehicle was found there last; 0: never, it is only proposed."""
+    """Time at which a vehicle was found there last; 0: never, it is only proposed."""
     looked_us: int = 0
-    """When it was looked at last; 0 never."""
+    """Time at which it was looked at last; 0 never."""
     reach_px: float = REACH_PX
-    """How far from it the vehicle may be, px of the canvas."""
+    """Distance from it at which the vehicle may be, px of the canvas."""
     of_report: bool = False
     """A vehicle reports to be there, and none was found: it is for this frame alone."""
     empty: bool = False
-    """It was proposed, looked at, and nothing is there."""
+    """True if it was proposed, looked at, and nothing is there."""
 
     def lasts(self, t_us: int, *, looked: bool) -> bool:
         """Tell whether it is kept after a frame in which nothing was found there."""

@@ -53,7 +53,7 @@ def class_names(metadata: Mapping[str, str]) -> dict[int, str]:
 
 
 def vehicle_classes(names: Mapping[int, str], classes: int, wanted: Collection[str] | None = None) -> NDArray[np.intp]:
-    """Which classes count.
+    """Choose the classes that count.
 
     Args:
         names: of the model; empty when unknown.

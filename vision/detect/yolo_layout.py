@@ -104,7 +104,8 @@ def read_input(session: ort.InferenceSession, imgsz: int | None = None) -> YoloI
 
 
 def output_form(shape: tuple[int, ...], names: Mapping[int, str], anchors: frozenset[int], suppressed: bool) -> Form:
-    """How an output is to be read.
+    """Tell how an output is to be read. Seven columns are boxes, unless the model has two classes (4 + 2 + 1 = 7) and
+    as many rows as it has anchors.
 
     Seven columns are boxes, unless the model has two classes (4 + 2 + 1 = 7) and as many rows as it has anchors.
 
@@ -161,7 +162,7 @@ def check_size(output: Sequence[int]) -> None:
 
 
 def anchor_counts(height: int, width: int) -> frozenset[int]:
-    """How many anchors models have on a canvas, px: one for each cell of each level's grid."""
+    """Return the numbers of anchors that models have on a canvas, px: one for each cell of each level's grid."""
     return frozenset(sum(-(-height // s) * -(-width // s) for s in strides) for strides in LEVELS)
 
 

@@ -157,7 +157,7 @@ def _label_of(image: Path) -> Path | None:
 
 
 def _told_format(labels: Sequence[Path]) -> Format:
-    """From the first line with content."""
+    """Tell the format from the first line with content."""
     for path in labels:
         for i, line in enumerate(read_text(path).splitlines(), 1):
             if not line.strip():

@@ -87,7 +87,7 @@ MAX_TRACKS = 12
 LOST_US = 600_000
 """A vehicle that was not seen for this long is given up."""
 LONGEST_US = 1_000_000
-"""After a longer pause between two frames the filter starts again."""
+"""Longest pause between two frames; after a longer one the filter starts again."""
 ACCELERATION = 1.5
 """Square root of the spectral density of the vehicles' acceleration, m/s^1.5: drivers brake and turn."""
 FIRST_SPEED = 6.0

@@ -41,7 +41,7 @@ OFTEN_S, SELDOM, LONGEST_S = 2.0, 0.2, 10.0
 """Time between two searches: at least, as a share of that since the film began, since what did not show early seldom
 does, and at most."""
 PAUSE_S = 2.0
-"""After a longer pause between two frames the search starts again: a connection may have another delay."""
+"""Longest pause between two frames; after a longer one the search starts again: a connection may have another delay."""
 CLEARER, ALONE = 3.0, 1.4
 """Ratio by which c has to be larger at the lag in use, and at the best one more than ``BESIDE_S`` away."""
 BESIDE_S, FAR_S, SAME_S = 0.35, 0.12, 0.15

@@ -39,7 +39,7 @@ def has_no_stamps(container: av.container.InputContainer) -> bool:
 
 
 class Arrivals:
-    """When the bytes of a connection came, by their offset in it."""
+    """Times at which the bytes of a connection came, by their offset in it."""
 
     def __init__(self) -> None:
         self._end = 0
@@ -51,7 +51,8 @@ class Arrivals:
         self._came.append((self._end, at_s))
 
     def of(self, offset: int | None) -> float:
-        """When the byte at an offset came, which is asked for in order; of an unknown one the last.
+        """Return the time at which the byte at an offset came, which is asked for in order; of an unknown one the last.
+        A container hands a picture out when the next one came, and perhaps the one after that.
 
         A container hands a picture out when the next one came, and perhaps the one after that.
         """
@@ -90,7 +91,7 @@ class ByteStream:
         return as_pictures or packets == _SYNC * len(packets)
 
     def read(self, size: int) -> bytes:
-        """At most ``size`` bytes, none at the end."""
+        """Read at most ``size`` bytes, none at the end."""
         data = self._rest or self._receive()
         self._rest = data[size:]
         return data[:size]

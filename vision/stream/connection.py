@@ -53,7 +53,7 @@ BYTE_STREAMS = ("tcp:", "srt:", *HTTP)
 ONE_STREAM = {"format_whitelist": f"{ONE_FILE},mpjpeg"}
 """Formats that others may send: a playlist or a session would have FFmpeg ask any host and open any port."""
 MAX_REDIRECTS = 4
-"""On the same host, one after the other."""
+"""Most redirects on the same host, one after the other."""
 READ_BYTES = 32768
 """Most bytes that FFmpeg asks for at once."""
 _REFUSED = {
@@ -132,7 +132,7 @@ class Input:
     live: Callable[[], bool] = lambda: True
     """False once nothing more comes and only what was held back is handed out."""
     shown: Callable[[], None] = lambda: None
-    """To be called when a frame was decoded, or was left out on purpose."""
+    """Callback for when a frame was decoded, or was left out on purpose."""
     drains: bool = False
     """True if it ends by itself when it is time to stop, and hands out its last packet then."""
     exposures: Exposures = field(default_factory=Exposures)
@@ -322,7 +322,7 @@ class _Bytes:
         self.arrivals = Arrivals()
 
     def read(self, size: int) -> bytes:
-        """At most ``size`` bytes, none at the end."""
+        """Read at most ``size`` bytes, none at the end."""
         while not self._rest:
             data = self._port.read()
             if not data:

@@ -41,7 +41,7 @@ class ArrivalClock:
         self._arrival_s = arrival_s
 
     def lag_s(self, stamp_s: float, arrival_s: float) -> float:
-        """How much later than the fastest packet this one came."""
+        """Delay of this packet against the fastest one, s."""
         return 0.0 if self._offset_s is None else arrival_s - stamp_s - self._offset_s
 
     def unix_s(self, stamp_s: float) -> float:

@@ -14,7 +14,7 @@ IMAGE_BYTES = 7680 * 4320 * 3
 
 
 class Sender(msgspec.Struct, frozen=True):
-    """Who sends datagrams to a port."""
+    """Sender of datagrams to a port."""
 
     host: str
     port: int
@@ -43,7 +43,7 @@ class Settings(msgspec.Struct, kw_only=True, tag=True):
     port: int = -1
     """File descriptor of the port that is bound; −1: there is none."""
     proven: list[Sender] = []
-    """Who has shown a picture on it before, the first with the best right."""
+    """Senders that have shown a picture on it before, the first with the best right."""
 
 
 class FrameRequest(msgspec.Struct, kw_only=True, tag=True):
@@ -73,7 +73,7 @@ class Progress(msgspec.Struct, kw_only=True, tag=True):
     """Process to parent: how far it is."""
 
     patience_s: float
-    """Until the next sign of life at the latest."""
+    """Time until the next sign of life at the latest, s."""
     rows: list[tuple[int, int]]
     """Index and Unix µs of frames listed since the last."""
     connected: bool = False
@@ -84,12 +84,12 @@ class Progress(msgspec.Struct, kw_only=True, tag=True):
     damaged: int = 0
     strangers: int = 0
     sender: Sender | None = None
-    """Who is listened to."""
+    """Sender that is listened to."""
     rival: Sender | None = None
-    """Who else sends video to the same port."""
+    """Another sender of video to the same port."""
     proven: list[Sender] = []
     exposure_source: str = ""
-    """Which data of the stream dates its frames, empty where none does."""
+    """Data of the stream that date its frames, in words; empty where none do."""
     exposure_delay_s: float = 0.0
     told_error_s: float = 0.0
     segment: int = -1

@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 STALL_S: Final = 1.0
-"""Without a frame for this long a stream has stalled."""
+"""Time without a frame after which a stream has stalled, s."""
 STALL_INTERVALS: Final = 2.5
-"""But a slow one only after this many of its usual intervals: one frame may be late, or missing."""
+"""Number of its usual intervals after which a slow stream has stalled: one frame may be late, or missing."""
 MAX_STALL_S: Final = 5.0
 PACE_FRAMES: Final = 6
 """Number of frames that tell the pace; one gap among them does not change it."""
 
 
 def stall_after_s(times_us: Sequence[int] | NDArray[np.int64], least_s: float = STALL_S) -> float:
-    """After how long without a frame a stream has stalled.
+    """Return the time without a frame after which a stream has stalled.
 
     Args:
         times_us: when the last frames were taken, in order.

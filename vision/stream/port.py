@@ -30,7 +30,7 @@ REPORT_BUFFER_BYTES = 1 << 16
 SLICE_S = 0.2
 """Longest wait between two checks whether to stop."""
 MAX_REPORTS = 8
-"""Taken at once: a sender reports every few seconds."""
+"""Most reports taken at once: a sender reports every few seconds."""
 
 
 def bind(host: str, port: int) -> socket.socket:
@@ -123,7 +123,8 @@ class Port:
         self._control: socket.socket | None = None
 
     def wait(self) -> Trial | None:
-        """Who is listened to next, its first datagrams left to be read.
+        """Return the sender that is listened to next, its first datagrams left to be read. None when it is time to end,
+        and when ``senders.undecodable`` has something to tell.
 
         None when it is time to end, and when ``senders.undecodable`` has something to tell.
         """

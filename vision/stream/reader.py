@@ -81,7 +81,7 @@ class StreamReader:
         self.recording = Recording(Path(settings.record), settings.segment) if settings.record else None
         self.go_on = go_on
         self.lock = threading.Lock()
-        """Held while packets are numbered and recorded."""
+        """Lock that is held while packets are numbered and recorded."""
         self._send = send
         self._sent_s = 0.0
         self._connection: _OpenStream | None = None
@@ -150,7 +150,7 @@ class _OpenStream:
         self._key_pts: int | None = None
 
     def run(self) -> None:
-        """Until the source ends, breaks or is closed."""
+        """Read until the source ends, breaks or is closed."""
         held: list[tuple[Coded, float]] | None = None if self._paced else []
         try:
             for packet, waited in self._received():
@@ -230,7 +230,7 @@ class _OpenStream:
                 self._decode(packet)
 
     def _renew(self) -> None:
-        """From here on only a key frame begins."""
+        """Drop what waits: only a key frame can begin from here on."""
         self.list(self._reader.order.flush())
         self._placed.clear()
         self._key_pts = None

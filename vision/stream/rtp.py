@@ -100,7 +100,7 @@ class _ReorderBuffer:
     _waiting: dict[int, RtpPacket] = field(default_factory=dict)
 
     def put(self, datagram: RtpPacket) -> list[tuple[RtpPacket, bool]]:
-        """Those next in order, each with whether one before it is missing."""
+        """Return the packets that are next in order, each with whether one before it is missing."""
         if self._next is None:
             self._next = datagram.sequence
         ahead = self._ahead(datagram)

@@ -24,7 +24,7 @@ from vision.stream.trial import Trial, looks_like
 TAKEOVER_S = 1.5
 """Silence of the present sender after which another one may take its place: a radio's hole is usually shorter."""
 BLIND_S = 3.0
-"""Without a picture from the present sender; a lost key frame is usually followed by the next within that."""
+"""Time without a picture from the present sender, s; a lost key frame is usually followed by the next within that."""
 QUIET_S = 0.3
 """Silence of the present sender after which others are held, so that none of theirs is missing when they begin."""
 RIVAL_S = 2.0
@@ -100,7 +100,7 @@ class Senders:
         self._shown_s = self._heard_s
 
     def successor(self) -> Sender | None:
-        """Who is to be listened to from now on, None while it stays as it is."""
+        """Return the sender that is to be listened to from now on, None while it stays as it is."""
         self._try()
         ready = [sender for sender, trial in self._trials.items() if trial.proven]
         for sender in ready:
@@ -135,7 +135,7 @@ class Senders:
 
     @property
     def rival(self) -> Sender | None:
-        """Who else sends what can be decoded, None if nobody does."""
+        """Another sender of what can be decoded, None if there is none."""
         self._rivals = {sender: heard for sender, heard in self._rivals.items() if self._now_s - heard < RIVAL_S}
         others = [sender for sender in self._rivals if sender != self.present]
         return min(others, key=self._rank, default=None) if self.present is not None else None

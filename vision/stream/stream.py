@@ -55,9 +55,9 @@ WATCH_S = 0.2
 CLOSE_S = 2.0
 """A process that was asked to end is killed after this long."""
 ANSWER_S = 0.5
-"""For an answer beyond the time that the frame was waited for."""
+"""Time for an answer beyond the time that the frame was waited for, s."""
 PAUSES_S = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)
-"""Before the process is started again; the last repeats."""
+"""Pauses before the process is started again, s; the last repeats."""
 STEADY_S = 10.0
 """A process that lived this long was well."""
 
@@ -174,12 +174,12 @@ class VideoStream:
 
     @property
     def sender(self) -> Sender | None:
-        """Who sends the datagrams that are listened to; None while nobody does, and where it is not datagrams."""
+        """Sender of the datagrams that are listened to; None while there is none, and where it is not datagrams."""
         return self._progress.sender
 
     @property
     def rival(self) -> Sender | None:
-        """Who else sends video to the same port, None if nobody does; ``vision.stream.senders`` has the rule."""
+        """Another sender of video to the same port, None if there is none; ``vision.stream.senders`` has the rule."""
         return self._progress.rival
 
     def prefer(self, sender: Sender) -> None:
@@ -189,7 +189,7 @@ class VideoStream:
 
     @property
     def exposure(self) -> str:
-        """How frames are dated, in words; empty while it is by their arrival."""
+        """Source of the frames' times, in words; empty while it is their arrival."""
         progress = self._progress
         if progress.exposure_source:
             word, delay_s = _EXPOSURE_SOURCES.get(progress.exposure_source, "word"), progress.exposure_delay_s
@@ -215,7 +215,7 @@ class VideoStream:
 
     @property
     def restarts(self) -> int:
-        """How often the video's process was started again."""
+        """Number of times that the video's process was started again."""
         return self._supervisor.restarts
 
     def latest(self, timeout_s: float) -> Frame | None:

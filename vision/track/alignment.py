@@ -55,7 +55,7 @@ TOLERANCE = 0.2
 MOTION_WEIGHT = 3.0
 """Weight of ln(1 + d²/2σ²), the prior of a displacement d: its tails are heavy since gusts come suddenly."""
 EVIDENT_SHARE = 0.9
-"""If a small motion explains this much of all that could be explained, no other is looked for."""
+"""Share of all that could be explained that a small motion must explain for no other to be looked for."""
 MIN_GAIN = 12.0
 """A motion has to explain more than none by as much, in units of the squared distance; less may be chance."""
 
@@ -73,7 +73,7 @@ class BoxShapes:
 
     @classmethod
     def of(cls, rows: Floats) -> BoxShapes:
-        """From rows cx cy w h angle, (n, 5)."""
+        """Read rows cx cy w h angle, (n, 5)."""
         w, h = rows[:, 2], rows[:, 3]
         axis = rows[:, 4] + np.where(w < h, 0.5 * np.pi, 0.0)
         long = np.maximum(w, h) > ELONGATED * np.minimum(w, h)

@@ -31,9 +31,10 @@ MARGIN = 1.15
 SLOPE = 1.5
 """Detectors' scores lie closer together than the odds that they stand for."""
 MISS = 0.5
-"""Against a track in each frame without a box, nats: most vehicles are seen in most frames."""
+"""Evidence against a track in each frame without a box, nats: most vehicles are seen in most frames."""
 MIN_LOOK = 0.2
-"""For a track with each box that counts: dark vehicles among bright ones are reported after a dozen boxes."""
+"""Least evidence for a track with each box that counts, nats: dark vehicles among bright ones are reported after a
+dozen boxes."""
 RANGE = (-0.3, 3.0)
 """Range of u. Where vehicles are hardly seen, two boxes of s₀ are enough; where clear, scores of 0.9 for s₀ = 0.3
 are as usual."""
@@ -44,7 +45,7 @@ SURE = 0.99
 ALIKE, SIZE_STD = 0.2, 0.25
 """Largest amount by which most vehicles are smaller than the rest, and 1σ beyond that, of the logarithm of sizes."""
 MAX_SMALL = 1.0
-"""Against a track for its size in each frame, nats, at the most: less than MARGIN."""
+"""Most evidence against a track for its size in each frame, nats: less than MARGIN."""
 BESIDE = 8.0
 """Tracks are at the same height of the picture within about as many of their sizes."""
 REPORTED_REACH = 3.0

@@ -24,9 +24,9 @@ _STILL = np.eye(4)
 _MOVE_EITHER = np.kron(_MOVE, _STILL) + np.kron(_STILL, _MOVE)
 """F ⊗ F = I + dt (N ⊗ I + I ⊗ N) + dt² N ⊗ N: its linear part, for vec P."""
 _MOVE_BOTH = np.kron(_MOVE, _MOVE)
-"""Its quadratic part."""
+"""Quadratic part of F ⊗ F."""
 _STILL_BOTH = np.eye(16)
-"""Its constant part."""
+"""Constant part of F ⊗ F."""
 
 
 def initial(centre: Floats, noise: Floats, speed: Floats) -> tuple[Floats, Floats]:

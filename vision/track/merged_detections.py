@@ -20,7 +20,7 @@ LARGER = 1.2
 PULL = 0.5
 """Tracks inside a common box move by this share of the distance from their mean to the box's centre."""
 GAP_S = 0.2
-"""They count as unseen for no longer than this, seconds."""
+"""Longest time for which they count as unseen, seconds."""
 
 
 @dataclass(frozen=True, slots=True)

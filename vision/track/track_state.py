@@ -208,7 +208,7 @@ class TrackState:
         return TrackState(self.table.take(rows, axis=1))
 
     def join(self, other: TrackState) -> TrackState:
-        """These tracks and then the others."""
+        """Return these tracks and then the others."""
         return TrackState(np.concatenate([self.table, other.table], axis=1))
 
     def predict(self, dt: float, wander: float) -> None:

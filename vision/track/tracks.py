@@ -71,7 +71,7 @@ class Tracks:
     speaks yet (``vision.track.evidence``). Arrays (k,) unless noted, read-only."""
 
     track_id: Ints
-    """From 1."""
+    """Track id, from 1."""
     detection: Indices
     """Index into this frame's detections, -1 while coasting."""
     cx: Floats
@@ -89,9 +89,9 @@ class Tracks:
     hits: Ints
     """Frames in which it was seen."""
     age_s: Floats
-    """Since first seen."""
+    """Time since first seen, s."""
     gap_s: Floats
-    """Since last seen, 0 when seen now; in a box around several at most 0.2."""
+    """Time since last seen, s; 0 when seen now; in a box around several at most 0.2."""
     missed_s: Floats
     """Part of the time since it was last seen in which it was looked for."""
     vx: Floats

@@ -28,7 +28,7 @@ class CodedFrame:
     index: int
     """In display order."""
     packet: Packet[VideoStream]
-    """With the data; its time stamps are those of its own file."""
+    """Packet with the data; its time stamps are those of its own file."""
 
 
 class CodedFilm:

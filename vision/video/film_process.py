@@ -168,7 +168,7 @@ class FilmReader:
             picture = self._receive(_Decoded, _NEXT_S)
 
     def read(self, index: int) -> NDArray[np.uint8] | None:
-        """That frame, None when it does not decode.
+        """Decode a frame, None when it does not decode.
 
         Raises:
             VideoError: FFmpeg does not come to it.

@@ -213,7 +213,7 @@ class FrameReader:
             yield index, self._image(frame)
 
     def read(self, index: int) -> NDArray[np.uint8] | None:
-        """That frame, None when it does not decode."""
+        """Decode a frame, None when it does not decode."""
         if not self._ahead(index):
             self.go(index)
         for found, frame in self._frames:

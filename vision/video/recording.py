@@ -27,7 +27,7 @@ OPTIONS = {"cluster_time_limit": "0", "flush_packets": "1", "allow_raw_vfw": "1"
 TICK = Fraction(1, 1000)
 """Matroska's, s."""
 RETRY_S, LONGEST_RETRY_S = 2.0, 8.0
-"""After a failed write, before a new file is tried; doubles with each further failure."""
+"""Pause after a failed write, before a new file is tried, s; it doubles with each further failure."""
 MAX_SEGMENTS = 10_000
 """Files of one recording; a disk that fails each time must not fill a folder with names."""
 

@@ -62,7 +62,7 @@ class RecordingPart:
         return reader
 
     def read(self, index: int) -> NDArray[np.uint8] | None:
-        """Its ``index``-th frame, None when it is damaged."""
+        """Decode the ``index``-th frame of the file, None when it is damaged."""
         if self._reader is None:
             self._reader = self.reader()
         return self._reader.read(index)

@@ -27,7 +27,7 @@ UNSURE: Final = 0.9
 WRONG: Final = 0.02
 """Share of boxes without their right name that is worth a word."""
 OUTAGE_S: Final = 10.0
-"""Without a position for this long a vehicle may be anywhere near; radios hold positions up for less."""
+"""Time without a position after which a vehicle may be anywhere near, s; radios hold positions up for less."""
 UNNAMED: Final = 0.5
 """More boxes without a name than this are more than strangers that drive by."""
 
@@ -66,7 +66,7 @@ def judge(record: FlightRecord) -> FlightJudgement:
 
 
 def mean_confidence(records: Iterable[FlightRecord]) -> float:
-    """Over all named boxes; NaN without any."""
+    """Return the mean confidence of all named boxes; NaN without any."""
     calls = [call for record in records for call in record.roll_call if call.confidence is not None]
     boxes = sum(call.boxes for call in calls)
     return sum(call.boxes * (call.confidence or 0.0) for call in calls) / boxes if boxes else math.nan
@@ -172,7 +172,7 @@ _LOOKS: tuple[Callable[[FlightRecord], Finding | None], ...] = (
 
 
 MAX_FLIGHTS: Final = 2000
-"""That one page lists of each kind; a browser shows as many at once."""
+"""Most flights of each kind that one page lists; a browser shows as many at once."""
 MAX_VEHICLES: Final = 1000
 _FIGURES: Final = ("right", "precision", "name changes", "calibration error")
 """Columns of flights whose truth is known."""
@@ -264,7 +264,7 @@ def _sums(done: Sequence[FlightRecord], failed: Sequence[FlightRecord]) -> Secti
 
 
 def _score_sums(scores: Sequence[ScoreRecord]) -> list[tuple[str, str]]:
-    """Over all flights of which the truth is known."""
+    """Return sums over all flights of which the truth is known."""
     rows = []
     for what, name in (("right names", "right"), ("precision of names", "precision")):
         known = [value for score in scores if (value := getattr(score, name)) is not None]

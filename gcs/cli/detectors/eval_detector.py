@@ -33,7 +33,7 @@ RESULTS = ("eval.json", "eval.md", "worst.png", "apart.png")
 BUNDLED = "bundled"
 """In place of a file's name, Rollcall's own model."""
 GSD_M = (1e-4, 100.0)
-"""From a close-up to a satellite's, metres on the ground per pixel."""
+"""Bounds of the ground resolution, metres per pixel: from a close-up to a satellite's."""
 
 
 def eval_detector(

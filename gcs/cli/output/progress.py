@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from gcs.cli.output.console import print_note
 
 Report = Callable[[int, int], None]
-"""Given how much is done, and of how much."""
+"""Callback for progress: how much is done, and of how much."""
 
 _BAR_STEPS = 500
 """A bar moves in steps of this share of the work: drawing costs the work nothing."""

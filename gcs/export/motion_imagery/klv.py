@@ -30,7 +30,7 @@ from vision.video.coded_frames import CodedFilm
 
 TIME_BASE = Fraction(1, 90_000)
 CODECS = ("h264", "hevc", "mpeg2video", "mpeg4")
-"""That MPEG-TS carries and others expect there."""
+"""Codecs that MPEG-TS carries and other programs expect there."""
 MISSION, PLATFORM = 3, 10
 
 

@@ -95,7 +95,7 @@ def _raw(tag: int, value: float) -> bytes | None:
 
 
 def _text(text: str) -> bytes:
-    """Without half a letter at the end."""
+    """Cut a text without leaving half a character at the end."""
     return text.encode(errors="replace")[:MAX_TEXT].decode(errors="ignore").encode()
 
 

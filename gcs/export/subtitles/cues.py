@@ -27,7 +27,7 @@ class Cue:
     end_us: int
     """Start of the next frame."""
     snapshot: Snapshot
-    """With those boxes only that were seen in the frame."""
+    """Snapshot of the frame, with the boxes only that were seen in it."""
 
 
 class Cues:

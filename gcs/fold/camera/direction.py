@@ -18,9 +18,9 @@ from vision.camera.camera import CameraPose, Mount, camera_rotation
 MOUNT_DOUBT = np.deg2rad(20.0)
 """The gimbal may report to look so far from where the mission's mount has the camera: mounts are set up by eye."""
 TURNED_US = 5_000_000
-"""For a gimbal's reports to come that were asked for when an order turned the camera."""
+"""Time for a gimbal's reports to come that were asked for when an order turned the camera."""
 LOST_US = 3_000_000
-"""Without an attitude of the gimbal for this long, its loss is reported."""
+"""Time without an attitude of the gimbal after which its loss is reported."""
 _LEVEL = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # nose north, level: body FRD to ENU
 
 

@@ -35,9 +35,9 @@ rarer."""
 REFINED_AGAIN_US, REFINED_FOR_US = 5_000_000, 60_000_000
 """A camera that was found is refined every so often, for this long."""
 MIN_HEIGHT_M = 5.0
-"""Above the ground; lower down nothing is level enough."""
+"""Least height above the ground, m; lower down nothing is level enough."""
 GUESSED_FOR_US = 30_000_000
-"""For this long a direction that nobody told is no reason to doubt that film and telemetry belong together."""
+"""Time for which a direction that nobody stated is no reason to doubt that video and telemetry belong together."""
 TOLD_AFTER_US = 10_000_000
 """Why the camera is not found is told once the search goes on for this long."""
 CORRECTED_FOCAL, CORRECTED_RAD, CORRECTED_STDS = 0.06, math.radians(4.0), 3.0

@@ -38,7 +38,7 @@ class FrameCamera:
     of_image_time: bool = False
     """The rotation is that of the frame's own moment, as its boxes show; else telemetry's, by telemetry's clock."""
     usual: IdentifierParams = PRIOR
-    """Has the usual errors of its pose."""
+    """Parameters of the identifier, with the usual errors of the camera's pose."""
 
     @property
     def ground_z(self) -> float:

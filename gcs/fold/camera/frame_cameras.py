@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from gcs.mission.terrain_file import TerrainFile
 
 MIN_HEIGHT_M = 2.0
-"""Above the ground; lower down nothing is level enough."""
+"""Least height above the ground, m; lower down nothing is level enough."""
 SPEED_STD, UNKNOWN_SPEED_STD = 0.3, 8.0
 """1σ per axis of the UAV's reported velocity, m/s, and of one that reports none."""
 COARSE_M = 2.5

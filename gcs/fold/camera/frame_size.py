@@ -37,7 +37,7 @@ EVERY_US = 2_000_000
 """Frames closer to each other are not independent."""
 MAX_LOOKS = 40
 DESCRIBED = 3.0
-"""For the size that the camera is described for, nats: twenty streams have it for one that has not."""
+"""Prior for the size that the camera is described for, nats: twenty streams have it for one that has not."""
 SURE = 5.0
 """The best size is taken when it is better than any other by this much, nats: 150 to one."""
 ALIKE = 0.03

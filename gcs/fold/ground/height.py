@@ -77,7 +77,7 @@ GUESS_M, GUESS_STD_M = 50.0, 25.0
 """A UAV's height above the ground where the only altitudes put it into the ground, and 1σ."""
 GUESS = "a guess"
 GAP_LASTS_US = 3_000_000
-"""For this long before it is reported: filters start, and reports come one after the other."""
+"""Time that a difference lasts before it is reported: filters start, and reports come one after the other."""
 TOLD_GAP_M = 10.0
 """A source is reported again once it differs by this much more or less than when it was last reported."""
 
@@ -105,7 +105,7 @@ class GroundHeight:
         self._moments = np.zeros((0, 4, 4))
         """(n, 4, 4) decaying Σ x xᵀ of each vehicle, x = (1, east, north, up)."""
         self._since_us: dict[str, int] = {}
-        """Since when a source differs from what is used."""
+        """Time since which a source differs from what is used."""
         self._told_m: dict[str, float] = {}
         """Amount by which a source differed when that was reported."""
         self._left_out: set[str] = set()

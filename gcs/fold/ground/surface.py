@@ -40,7 +40,7 @@ class HeightSource:
 
     name: str
     z: float
-    """At the plane's point, metres."""
+    """Height at the plane's point, metres."""
     std_m: float
 
     def contradicts(self, z: float, std_m: float) -> bool:
@@ -69,7 +69,7 @@ class GroundSurface:
     at: FloatArray
     """(2,) a point on it, east and north, metres."""
     z: float
-    """Its height there, metres."""
+    """Height of the surface there, metres."""
     slope: FloatArray
     """(2,) rise per metre east and north."""
     std_m: float

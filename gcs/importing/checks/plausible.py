@@ -31,7 +31,7 @@ _MIN_ROWS = 3
 _MAX_IN_A_ROW = 8
 """Damaged samples; what is off for longer is where it is."""
 _LEG_S, _OFF_MPS, _OFF_SHARE = 5.0, 2.0, 0.3
-"""Over such a time velocities that are off by more than this and that share of the speed are not those of the path."""
+"""Time over which velocities that are off by more than this speed and this share are not those of the path."""
 _ZERO_M, _UNSET_M = 0.5, 5.0
 """Bounds of a 0 that was written before a value was known: within the first of it, and no other value
 is nearer than the second."""
@@ -121,7 +121,7 @@ def _at_sea(places: PlaceTrack) -> tuple[str, ...]:
 
 
 def _moving_as_told(places: PlaceTrack) -> tuple[PlaceTrack, int]:
-    """Without velocities in another unit, or of a filter that does not fly; and how many these were."""
+    """Return the log without velocities in another unit, or of a filter that does not fly; and how many these were."""
     known = np.flatnonzero(np.isfinite(places.v_ned[:, :2]).all(axis=1))
     t_s = (places.t_us[known] - places.t_us[0]) * 1e-6 if len(known) else np.empty(0)
     path = np.column_stack([places.lat_deg, places.lon_deg])[known]
@@ -162,7 +162,7 @@ def _without_spikes(places: PlaceTrack) -> tuple[PlaceTrack, int]:
 
 
 def _still(track: AngleTrack) -> tuple[AngleTrack, int]:
-    """Without attitudes in another unit, or that nothing turns to and back, and how many these are."""
+    """Return the log without attitudes in another unit, or that nothing turns to and back, and how many these are."""
     with np.errstate(invalid="ignore"):
         off = (np.abs(track.angles) > _TURN).any(axis=1)
     off |= alone(track.t_us, _axes(track.angles), _FAR_RAD, _TURN_RAD_S)
@@ -183,7 +183,7 @@ def _on_circle(angle: Floats) -> Floats:
 
 
 def _within_a_day(log: VehicleLog) -> VehicleLog:
-    """Without damaged times, and other flights."""
+    """Return the log without damaged times, and other flights."""
     # of an even number the upper middle one: the mean of two may be near neither
     middle_us = int(log.places.t_us[len(log.places) // 2]) if len(log.places) else 0
 
@@ -245,7 +245,7 @@ def _with_heights(places: PlaceTrack) -> PlaceTrack:
 
 
 def _known(column: Floats) -> Floats:
-    """Without zeros that nothing comes near."""
+    """Return the values without zeros that nothing comes near."""
     zero = np.abs(column) < _ZERO_M
     others = np.abs(column[np.isfinite(column) & ~zero])
     return np.where(zero, np.nan, column) if len(others) and others.min() > _UNSET_M else column

@@ -150,7 +150,7 @@ def _course_words(whose: str, track: PlaceTrack) -> Iterator[str]:
 
 
 def _askew(angle: float) -> float:
-    """From the course, forwards or backwards."""
+    """Return the angle from the course, forwards or backwards."""
     return min(abs(angle), np.pi - abs(angle))
 
 

@@ -89,7 +89,8 @@ def log_of_cues(source: str, cues: Iterable[SubtitleCue]) -> VehicleLog:
 
 
 def _decimals(read: Sequence[DjiCue]) -> int:
-    """That most positions have: some writers drop a zero at the end, and a few finer ones do not make the others so."""
+    """Return the number of decimals that most positions have: some writers drop a zero at the end, and a few finer ones
+    do not make the others so."""
     return int(np.quantile([cue.decimals for cue in read], _FINER, method="lower"))
 
 

@@ -69,7 +69,7 @@ _FIX_3D = 3
 _MORE_BYTES, _TIMES_LARGER = 200_000_000, 3
 """Bytes of memory that a log may take: this and this many times its size."""
 _MIN_S, _BYTES_A_SECOND = 60.0, 1_000_000
-"""For which it may take to be read."""
+"""Time that a log may take to be read, at least, and its bytes a second."""
 
 
 class _UlogColumn(msgspec.Struct):
@@ -93,7 +93,7 @@ class UlogTopics(msgspec.Struct, tag=True):
     """Topics that were found."""
 
     topics: list[_UlogTopic]
-    """Those with rows, instances of one name by their numbers."""
+    """Topics with rows, instances of one name by their numbers."""
     system_id: int
     """0 unknown."""
     damaged: bool

@@ -23,10 +23,10 @@ FloatArray = NDArray[np.float64]
 MAX_PARTS: Final = 400
 """Most parts of a flight's time: more than a page shows side by side."""
 FRAMES_A_PART: Final = 3
-"""At least, on average: a part without a frame looks like one without a name."""
+"""Least number of frames in a part, on average: a part without a frame looks like one without a name."""
 MAX_CHANGES: Final = 20
 LONGEST_STEP_US: Final = 1_000_000
-"""For which a frame's names are taken to hold while no other is looked at."""
+"""Longest time for which a frame's names are taken to hold while no other is looked at."""
 
 
 @dataclass(slots=True)
@@ -67,7 +67,7 @@ class VehicleRecord:
     named: Spread = field(default_factory=Spread)
     """Confidence of its name, box by box."""
     residual_m: Spread = field(default_factory=Spread)
-    """From its box to its report, box by box."""
+    """Distance from its box to its report, m, box by box."""
     std_m: Spread = field(default_factory=Spread)
     """1σ of its position, moment by moment while positions come: what is extrapolated over a silence is none."""
     loss: Spread = field(default_factory=Spread)
@@ -132,7 +132,7 @@ class FlightSummary:
 
     @property
     def span_s(self) -> float:
-        """From begin to end."""
+        """Duration of the flight, s."""
         return (self.stop_us - self.start_us) * 1e-6
 
     def part_of(self, t_us: int) -> int:

@@ -133,7 +133,7 @@ def _alarm(span: AlarmSpan, number: int, x: float, top: float, width: float) -> 
 
 
 def _runs(flags: np.ndarray) -> list[tuple[int, int]]:
-    """From where to where flags are set."""
+    """Return from where to where flags are set."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
