@@ -11,7 +11,7 @@ from typing import Final
 CONFIRMED: Final = 0.9
 """Confidence from which a name counts as confirmed; below, it is tentative."""
 _MAX_PERCENT: Final = 99
-"""No evidence is ever certain."""
+"""Highest percentage that is shown: no evidence is ever certain."""
 _ROUNDING: Final = 1e-9
 """0.29 in binary is a little less than 29 hundredths."""
 

@@ -20,7 +20,8 @@ class Limits:
     battery_v: Annotated[float, Meta(ge=0.0, le=1000.0)] = 0.0
     """Volts: an alarm below. 0, since it depends on the number of cells."""
     satellites: Annotated[int, Meta(ge=0, le=100)] = 6
-    """In use: a warning below. With fewer autopilots do not begin to use their receiver."""
+    """Number of satellites in use below which there is a warning. With fewer autopilots do not begin to use their
+    receiver."""
     hdop: Annotated[float, Meta(ge=0.0, le=100.0)] = 2.5
     """Horizontal dilution of precision: a warning above, for the same reason."""
     loss: Share = 0.1

@@ -9,7 +9,7 @@ from gcs.snapshot import Box, Snapshot
 MIN_CONFIDENCE: Final = 0.1
 """Probability from which it is told: a missing vehicle has a larger share in every box that it may be."""
 ALIKE: Final = 0.05
-"""One that is likelier by less is not told alone: nothing tells them apart."""
+"""Difference of confidence from the likeliest within which others are named with it: nothing tells them apart."""
 
 
 def may_be(snapshot: Snapshot, box: Box) -> str:

@@ -34,7 +34,8 @@ Standing = Literal[
 NAMED: Final[frozenset[Standing]] = frozenset({"confirmed", "tentative", "coasting"})
 """Standings of a vehicle that has a box in the picture."""
 Reported = Literal["", "then", "now"]
-"""In a replay: only the flight reported it (``then``), or only the replay does (``now``); empty: both, or no replay."""
+"""Origin of something in a replay: only the flight reported it (``then``), or only the replay does (``now``); empty:
+both, or no replay."""
 
 
 def _nowhere() -> NDArray[np.float64]:
@@ -82,8 +83,8 @@ class Event:
     t_us: int
     level: Level
     kind: str
-    """One word for filters: ``link``, ``vehicle``, ``camera``, ``text``, ``identity``, ``video``, ``recording``,
-    ``operator``, ``mark``, ``program``."""
+    """Kind in one word, for filters: ``link``, ``vehicle``, ``camera``, ``text``, ``identity``, ``video``,
+    ``recording``, ``operator``, ``mark``, ``program``."""
     text: str
     """Plain text, possibly from the air: never markup; a vehicle's own words begin with its name and ``says:``."""
     system_id: int = 0
@@ -135,7 +136,7 @@ class Alarm:
     """Nobody is to act on that vehicle's name meanwhile."""
     reported: Reported = ""
     acknowledged: bool = False
-    """In a replay: the operator had acknowledged it in flight."""
+    """True if the operator had acknowledged it in flight, in a replay."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,7 +178,7 @@ class VehicleRow:
     stated: bool = False
     """The identity is what the operator stated."""
     contested: bool = False
-    """Several senders use its system id: none of them is accepted."""
+    """True if several senders use its system id: none of them is accepted."""
     signed: int = 0
     """Packets with a right signature."""
     unsigned: int = 0
@@ -335,7 +336,7 @@ class Health:
     """Estimated error of its pitch, radians upward, and its 1σ, NaN unknown."""
     pitch_offset_std: float = NAN
     mirrored: bool = False
-    """Left and right of the picture were found to be exchanged."""
+    """True if left and right of the picture were found to be exchanged."""
     fit: float = NAN
     """Probability that video and telemetry belong together, NaN while nothing was compared."""
     views_differ: str = ""

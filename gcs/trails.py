@@ -15,7 +15,8 @@ from mavlink.geodesy import LocalFrame
 EVERY_US: Final = 500_000
 """Interval between two samples: a vehicle of 10 m/s is 5 m further."""
 MAX_SAMPLES: Final = 14_400
-"""Two hours at first; then every other sample is dropped, and from then on half as many are taken."""
+"""Most samples of a trail, two hours at first; then every other one is dropped, and from then on half as many are
+taken."""
 MAX_POINTS: Final = 240
 """Maximum points of one trail: more than a screen can tell apart."""
 LONGEST_GAP_US: Final = 3_000_000

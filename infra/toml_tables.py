@@ -29,7 +29,7 @@ _LONG_KEY = re.compile(rf"""(?<![\w"'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t
 """A dotted key of more parts than ``_MAX_DEPTH``: the parser needs time and memory quadratic in their number."""
 
 _PLACE = re.compile(r"\.(\w+)|\[(\d+)\]")
-"""One step of the path in a msgspec error message, such as ``$.ugv[0].system_id``."""
+"""Pattern of one step of the path in a msgspec error message, such as ``$.ugv[0].system_id``."""
 _WHOLE_FLOAT = 2.0**53
 """Bound below which every whole number is exact as a float."""
 

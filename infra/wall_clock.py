@@ -8,7 +8,7 @@ from collections.abc import Callable
 STEP_US = 50_000
 """A clock that is set by less is taken for one that is slewed."""
 _READ_NS = 5_000_000
-"""Two clocks read further apart than this are not compared: the thread was held up between them."""
+"""Time between the readings of two clocks beyond which they are not compared: the thread was held up between them."""
 
 
 def now_us() -> int:

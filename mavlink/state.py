@@ -125,7 +125,7 @@ class VehicleCondition:
     power_age_s: float = math.inf
     """Age of voltage, charge and that time."""
     satellites: int = -1
-    """In use, −1 unknown."""
+    """Number of satellites in use, −1 unknown."""
     hdop: float = math.nan
     receiver_age_s: float = math.inf
     """Age of satellites and HDOP."""
@@ -164,7 +164,7 @@ class VehicleStatus:
     """Positions that were rejected."""
     last_text: str
     contested: bool = False
-    """Two senders use this system id (an id conflict): its reports are not used."""
+    """True if two senders use this system id (an id conflict): its reports are not used."""
     jumps: bool = False
     """True if its position jumps to and fro, as with a receiver that is jammed or fails: its reports are not used."""
     refusals: tuple[tuple[str, int], ...] = ()

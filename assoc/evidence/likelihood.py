@@ -79,7 +79,8 @@ class Noise:
     in_view_bonus: FloatArray
     """(n,) what each block adds for a vehicle that should be in view, nats: biases wander in ways that no model has."""
     bears_each: bool = False
-    """Each pair has that for itself, as where no attitude is known: it is the camera's sway that they bear with."""
+    """True if each pair has that for itself, as where no attitude is known: it is the camera's sway that they bear
+    with."""
     place_rate: float = 0.0
     """Share of its evidence that a residual brings in a block where its size alone counts; 0: its course counts."""
 

@@ -33,11 +33,11 @@ _AHEAD_S = 1.0
 _JITTER = 1e-4
 """Part of σ² that is added to each knot's variance, so that the covariance can be inverted."""
 _MAX_SIGMAS = 5.0
-"""Where the sway or θ would be this many σ off, the hypothesis is wrong."""
+"""Number of σ of the sway or θ beyond which the hypothesis is wrong."""
 _MIN_VEHICLES = 3
-"""Fewer do not tell a turn of the camera from what their own reports err."""
+"""Least number of vehicles: fewer do not tell a turn of the camera from what their own reports err."""
 _MAX_PAIRS = 12
-"""More hardly tell more, and the work grows with them."""
+"""Most pairs that are fitted: more hardly tell more, and the work grows with them."""
 _OUTLIER = 3.0
 """A residual of more σ weighs less."""
 _ROUNDS = 2

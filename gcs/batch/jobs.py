@@ -63,7 +63,7 @@ class FlightFailed(msgspec.Struct, frozen=True, tag=True):
     """A flight that gave no result."""
 
     error: str
-    """One line: what, where, and what to do."""
+    """Error in one line: what, where, and what to do."""
     again: bool
     """True if another attempt may help."""
     attempts: int = 1
@@ -78,7 +78,7 @@ class VehicleCall(msgspec.Struct, frozen=True, kw_only=True):
     boxes: int
     frames_in_view: int
     frames_unknown: int = 0
-    """In which nobody knows whether it was in view; 0 in results of earlier versions."""
+    """Number of frames in which it is not known whether it was in view; 0 in results of earlier versions."""
     share: float | None = None
     """Share of the frames in view in which a box had its name."""
     confidence: float | None

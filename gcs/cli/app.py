@@ -75,7 +75,7 @@ _MODULES = {
     "sim run": "sim",
     "train-detector": "detectors.train_detector",
 }
-"""In ``gcs.cli``, of commands whose module has another name; the function has the module's last one."""
+"""Modules in ``gcs.cli`` of the commands whose module has another name; the function has the module's last one."""
 _MOVED = {"bench": "benchmarks are run in a checkout now: python -m bench.{rest}"}
 """Commands that earlier releases had, with what to type now."""
 _RENAMED = {

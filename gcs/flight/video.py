@@ -18,7 +18,7 @@ from vision.stream.stream import VideoStream
 from vision.video.video import Frame
 
 AUTO = "auto"
-"""In place of a video's URL: what the UAV offers."""
+"""Word in place of a video's URL for what the UAV offers."""
 IF_OFFERED = "auto if offered"
 """The same where nobody asked for a video: none is waited for before the UAV offers one."""
 _BY_OFFER = (AUTO, IF_OFFERED)

@@ -20,7 +20,7 @@ FAR_DEVIATIONS = 3.0
 MIN_SHOWN = 0.01
 """Probability below which 0 % is shown: nothing is called likelier than others beside that."""
 MAX_REASONS = 2
-"""More do not fit on a line, and the weightiest comes first."""
+"""Most reasons on a line, the weightiest first."""
 _WORDS = {
     AnswerDoubt.NONE: "",
     AnswerDoubt.FIT: "film and telemetry are not known to belong together",

@@ -33,7 +33,7 @@ class Finding:
     detail: str
     system_id: int = 0
     vehicles: tuple[int, ...] = ()
-    """All that it is about, where it is not one vehicle's."""
+    """System ids of all that it is about, where it is not one vehicle's."""
     count: int | None = None
     """Value of a counter that should not grow; None: the rule's condition holds."""
     raises: bool = True

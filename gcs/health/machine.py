@@ -36,7 +36,7 @@ CAMERA_DELAY = "not measured here, see docs/operations.md; a flight shows its es
 _TIME_ERROR = 5
 """Answer of adjtimex(2) while the clock is not synchronised."""
 _TIMEX_BYTES = 512
-"""More than struct timex has on any architecture; its first field, 0, asks without setting."""
+"""Size of a buffer, larger than struct timex on any architecture; its first field, 0, asks without setting."""
 
 
 def checks(

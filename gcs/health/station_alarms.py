@@ -53,7 +53,7 @@ LOW_BYTES, LOW_S = 2_000_000_000, 600.0
 FULL_BYTES, FULL_S = 200_000_000, 120.0
 """A tenth of it; two minutes are enough to end what is being done."""
 MAX_NAMES = 4
-"""In one line of text."""
+"""Most names in one line of text."""
 
 
 def first_of(names: Sequence[str]) -> str:

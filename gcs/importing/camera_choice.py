@@ -43,7 +43,7 @@ class ChosenCamera:
     camera: Camera
     """Camera, without numbers where nothing tells the field of view."""
     optics: str
-    """In words, where the field of view is from."""
+    """Source of the field of view, in words."""
     direction: str
     assumed: tuple[str, ...] = ()
     looks_known: bool = True

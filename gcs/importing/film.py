@@ -40,9 +40,9 @@ class ImportedFilm:
     aspect: float = 1.0
     """Width of a pixel by its height, as coded: pictures are shown drawn out by it."""
     shown_as: str = ""
-    """In words, how its pictures are shown otherwise than they are coded; empty as coded."""
+    """Difference in words between how its pictures are shown and how they are coded; empty as coded."""
     assumed: tuple[str, ...] = ()
-    """In words, what its pictures are taken for that they are not."""
+    """Assumptions about its pictures, in words."""
     created_us: int
     """Unix µs as the container has it, 0 unknown."""
     model: str

@@ -51,11 +51,11 @@ class FleetTlog:
     """System ids by their heartbeats, ascending."""
     ground: tuple[int, ...]
     clock: str
-    """In words, whose clock ``t_us`` is, and what shows that it is that of the flight."""
+    """Sentence on whose clock ``t_us`` is, and what shows that it is that of the flight."""
     tracks: Mapping[int, PlaceTrack]
     """Places of the vehicles, by system id, by arrival, Unix µs."""
     about_clock: tuple[str, ...] = ()
-    """In words, about the recorder's clock."""
+    """Sentence about the recorder's clock."""
     judged: Mapping[int, RowTimes] = field(default_factory=lambda: MappingProxyType({}))
     """Judgement of the vehicles' times and places, by system id: what tells no path is in the log all the same."""
 

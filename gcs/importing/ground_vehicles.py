@@ -23,7 +23,7 @@ _SEARCHES = ((3_000_000, 20_000), (20_000_000, 50_000))
 _LEAP_US = 18_000_000
 _MIN_AHEAD_US = 100_000
 _MIN_SHARED, _MAX_SHARED, _MIN_WAY_M = 10, 1000, 5.0
-"""Fewer positions, or of a vehicle that hardly moved, tell no offset."""
+"""Least and most positions that are compared, and the least way of the vehicle: less tells no offset."""
 _CLEARLY, _ON_EACH_OTHER_M = 2.0, 1.0
 """An offset counts if with it the paths are this many times closer, and this close: else it is another vehicle's."""
 
@@ -40,7 +40,7 @@ class GroundVehicles:
     """Logs of the vehicles that are in no telemetry log, by system id."""
 
     told: tuple[str, ...] = ()
-    """In words, what one of them says against another."""
+    """Sentences on what one of them says against another."""
 
     @property
     def span_us(self) -> tuple[int, int]:

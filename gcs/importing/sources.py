@@ -28,7 +28,7 @@ class LogFormat:
     """A kind of file that tells where vehicles were."""
 
     suffixes: tuple[str, ...]
-    """In lower case, the usual one first."""
+    """Endings of file names in lower case, the usual one first."""
     read: Callable[[Path], list[VehicleLog]]
     begins: Callable[[bytes], bool] = lambda _: False
     """True if the beginning of a file is one of this format, whatever its suffix; never, where no beginning tells."""

@@ -27,7 +27,7 @@ class FilmTimes:
     uav_shift_us: int
     """Shift from the clock of the UAV's log to Unix time, µs."""
     said: str
-    """In words, where that is from."""
+    """Sentence on where the offset is from."""
     assumed: tuple[str, ...] = ()
 
 

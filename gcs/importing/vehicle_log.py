@@ -124,7 +124,7 @@ class ViewTrack:
     hfov: Floats
     """(n,) horizontal field of view."""
     source: str = ""
-    """In words, how it is known; of an empty track, what there is that does not tell it."""
+    """Sentence on how it is known; of an empty track, what there is that does not tell it."""
 
     def __len__(self) -> int:
         return len(self.t_us)
@@ -155,7 +155,7 @@ class VehicleLog:
     places: PlaceTrack
     notes: ImportNotes
     dated: str = ""
-    """In words, which clock that is, where the format does not tell."""
+    """Sentence on which clock that is, where the format does not tell."""
     zero_us: int = 0
     """Unix µs of time 0 by whatever the file says of it; 0 unknown. Of clock "utc" 0 is Unix time's own."""
     system_id: int = 0

@@ -29,16 +29,16 @@ from vision.camera.lens_file import read_lens
 from vision.errors import CameraError
 
 BUNDLED = "bundled"
-"""In place of a path: the model that comes with the program."""
+"""Word in place of a path for the model that comes with the program."""
 NO_KEYS = "none"
-"""In place of a folder of keys: signatures are not looked at."""
+"""Word in place of a folder of keys: signatures are not looked at."""
 
 SystemId = Annotated[int, Meta(ge=1, le=255)]
 Pixels = Annotated[int, Meta(ge=16, le=16384)]
 """Width or height of an image; none is smaller or larger."""
 FocalPx = Annotated[float, Meta(ge=1.0, le=1e6)]
 Number = Annotated[float, Meta(ge=-1e9, le=1e9)]
-"""Any number that a computation survives."""
+"""Number that any computation survives."""
 Share = Annotated[float, Meta(ge=0.0, le=1.0)]
 DeviceId = Annotated[int, Meta(ge=0, le=255)]
 MessageId = Annotated[int, Meta(ge=0, le=0xFFFFFF)]

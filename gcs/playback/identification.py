@@ -35,7 +35,7 @@ AGAIN_S = 0.3
 SURE_S, SURE_FIT = 0.1, 0.99
 """Largest 1σ of the offset, s, and least probability that film and telemetry belong together, with which it counts."""
 _ENDED_US = sys.maxsize
-"""In place of the time of the next frame: there is none."""
+"""Time in place of that of the next frame where there is none."""
 _ALARMS_TOLD = 5
 """Alarms that are told one by one; the page about the flight has all."""
 _FILES = (IDENTITY.name, IDENTITY_EVIDENCE, EVENTS)

@@ -39,7 +39,7 @@ class Inset:
     rect: Cells
     """Place in the field."""
     part: tuple[float, float, float, float]
-    """Left, top, width, height in the image, px; wholly inside it."""
+    """Part of the image that is enlarged: left, top, width, height in px; wholly inside it."""
     seen: bool
     """True if the vehicle has a box; else this is where it should be."""
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 Cells = tuple[int, int, int, int]
-"""Left, top, width, height."""
+"""Rectangle of cells: left, top, width, height."""
 Measure = Callable[[str], tuple[int, int]]
 """Width and height of a text."""
 

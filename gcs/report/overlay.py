@@ -38,7 +38,8 @@ STANDING_RGB: Final[Mapping[Standing, Rgb]] = MappingProxyType(
         "no new frame": (233, 236, 240),
     }
 )
-"""Far enough apart to be distinguished without red, green or blue cones, and bright enough on the dark.
+"""Colour of each standing: far enough apart to be distinguished without red, green or blue cones, and bright enough on
+the dark. The two of vehicles whose place nobody knows are one colour.
 
 The two of vehicles whose place nobody knows are one colour.
 """

@@ -45,9 +45,9 @@ class RollCallRow:
     boxes: int
     """Number of boxes that got its name."""
     frames_in_view: int
-    """In which it reported to be where the camera looks, of those that were looked at."""
+    """Number of frames in which it reported to be where the camera looks, of those that were looked at."""
     frames_unknown: int
-    """In which its place or the camera's was not known, of those that were looked at."""
+    """Number of frames in which its place or the camera's was not known, of those that were looked at."""
     share: float
     """Share of the frames in view in which a box had its name, 0 to 1; NaN: never in view."""
     confidence: float

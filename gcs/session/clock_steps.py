@@ -30,7 +30,7 @@ SEARCH_US = 1_000_000
 SEARCH_ROWS = 5000
 NEAR_US = 5_000_000
 MAX_STEPS = 1000
-"""More are not followed: each is searched for in all records."""
+"""Most steps that are followed: each is searched for in all records."""
 NOTICED_US = 2_000_000
 """Stamps that leap by less, either way, are no sign that the clock was set."""
 FAR_BACK_US, FAR_AHEAD_US = 1_800_000_000, 86_400_000_000

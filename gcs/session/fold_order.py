@@ -19,7 +19,7 @@ from infra.files.segment import segments
 from infra.session_format import FOLDS, UNFOLDED
 
 NO_FRAME = -1
-"""In place of a frame: the fleet alone was looked at."""
+"""Number in place of a frame's where the fleet alone was looked at."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -34,7 +34,7 @@ Kind = TypeVar("Kind")
 
 PROGRAM = f"rollcall-gcs {version('rollcall-gcs')}"
 FLEET = "fleet"
-"""In place of a system id: the key of all who have none of their own."""
+"""Word in place of a system id: the key of all who have none of their own."""
 MAX_COUNTED_BYTES = 8 << 30
 """A day at 100 kB/s; to count the records of more would take minutes."""
 

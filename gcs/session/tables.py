@@ -156,7 +156,7 @@ def _joined(table: Table, later: Table) -> Table:
 
 
 _AROUND = ' \t\r\n"\ufeff'
-"""Other programs put numbers in quotation marks, and a byte order mark before the first."""
+"""Characters around numbers that other programs write: quotation marks, and a byte order mark before the first."""
 
 
 def _rows(file: TextIO) -> Iterator[list[str]]:

@@ -97,7 +97,7 @@ class AppendFile:
         self._retry_s = self._synced_s = time.monotonic()
         self._segment: Segment | None = None
         self._deleted: Segment | None = None
-        """One whose name is gone, until its content is in the present one."""
+        """Segment whose name is gone, until its content is in the present one."""
         self._next_number = 0
         self._earlier_bytes = 0
         self._accepted = first

@@ -13,7 +13,7 @@ from pathlib import Path
 
 PREFIX = ".aside-"
 YOUNG_S = 60.0
-"""One that was made just now may not be held yet."""
+"""Age below which a file that was just made may not be held yet."""
 _held: dict[Path, int] = {}
 """Descriptors that lock the hidden folders of this process."""
 _NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.ENOSYS, errno.EMLINK, errno.EXDEV)

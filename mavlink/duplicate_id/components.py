@@ -12,13 +12,13 @@ from mavlink.protocol.modes import kind_name, mode_name
 from mavlink.state import Level
 
 NO_COMPONENT = -1
-"""In place of a component id, which is 0 to 255."""
+"""Number in place of a component id, which is 0 to 255."""
 
 _AUTOPILOT = 1
 """MAV_COMP_ID_AUTOPILOT1."""
 _SILENT_US = 60_000_000
-"""Another component becomes the autopilot after this: longer than a radio is out of range, since an impostor waits for
-that."""
+"""Silence after which another component becomes the autopilot: longer than a radio is out of range, since an impostor
+waits for that."""
 _ALIVE_US = 3_000_000
 """A component that was received this lately is alive: three heartbeats."""
 _NEVER_US = -(1 << 62)

@@ -31,7 +31,7 @@ from mavlink.state import Level
 _MAX_SENDERS = 8
 """Senders compared; a flood of addresses must cost neither memory nor time."""
 _GAP, _GAP_RATE = math.radians(10.0), math.radians(60.0)
-"""Two attitudes of one vehicle differ by no more than this, and by no more than this per second between them."""
+"""Greatest difference of two attitudes of one vehicle, rad, and that per second between them."""
 _ATTITUDES_TOGETHER_US = 300_000
 """Attitudes this close in time are compared."""
 

@@ -55,7 +55,7 @@ class ClockParams:
     step_hold_us: int = 3 * _S
     """A step is accepted when it has lasted this long."""
     steps_within_us: int = 60 * _S
-    """Three steps within this, and the vehicle's clock is not followed any more."""
+    """Time within which three steps mean that the vehicle's clock is not followed any more."""
     back_us: int = _S
     """Boot time going back by more than this is a reboot or a late copy."""
     reboot_hold_us: int = 250_000
@@ -67,7 +67,7 @@ class ClockParams:
     reboot_surprise_us: int = 600 * _S
     """A boot time farther than this from what was expected, wrapped or not, is taken as it came: a reboot."""
     late_most_us: int = 60 * _S
-    """No link is later than this."""
+    """Delay of the latest link."""
     late_hold_us: int = 15 * _S
     """Time of nothing but late messages after which the vehicle has no faster link: the clock follows them."""
     line_us: int = 5 * _S

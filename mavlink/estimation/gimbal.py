@@ -41,7 +41,7 @@ _MAX_ANGLE = 2.0 * math.pi
 """rad; no gimbal reports more."""
 YAW_LOCK, YAW_IN_VEHICLE_FRAME, YAW_IN_EARTH_FRAME = 16, 32, 64
 AGREES = math.radians(20.0)
-"""Two bearings closer than this are the same: one of them comes from a compass."""
+"""Difference below which two bearings are the same: one of them comes from a compass."""
 OVERHEAD = math.sin(math.radians(5.0))
 """Horizontal part of an optical axis below which its bearing means nothing."""
 

@@ -209,7 +209,7 @@ by this many σ of the receiver."""
 _GAPS = 2
 """Fixes in a row that have to be too far apart."""
 _FIX_3D, _COMPARED_S = 3, 0.5
-"""Only a 3D fix is compared, and only with an estimate that is extrapolated for no longer."""
+"""Fix type that is compared, and the longest extrapolation of the estimate with which it is."""
 _CRITICAL = 5
 """MAV_STATE of an autopilot in a failsafe."""
 _SERIOUS = 3

@@ -32,7 +32,7 @@ _PAYLOAD = 4
 """MAV_BATTERY_FUNCTION of what does not drive."""
 _STATES = {2: "low", 3: "critical", 4: "emergency", 5: "failed", 6: "unhealthy"}
 _MAX_SATELLITES = 100
-"""More are not above any horizon."""
+"""Most satellites above any horizon."""
 _UNKNOWN_RSSI = 255
 
 _Telling = BatteryStatus | SensorHealth | FilterStatus | GpsRaw | SecondGps | Heartbeat | StatusText

@@ -90,7 +90,7 @@ class StatusTexts:
 Notices = tuple[Notice, ...]
 
 _CHANGE_US = 200_000
-"""No vehicle changes its mode more often; a flood of forged heartbeats does."""
+"""Shortest time between two changes of mode; a flood of forged heartbeats changes more often."""
 _GPS_FRESH_US = 5_000_000
 """A fix whose own time is farther than this from now carries another clock's time."""
 _OTHER_AUTOPILOT_US = 600_000_000

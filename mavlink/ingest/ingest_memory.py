@@ -40,7 +40,7 @@ class Slot(IntEnum):
     SENT = 3
     """Records of what this station sent."""
     IN_HAND = 4
-    """One more than the index of the link whose packets are being taken off its socket and are not yet accepted."""
+    """Index, plus one, of the link whose packets are being taken off its socket and are not yet accepted."""
 
 
 def make_ingest_memory(ring_bytes: int = RING_BYTES) -> int:

@@ -27,7 +27,7 @@ _QUEUED, _ROOM, _DROPS = 0, 1, 8
 _FULL, _LATE = 0.75, 0.2
 """Fill of the receive buffer from which on drops are losses and not the filter's, and from which on reading is late."""
 STRANGERS = -1
-"""In the place of a system id: all unknown senders together."""
+"""Number in place of a system id for all unknown senders together."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

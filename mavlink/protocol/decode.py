@@ -121,7 +121,7 @@ _EKF_UNINITIALIZED, _EKF_GLITCH, _ESTIMATOR_GLITCH = 1024, 32768, 1024
 
 
 _MAX_RATIO, _MAX_ACCURACY_M = 1e3, 1e5
-"""Larger test ratios and accuracies mean nothing more."""
+"""Largest test ratio and accuracy that mean something."""
 
 
 def _ratio(value: float) -> float:

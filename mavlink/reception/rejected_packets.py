@@ -20,7 +20,7 @@ from mavlink.signing.streams import ticks_of, times_in
 from mavlink.state import Level
 
 SLOWEST_LINK_US = 12_000_000
-"""No link is slower than this; packets are remembered as long at least."""
+"""Delay of the slowest link; packets are remembered as long at least."""
 _TICK_US, _TICK_S = 10, 1e-5
 """Resolution of a signature's timestamp."""
 _MAX_STREAMS = 64

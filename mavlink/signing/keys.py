@@ -19,7 +19,7 @@ from infra.files.safe_open import open_to_read
 from mavlink.errors import SigningError
 
 FLEET = 0
-"""In place of a system id: the key of all systems that have none of their own."""
+"""Word in place of a system id: the key of all systems that have none of their own."""
 KEY_LENGTH = 32
 SIGNATURE_BYTES = 6
 _POSIX = os.name == "posix"

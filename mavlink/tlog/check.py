@@ -21,7 +21,7 @@ _MAX_GAPS = 1000
 _LONGEST_GAP = 300
 """Bytes: a longer damaged place holds more than a part of one frame (at most 280 bytes)."""
 _MIN_CUT_FRAMES = 8
-"""Fewer frames without an end that follow each other may be chance."""
+"""Least number of frames without an end in a row: fewer may be chance."""
 _WINDOW = 1 << 20
 """Bytes read at a time; one such window shows the byte order of the times."""
 _FAR_BACK_US = 1_000_000
@@ -59,9 +59,9 @@ class TlogCheck:
     cut_short: int
     """Frames of a log in which every frame lacks its end."""
     looks_like: str
-    """Another file type whose signature it begins with; empty for none."""
+    """Other file type whose signature it begins with; empty for none."""
     sent_as_text: bool
-    """Every line feed follows a carriage return: the log was transferred as text."""
+    """True if every line feed follows a carriage return: the log was transferred as text."""
     damaged_bytes: int
     damage: tuple[Damage, ...]
 

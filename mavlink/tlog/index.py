@@ -31,9 +31,9 @@ class Damage:
     """A range of bytes that holds no record, or no usable time."""
 
     start: int
-    """First byte."""
+    """Offset of the first byte."""
     stop: int
-    """One after the last byte."""
+    """Offset after the last byte."""
     reason: str
 
 

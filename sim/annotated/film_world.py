@@ -244,9 +244,9 @@ class FilmWorld:
     world: World
     """World of the team alone; the others are seen and report nothing."""
     team: tuple[GroundTrack, ...]
-    """In the order of the world's vehicles."""
+    """Tracks of our vehicles, in the order of the world's."""
     labelled: tuple[GroundTrack, ...]
-    """All that are labelled and stand on the ground."""
+    """Tracks that are labelled and stand on the ground."""
 
     @property
     def vehicles(self) -> int:

@@ -57,7 +57,7 @@ class _VehicleLabel:
     frame: int
     track: int
     box: tuple[float, ...]
-    """Left, top, width and height, or eight numbers of four corners."""
+    """Box as left, top, width and height, or eight numbers of four corners."""
     kind: str
     hidden: bool
 

@@ -71,7 +71,7 @@ ATTRIBUTES = (
     "bird-view",
     "long-term",
 )
-"""One 0 or 1 each, in this order."""
+"""Attributes of a label, 0 or 1 each, in this order."""
 MAX_BYTES = 1000
 FOLDERS_UP = 3
 """Levels above the labels at which the folder M_attr is looked for."""

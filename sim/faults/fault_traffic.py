@@ -61,7 +61,7 @@ HOSTILE_TEXTS: Final = (
     "{}%s{0}$(x)`x`\\'\"<>&;|",
     "W" * 50,
 )
-"""Each goes into a STATUSTEXT as its first 50 bytes of UTF-8."""
+"""Texts that each go into a STATUSTEXT as their first 50 bytes of UTF-8."""
 BOOT_WORDS: Final = (b"\n\nInit ArduRover V4.6.0\n\nFree RAM: 131072\n", b"Init Gyro", b"*", b"0 ")
 """Plain text, as autopilots send it before their first packet."""
 

@@ -19,8 +19,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 LIES = ("zero", "prefix", "jump", "nan", "other", "altitude")
-"""No fix as 0/0; as ArduPilot before its first fix; 500 m away for a second of five; impossible numbers; in the place
-of the next vehicle; 600 m too high."""
+"""Kinds of false positions: no fix as 0/0; as ArduPilot before its first fix; 500 m away for a second of five;
+impossible numbers; in the place of the next vehicle; 600 m too high."""
 LIE_AFTER_S = 5.0
 """True positions are reported until then: a receiver has a position that the false ones contradict."""
 ORIGIN_DEG, ALTITUDE_M, AGL_M = (47.397742, 8.545594), 488.0, 40.0

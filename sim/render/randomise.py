@@ -167,7 +167,7 @@ URBAN: tuple[Entry, ...] = (
 PLAIN_SHARE = 0.2
 """Share of kinds of road vehicles in a random catalogue of whose panes and fittings little is seen; a choice."""
 _ENTRIES = (*ROAD, *ROVERS, *CLUTTER)
-"""Every entry, numbered from ``FIXED_KIND`` on."""
+"""Catalogue entries, numbered from ``FIXED_KIND`` on."""
 VEHICLES: tuple[int, ...] = (UGV, OTHER_VEHICLE, *range(FIXED_KIND, FIXED_KIND + len(ROAD) + len(ROVERS)))
 """Kinds of ``SIZES`` that are vehicles."""
 _OF_KIND: Mapping[int, Entry] = {

@@ -31,9 +31,10 @@ class ScenarioGround:
     """The fleet and the ground it drives on."""
 
     kind: Literal["straight", "curved", "open", "formation", "parked", "bays"] = "curved"
-    """In bays all vehicles of our make stand side by side in two rows, with empty bays among them."""
+    """Kind of ground; in bays all vehicles of our make stand side by side in two rows, with empty bays among them."""
     formation: Literal["line", "column", "wedge", "grid", "triangle"] = "line"
-    """Only for ``kind = "formation"``: line is abreast, column one behind the other, triangle has equal sides."""
+    """Formation, only for ``kind = "formation"``: line is abreast, column one behind the other, triangle has equal
+    sides."""
     station_keeping_m: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.15
     """Distance that vehicles wander about their places in a formation; 0 makes it rigid."""
     vehicles: Annotated[int, Meta(ge=1, le=200)] = 6
@@ -132,7 +133,7 @@ class ScenarioCamera:
     crf: int = 23
     """H.264 quality of rendered video: lower is finer and larger."""
     zooms: tuple[Zoom, ...] = ()
-    """In the order of time; nothing reports them."""
+    """Zooms in the order of time; nothing reports them."""
     mirrored: bool = False
     """The image is flipped left to right, which the mission does not say."""
 
@@ -208,10 +209,10 @@ class ScenarioTiming:
     frame_loss: Annotated[float, Meta(ge=0.0, le=0.9)] = 0.0
     """Share of frames that are not in the video."""
     rate_min_hz: Annotated[float, Meta(ge=0.1, le=50.0)] = 5.0
-    """Each vehicle's position rate lies between the two."""
+    """Lower bound of a vehicle's position rate."""
     rate_max_hz: Annotated[float, Meta(ge=0.1, le=50.0)] = 5.0
     irregular: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
-    """Each position's time varies about its even one by up to half this share of the interval, either way."""
+    """Share of the interval by half of which each position's time varies about its even one, either way."""
     attitude_hz: Annotated[float, Meta(ge=1.0, le=200.0)] = 20.0
     """Rate of the UAV's ATTITUDE."""
     uav_lag_s: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
@@ -247,7 +248,7 @@ class ScenarioDetector:
     """Share of boxes whose front is taken for the rear."""
     heading_missing: bool = False
     merge_lengths: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.0
-    """Two bodies whose centres are nearer than about this many of their own lengths come as one box."""
+    """Distance of two bodies' centres, in about their own lengths, within which they come as one box."""
     bursts_per_min: float = 0.0
     """Losses of one vehicle for a while, per vehicle."""
     burst_min_s: float = 1.0
@@ -266,7 +267,7 @@ class Targets:
 
     still: int = 0
     moving: int = 0
-    """Other cars under way."""
+    """Number of other cars under way."""
     persons: int = 0
     lookalikes: int = 0
     """Vehicles of our own make that drive among ours and report nothing."""

@@ -29,7 +29,7 @@ YAML = (".yaml", ".yml")
 MAX_BYTES = 256 << 10
 """A lens takes less than 1 KiB; calibration programs add tables to it."""
 MAX_PX = 16384
-"""No camera has a longer side."""
+"""Longest side of any camera's picture."""
 _LARGEST = sys.float_info.max
 PINHOLE = ("", "plumb_bob", "rational_polynomial")
 

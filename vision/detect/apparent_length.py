@@ -52,7 +52,7 @@ class ApparentLength:
     """The length that most vehicles of an image have, or would have if they were cars of their width."""
 
     px: float
-    """In pixels of the image."""
+    """Length in pixels of the image."""
     evidence: float
     """Sum of squared scores of the boxes of about this length that two scales agree on."""
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from vision.detect.boxes import corners
 
 MAX_WEAK = 60
-"""Boxes of one image that do not count: all are recorded, and with more of them no further vehicles are followed."""
+"""Most boxes below the score that counts in one image: all are recorded, but beyond these only the best are tracked."""
 FIELDS = ("cx", "cy", "w", "h", "angle", "score", "heading")
 
 
@@ -49,7 +49,7 @@ class Detections:
     """(r, 4) left, top, right, bottom, px, of the parts of the image in which a vehicle would have been found; None: in
     all of it. Where nobody looked no box means nothing."""
     table: NDArray[np.float64] = field(init=False, repr=False)
-    """All of them in one array (7, m), in this order; the arrays above are its rows."""
+    """Columns in one array (7, m), in this order; the arrays above are its rows."""
 
     def __post_init__(self) -> None:
         columns = [getattr(self, name) for name in FIELDS]

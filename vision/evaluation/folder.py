@@ -51,7 +51,7 @@ class Folder:
 
     format: Format
     images: tuple[LabelledImage, ...]
-    """In the order of their names."""
+    """Images in the order of their names."""
     unlabelled: int
     """Images without a label file, or of which none of COCO's files tells."""
     missing: int = 0

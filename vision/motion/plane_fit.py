@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 INLIER_PX = 0.6
 """Largest distance from its place of a point that follows the homography."""
 MIN_INLIERS = 24
-"""Three times its eight numbers, in points."""
+"""Least number of points: three times the eight numbers of a homography."""
 MAX_TRIES = 500
 """Samples of four points: where a third of all follow one homography, one of them is right with 99.8 %."""
 MAX_CORNER_STD_PX = 1.5

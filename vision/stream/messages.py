@@ -32,7 +32,7 @@ class Settings(msgspec.Struct, kw_only=True, tag=True):
     record: str = ""
     """First file of the recording, empty for none."""
     segment: int = -1
-    """Last file that exists."""
+    """Number of the last file that exists."""
     received: int = 0
     """Frames listed so far."""
     last_us: int = 0

@@ -34,7 +34,7 @@ class RtpPacket:
     """90 kHz, 32 bits."""
     source: int
     marker: bool
-    """Last of its frame."""
+    """True if it is the last packet of its frame."""
     kind: int
     """Payload type."""
     payload: bytes

@@ -43,7 +43,7 @@ TURN_STD = 0.03
 ZOOM_STD = 0.015
 """1σ of the change of scale in one frame: perspective that the model does not contain, and climbing."""
 COMPATIBLE = 12.0
-"""Two pairs make a candidate if their squared distance from the nearest one is less (2 degrees of freedom)."""
+"""Squared distance from the nearest candidate below which two pairs make one (2 degrees of freedom)."""
 SIZE_STD = 0.2
 """1σ of the logarithm of a box's size relative to its track's."""
 AXIS_LIMIT = 0.6

@@ -39,7 +39,7 @@ frame in which its vehicle is missed must not end it."""
 MIN_SHIFT = 0.1
 """A smaller displacement of most tracks, in box sizes, is left to the filter."""
 REACH = 4.0
-"""No track is displaced further by an unknown motion of the camera, sizes."""
+"""Greatest displacement of a track by an unknown motion of the camera, sizes."""
 UNREST_S = 1.0
 """Time over which displacements are averaged."""
 FIRST_UNREST_PX2 = 400.0

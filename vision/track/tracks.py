@@ -49,7 +49,8 @@ class TrackerParams:
     first_speed: float = 3.0
     """Standard deviation of the velocity of something just seen, sizes/s. Raise → faster vehicles are caught."""
     top_speed: float = 12.0
-    """No vehicle moves faster, sizes/s. Raise → lost tracks reach further; lower → fewer foreign boxes are taken."""
+    """Greatest speed of a vehicle, sizes/s. Raise → lost tracks reach further; lower → fewer foreign boxes are
+    taken."""
     tentative_s: float = 0.35
     """A track that is not confirmed ends after this long unseen."""
     short_s: float = 1.0

@@ -26,7 +26,7 @@ class CodedFrame:
     """One frame, coded."""
 
     index: int
-    """In display order."""
+    """Index in display order."""
     packet: Packet[VideoStream]
     """Packet with the data; its time stamps are those of its own file."""
 

@@ -55,7 +55,7 @@ class FrameIndex:
     aspect: float = 1.0
     """Width of a coded pixel by its height."""
     shown_as: str = ""
-    """In words, how pictures are shown otherwise than they are coded; empty as coded."""
+    """Difference in words between how pictures are shown and how they are coded; empty as coded."""
 
 
 def read_index(path: Path) -> FrameIndex:

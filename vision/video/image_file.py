@@ -14,7 +14,7 @@ from PIL import Image as Picture
 from infra.files.safe_open import read_small
 
 MAX_SIDE_PX = 16384
-"""No camera has a longer side."""
+"""Longest side of any camera's picture."""
 MAX_BYTES = 256 << 20
 PNG, PNG_END = b"\x89PNG\r\n\x1a\n", b"IEND"
 FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TIFF")

@@ -29,7 +29,7 @@ WRONG: Final = 0.02
 OUTAGE_S: Final = 10.0
 """Time without a position after which a vehicle may be anywhere near, s; radios hold positions up for less."""
 UNNAMED: Final = 0.5
-"""More boxes without a name than this are more than strangers that drive by."""
+"""Share of boxes without a name beyond which they are more than strangers that drive by."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,11 +38,11 @@ class FlightJudgement:
 
     record: FlightRecord
     rank: int
-    """The kind of the worst that was found, 0 the worst."""
+    """Rank of the worst finding's kind, 0 the worst."""
     amount: float
     """Amount by which findings of one kind are compared."""
     reasons: tuple[str, ...]
-    """All that was found, the worst first."""
+    """Findings, the worst first."""
 
     @property
     def level(self) -> str:

@@ -14,7 +14,7 @@ import msgspec
 from gcs.cli.screen_options import ScreenOptions
 
 MAX_BYTES = 65_536
-"""No message is longer."""
+"""Length of the longest message."""
 ANSWER_S = 5.0
 """A flight that is well greets sooner."""
 VARIABLES = (

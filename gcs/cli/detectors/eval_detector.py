@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 RESULTS = ("eval.json", "eval.md", "worst.png", "apart.png")
 """Files that are written into the folder of the results."""
 BUNDLED = "bundled"
-"""In place of a file's name, Rollcall's own model."""
+"""Word in place of a file's name for Rollcall's own model."""
 GSD_M = (1e-4, 100.0)
 """Bounds of the ground resolution, metres per pixel: from a close-up to a satellite's."""
 

@@ -39,12 +39,12 @@ _MAX_SHOWN = 200
 FRAME_SIZE = "Size of the frames that detections.csv is about, as 1280x720, where the recording does not know."
 AsJson = Annotated[bool, typer.Option("--json", help="For programs: one JSON object a line.")]
 MAX_PX = 16384
-"""No camera has a longer side."""
+"""Longest side of any camera's picture."""
 LogLevel = Literal["debug", "info", "warning", "error"]
 CONSOLE = "console.log"
-"""In the session folder: output of libraries while the screens are up."""
+"""File in the session folder with the output of libraries while the screens are up."""
 FAR_S = 1e9
-"""Some thirty years: further from its log no video begins."""
+"""Largest distance of a video from its log, some thirty years."""
 
 
 def check_range(least: float, most: float) -> Callable[[typer.CallbackParam, float | None], float | None]:

@@ -20,7 +20,7 @@ from textual_serve.server import Server
 
 LOOPBACK = "127.0.0.1"
 MAX_BROWSERS = 4
-"""Each has a replay of its own."""
+"""Most browsers at a time: each has a replay of its own."""
 TOKEN_BYTES = 24
 DOWNLOADS = "download"
 """Path under which textual-serve's pages ask for pictures, behind no token: each has a random name of its own, once."""

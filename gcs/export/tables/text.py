@@ -22,7 +22,7 @@ HEADER = {
     "enu_m": "east north up of the box on the ground",
     "datum": "WGS-84 degrees",
 }
-"""First line of ``jsonl``: it describes the file."""
+"""Description of the file, the first line of ``jsonl``."""
 
 
 class CsvExport:

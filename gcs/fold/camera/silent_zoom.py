@@ -25,7 +25,7 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 MIN_TRACKS = 3
-"""Two vehicles may drive apart while a detector draws their boxes larger."""
+"""Least number of tracks: two vehicles may drive apart while a detector draws their boxes larger."""
 USUAL_S = 2.0
 """Time constant with which the usual size of a box follows, s: what the height is off by changes more slowly."""
 MIN_AGE_S = 0.5

@@ -12,7 +12,7 @@ FloatArray = NDArray[np.float64]
 HALF_HEIGHT = 0.25
 """Height of a body's middle over √(length · width) of its box: 0.26 for small UGVs, 0.27 for cars."""
 HIGHEST_M = 1.5
-"""No vehicle's middle is higher, whatever its box says."""
+"""Greatest height of a vehicle's middle, whatever its box says."""
 MIN_SINE = 0.17
 """Sine of the depression, 10°, below which a place is so uncertain that nothing is gained."""
 STEEP_SINE = 0.8

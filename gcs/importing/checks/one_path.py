@@ -17,7 +17,7 @@ Ints = NDArray[np.int64]
 _BESIDE_M, _CELLS = 2.0, 1.5
 """Least distance of paths that are told apart, and in cells to which coordinates were rounded."""
 _MIN_MPS2 = 3.0
-"""No ground vehicle is thrown to and fro, or circles, with as much all the time."""
+"""Acceleration with which no ground vehicle is thrown to and fro, or circles, all the time."""
 _MAX_IN_TURN = 8
 _WHOLE = 0.88
 """Share of positions that are not damaged; of eight in turn a quarter is off."""

@@ -22,7 +22,7 @@ _OLD_US, _WEEKS_US = 1_262_304_000_000_000, 1024 * 7 * _DAY_US
 _LAST_US = 253_402_300_799_000_000
 """End of the year 9999, the last that can be written."""
 _FASTEST_MPS, _SLACK_M = 300.0, 200.0
-"""No vehicle of ours is faster; a receiver that corrects itself steps by less than the slack."""
+"""Greatest speed of any vehicle of ours, and the slack within which a receiver that corrects itself steps."""
 _DEG_M = 111_320.0
 _FAR_M, _CLIMB_MPS = 30.0, 40.0
 _FAR_RAD, _TURN_RAD_S, _TURN = 0.5, 2.0, 2.0 * math.pi + 0.01
@@ -36,7 +36,7 @@ _ZERO_M, _UNSET_M = 0.5, 5.0
 """Bounds of a 0 that was written before a value was known: within the first of it, and no other value
 is nearer than the second."""
 MAX_M = 20_000.0
-"""No altitude or height is farther from 0."""
+"""Greatest altitude or height, up or down."""
 _USUAL_STEPS = 3.0
 """Usual steps, and the way between those before and after, that a sample which stands alone may be off by as well."""
 _HOME_M = 1.0

@@ -31,7 +31,7 @@ class ClockLead:
     longest_us: Ints
     """(k,) of those samples between whose steps it holds longest, µs."""
     told: tuple[str, ...] = ()
-    """In words, where it steps, and that it grows."""
+    """Sentence on where it steps, and that it grows."""
 
 
 def clock_lead(

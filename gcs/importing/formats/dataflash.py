@@ -68,7 +68,7 @@ class DataflashTables:
 
     tables: dict[str, NDArray[np.void]]
     what: str
-    """In words, what was read."""
+    """Description of what was read."""
     left_out: dict[str, int]
     """Counts of what belongs to no record, and of records beyond what is kept of a type, by reason."""
 

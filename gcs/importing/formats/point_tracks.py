@@ -41,7 +41,7 @@ class PointTracks:
     def __init__(self, path: Path, what: str) -> None:
         self.skipped: Counter[str] = Counter()
         self.assumed: dict[str, None] = {}
-        """In words, once each."""
+        """Assumptions in words, once each."""
         self.line = 0
         """Line of the file that is read, from 1."""
         self._path, self._what = path, what
