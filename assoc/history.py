@@ -32,7 +32,7 @@ the tracker may have gone on with a neighbour."""
 
 
 def longest_gap_s(gap_max_s: float, t: Sequence[float] | FloatArray) -> float:
-    """After how long out of sight a track may have gone on with another vehicle, seconds.
+    """Return the time out of sight after which a track may have gone on with another vehicle, seconds.
 
     Args:
         gap_max_s: What interpolation bridges, seconds.

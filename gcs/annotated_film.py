@@ -65,7 +65,7 @@ class FilmImages(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilmOptions:
-    """The way a film is taken; None: found out or assumed."""
+    """Options for reading a film; None: found out or assumed."""
 
     layout: str = "auto"
     first_frame: int | None = None

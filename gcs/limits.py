@@ -12,7 +12,7 @@ Share = Annotated[float, Meta(ge=0.0, le=1.0)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """Limits at which alarms are raised; 0 switches it off, and so does 1 for the loss."""
+    """Limits at which alarms are raised; 0 switches an alarm off, and so does 1 for the loss."""
 
     battery_share: Share = 0.25
     """Charge left, 0..1: a warning below, an alarm below half of it. A quarter is what brings a vehicle home that

@@ -7,7 +7,7 @@ from typing import Final
 from gcs.snapshot import Box, Snapshot
 
 MIN_CONFIDENCE: Final = 0.1
-"""Probability from which it is told: a missing vehicle has a larger share in every box that it may be."""
+"""Probability from which it is reported: a missing vehicle has a larger share in every box that it may be."""
 ALIKE: Final = 0.05
 """Difference of confidence from the likeliest within which others are named with it: nothing tells them apart."""
 

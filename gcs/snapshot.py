@@ -78,7 +78,7 @@ OF_A_CAMERA: Final = frozenset({"camera", "identity", "video"})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
-    """Something that happened and that an operator or an analyst may want to know."""
+    """Event that an operator or an analyst may want to know of."""
 
     t_us: int
     level: Level
@@ -117,7 +117,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alarm:
-    """Something that is wrong now, until it is over; it is reported once when it comes and once when it goes."""
+    """Trouble that lasts until it is over; it is reported once when it comes and once when it goes."""
 
     key: str
     """Key of what it is about: the same trouble of the same thing always has the same one."""

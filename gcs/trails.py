@@ -39,7 +39,7 @@ class Trail:
 
 
 class Trails:
-    """Takes snapshots in, in any order of time; only positions that are up to date count."""
+    """Trails of the vehicles by snapshots, in any order of time; only positions that are up to date count."""
 
     def __init__(self) -> None:
         self._times: list[int] = []

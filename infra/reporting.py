@@ -10,7 +10,7 @@ from collections.abc import Hashable, Iterable, Sequence
 
 
 class ReportOnce:
-    """Texts that are reported once each.
+    """Filter for texts that are reported once each.
 
     Args:
         most: texts in all; whoever makes up a new one each time is not worth more.
@@ -29,7 +29,7 @@ class ReportOnce:
 
 
 class Throttle:
-    """Lets the same thing be reported again only after a while.
+    """Filter that lets the same thing be reported again only after a while.
 
     Args:
         every: least time between two reports with one key.
@@ -51,7 +51,8 @@ class Throttle:
 
 
 class ReportGrowth:
-    """Times to report a count that keeps growing: at first, whenever it has grown many times, and again after a rest.
+    """Filter for a count that keeps growing: reported at first, whenever it has grown many times, and again after a
+    rest.
 
     Args:
         first: least count that is reported.
@@ -111,7 +112,7 @@ class Hysteresis:
 
 
 class TokenBucket:
-    """Lets this many a second through for ever, and a burst at once.
+    """Token bucket: lets this many a second through for ever, and a burst at once.
 
     Args:
         burst: tokens when full, as it is at first.

@@ -14,13 +14,13 @@ ElementHandler = Callable[[Sequence[str], Mapping[str, str], str], None]
 
 
 class LineKeeper(Protocol):
-    """Target of a parser that is told where an element ends."""
+    """Target of an XML parser that keeps the line at which an element ends."""
 
     line: int
 
 
 class XmlRefusedError(ValueError):
-    """XML that no reader of ours has to do with: in one line."""
+    """XML is refused; the message, one line, says why."""
 
 
 class _Elements:

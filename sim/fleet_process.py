@@ -37,7 +37,7 @@ LOOK_S = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SendCounts:
-    """Counts of what left."""
+    """Counts of what was sent."""
 
     packets: dict[str, int]
     """Packets by system id, else by name: ``impostor 13``, ``replayed 14``, ``texts``, ``garbage``, ``boot words``."""

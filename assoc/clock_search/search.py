@@ -45,7 +45,7 @@ _LASTING = 2.0
 """1σ of what is found against that of the parabola: errors of UAV and receivers last, and are counted as if they did
 less."""
 _LARGEST_STD_S, _LARGEST_MOVE_S = 0.32, 0.6
-"""1σ of an offset that is told, and by how much smoothing may move it, seconds."""
+"""1σ of an offset that is reported, and by how much smoothing may move it, seconds."""
 
 
 class ClockVerdict(Enum):
@@ -67,7 +67,7 @@ class ClockSearch:
     verdict: ClockVerdict
     best: OffsetFit | None
     runner_up: OffsetFit | None
-    """Best of those that are farther away than the width of the best: it comes nearest to what none may reach."""
+    """Offset that comes closest to being as good as the best, among those farther away than its width."""
     tried: int
     """Offsets that were fitted."""
 

@@ -28,7 +28,7 @@ _GROSS: tuple[tuple[int, FloatArray, float, float], ...] = (
     (LAG, np.array([0.6, 1.2]), 0.3, 1e-2),
 )
 """Gross errors: which number of θ, about which means, with which 1σ, and the weight of each in the prior: cameras
-mounted turned, a gimbal's angle that is not told, video that is late or dated by another clock, positions that are
+mounted turned, a gimbal's angle that is not reported, video that is late or dated by another clock, positions that are
 older than they say."""
 _LAG_STD_S = 0.12
 """Prior 1σ of the age of the UAV's positions beyond their time stamps, seconds: a receiver takes a tenth, of which

@@ -303,7 +303,7 @@ class Estimator:
         elsewhere: BoolArray,
         places: FloatArray,
     ) -> Doubted:
-        """Marginals as they are told: no stranger is sure while one of ours is missing, and no answer at once."""
+        """Marginals as they are reported: no stranger is sure while one of ours is missing, and no answer at once."""
         log, live = self._log, context.columns[: context.live]
         _, age = log.extrapolated(t - self.time_offset_s)
         fleet = Whereabouts(place=log.last_p, age_s=age, view=context.view, last_t=log.believed_t)

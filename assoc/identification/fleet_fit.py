@@ -1,4 +1,4 @@
-"""Do film and telemetry belong together: does the fleet as a whole explain the boxes better than chance?
+"""Fit of film and telemetry: does the fleet as a whole explain the boxes better than chance?
 
 Names are meaningless where the film is of another place or minute, or the camera looks elsewhere than the mission says;
 single vehicles may still fit single boxes. Against "the film is of something else" stands the evidence of all matched
@@ -59,7 +59,7 @@ _ALIKE = 0.3
 _BETTER = 15.0
 """Evidence by which a fleet that is there explains the boxes better than chance, nats, however wrong the pose is."""
 _RARE = 3.0
-"""How often the share of a gross error counts on top, before film and telemetry fit: it is tried again and again."""
+"""Factor on the share of a gross error before film and telemetry fit: it is tried again and again."""
 _SURE = 10.0
 """Evidence beyond all that by which another camera must explain the boxes before it replaces the mission's, nats."""
 _DECOYS, _DECOYS_FIRST = 6, 3
@@ -121,14 +121,14 @@ def _paired(blocks: Blocks, theta: FloatArray, rows: IntArray, vehicles: IntArra
 
 @dataclass(frozen=True, slots=True)
 class FitEvidence:
-    """That film and telemetry belong together, nats."""
+    """Evidence that film and telemetry belong together, nats."""
 
     course: float
     """V, from the window alone: what was remembered of the tracks, and bonuses that fit any film, are left out."""
     place: float
     """V from place alone."""
     strangers: float = 0.0
-    """By how much Z is larger than with as many tracks as vehicles: what V has paid for chance among the others."""
+    """Amount by which Z is larger than with as many tracks as vehicles: what V has paid for chance among the others."""
 
 
 def evidence_of(context: UpdateContext, best: Hypothesis) -> FitEvidence:
@@ -231,11 +231,11 @@ class FleetFit:
         self._mean = np.zeros(THETA)
         self._told = 0.0
         self._fits_since_s, self._by_place, self._grown = np.inf, 0.0, False
-        """Since when they fit, what was explained within the first moments of it, and whether more is by now."""
+        """Time since which they fit, what was explained within the first moments of it, and whether more is by now."""
 
     @property
     def probability(self) -> float:
-        """That they belong together, NaN before the first update."""
+        """Probability that they belong together, NaN before the first update."""
         return float("nan") if self._t == -np.inf else float(expit(self._log_ratio + _PRIOR_LOG_ODDS))
 
     @property
@@ -361,7 +361,7 @@ class FleetFit:
             self._log_ratio = max(now, now + (self._log_ratio - now) * float(np.exp(-dt * rate)))
 
     def shown(self, p: FloatArray, stated: BoolArray) -> FloatArray:
-        """Marginals as they are told: until the evidence has grown no name is sure, unless the operator stated it.
+        """Marginals as they are reported: until the evidence has grown no name is sure, unless the operator stated it.
 
         Fleets in the same formation are at the same places for a moment, or as long as both drive straight on.
 

@@ -163,7 +163,7 @@ def _addresses(word: str, folder: Path, note: Callable[[str], None]) -> Iterator
 def _local_addresses(path: Path, note: Callable[[str], None]) -> Iterator[str]:
     if path.is_dir() and not segments(path / LOG):
         inside = sorted(folder for folder in path.iterdir() if folder.is_dir() and segments(folder / LOG))
-        # a folder without any is a broken flight, and is told as that
+        # a folder without any is a broken flight, and is reported as that
         yield from (str(folder.resolve()) for folder in inside or [path])
     elif path.is_file() and path.suffix.lower() != LOG_SUFFIX:
         note(
@@ -284,7 +284,7 @@ def fetch(address: str, place: Path) -> None:
     from fsspec.callbacks import Callback
 
     class _Bounded(Callback):  # type: ignore[misc]
-        """Counts what comes of all files, and breaks it off when it is too much."""
+        """Callback that counts the bytes of all files, and breaks the download off when they are too many."""
 
         def __init__(self) -> None:
             super().__init__()

@@ -146,7 +146,7 @@ class FlightRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FlightDone(msgspec.Struct, frozen=True, tag=True):
-    """A flight's result is in place."""
+    """Success of a flight: its result is in place."""
 
     record: FlightRecord
     skipped: bool

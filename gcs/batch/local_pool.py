@@ -21,7 +21,7 @@ OnFrames = Callable[[str, int, int], None]
 def run_in_processes(
     jobs: Iterable[FlightJob], workers: int, limits: RunLimits, on_frames: OnFrames
 ) -> Generator[FlightResult, None, None]:
-    """Work on flights, this many at once, and give results as they come; closing it ends what is under way.
+    """Work on flights in several processes at once, and yield results as they come; closing it ends what is under way.
 
     Args:
         on_frames: called by the threads that look after the workers.

@@ -61,7 +61,7 @@ def write_failure(results: ResultStore, record: FlightRecord) -> FlightRecord:
 
 
 def all_records(results: ResultStore, now: Mapping[str, FlightRecord]) -> list[FlightRecord]:
-    """Records of all flights that there are results of.
+    """Return the records of all flights of which there are results.
 
     Args:
         results: where they are.

@@ -1,4 +1,4 @@
-"""One worker process after the other, and one flight at a time in it: what dies, hangs or grows costs an attempt."""
+"""A worker process that works on one flight after the other, and is replaced when it dies, hangs or grows."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ START_S = 120.0
 """A worker loads what it needs meanwhile; time limits are counted from when it has."""
 END_S = 2.0
 FRESH_AFTER_BYTES = 1 << 30
-"""A worker that holds more after a flight makes way for a fresh one, as does ..."""
+"""Memory of a worker after a flight beyond which a fresh one takes its place, bytes."""
 FRESH_AFTER_FLIGHTS = 500
-"""... one that has done this many."""
+"""Number of flights after which a fresh worker takes its place."""
 MEMORY_SHARE = 0.9
 """Share of the machine's memory, for all workers together."""
 ONE_THREAD = {
@@ -34,7 +34,7 @@ ONE_THREAD = {
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
 }
 """Environment of a worker: one thread unless told otherwise, as there is a worker for each core."""
-_Told = FramesDone | FlightDone | FlightFailed
+_WorkerMessage = FramesDone | FlightDone | FlightFailed
 _log = logging.getLogger(__name__)
 
 
@@ -45,7 +45,7 @@ def share_of_memory(workers: int) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunLimits:
-    """Limits of what a flight may cost."""
+    """Limits of one flight."""
 
     retries: int = 1
     """Further attempts where the first was killed, took too long, or met a fault; none for input that is of no use."""
@@ -72,7 +72,7 @@ class FlightRunner:
 
     def __init__(self, limits: RunLimits) -> None:
         self.limits = limits
-        self._child: ChildProcess[_Told] | None = None
+        self._child: ChildProcess[_WorkerMessage] | None = None
         self._flights = 0
         self.stopping = False
 
@@ -127,7 +127,7 @@ class FlightRunner:
 
     def _work(self, job: FlightJob, report: Callable[[int, int], None]) -> FlightDone | FlightFailed:
         if self._child is None:
-            self._child = ChildProcess("gcs.batch.worker", _Told, environment=ONE_THREAD)
+            self._child = ChildProcess("gcs.batch.worker", _WorkerMessage, environment=ONE_THREAD)
             self._flights = 0
         child, self._flights = self._child, self._flights + 1
         deadline_s = time.monotonic() + START_S
@@ -151,7 +151,7 @@ class FlightRunner:
             child.kill()
             return self._kill(f"its worker died ({child.exit_reason})")
 
-    def _excess(self, child: ChildProcess[_Told], deadline_s: float) -> str:
+    def _excess(self, child: ChildProcess[_WorkerMessage], deadline_s: float) -> str:
         """Limit that a flight exceeds, in words; empty for nothing."""
         if self.stopping:
             return "was broken off"

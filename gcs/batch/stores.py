@@ -1,12 +1,11 @@
-"""A place for a batch's results: a folder of this machine, or a store that fsspec writes. What is there is whole.
+"""Stores for a batch's results: a folder of this machine, or whatever fsspec writes. A file in a store is complete.
 
-Names are relative, with ``/`` between folders. What has a name already is replaced at once or not at all: the results
+Names are relative, with ``/`` between folders. A file of the same name is replaced at once or not at all: the results
 of one flight from the same input are the same bytes, whoever was quicker.
 
-One batch at a time has a store: an object tells who writes, and is rewritten every few seconds while it does. Whose
-object stands still was killed: another batch takes over after having watched it for a while. No clock is
-compared, as those of two machines differ. Where two take over at the same moment nothing is lost but work: results of
-the same input are the same bytes.
+One batch at a time may write into a store. A lock file says which, and is rewritten every few seconds while that batch
+runs. A lock file that stays the same is of a batch that was killed: another batch takes over after watching it for a
+while. No clock is compared, as those of two machines differ. Where two take over at the same moment only work is lost.
 """
 
 from __future__ import annotations
@@ -38,11 +37,16 @@ RENEW_S = 10.0
 WATCH_S = 30.0
 """A batch that has not renewed its object for this long is over."""
 POLL_S = 1.0
+ASIDE = ".aside"
+"""Folder of files that are not complete yet."""
+LOCK = ".lock"
+_PUT_WHOLE = frozenset(("s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "adl", "oci", "memory"))
+"""Protocols of stores that show a file only once all of it has come."""
 _log = logging.getLogger(__name__)
 
 
 class LockHolder(msgspec.Struct, frozen=True, kw_only=True):
-    """Batch that writes into a store."""
+    """Batch that writes into a store, as its lock file has it."""
 
     host: str
     pid: int
@@ -95,7 +99,7 @@ def _take(files: Any, path: str, address: str, me: LockHolder) -> None:  # noqa:
 
 
 def _is_dead(holder: LockHolder) -> bool:
-    """Tell whether it is of this machine, and over."""
+    """Tell whether the holder is a process of this machine that has ended."""
     if holder.host != platform.node():
         return False
     try:
@@ -127,18 +131,11 @@ def _write(files: Any, path: str, holder: LockHolder) -> None:  # noqa: ANN401
 
 
 def _read(files: Any, path: str) -> LockHolder | None:  # noqa: ANN401
-    """Holder of the store; None for nobody, or what is no such object."""
+    """Read the holder of the store's lock; None for nobody, or for a file that is no lock."""
     with store_errors(path), contextlib.suppress(FileNotFoundError, *UNREADABLE):
         files.invalidate_cache()
         return msgspec.json.decode(files.cat_file(path), type=LockHolder)
     return None
-
-
-ASIDE = ".aside"
-"""Folder of what is not whole yet."""
-LOCK = ".lock"
-_PUT_WHOLE = frozenset(("s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "adl", "oci", "memory"))
-"""Protocols of stores that show a file when all of it has come."""
 
 
 class ResultStore(Protocol):

@@ -18,7 +18,7 @@ from infra.processes.channel import MessageChannel, connect_to_parent
 
 
 class _Asked:
-    """Jobs as they come; the end of whoever sends them is the end of this process."""
+    """Iterator over jobs as they come; the end of whoever sends them is the end of this process."""
 
     def __init__(self, channel: MessageChannel[FlightJob]) -> None:
         self._channel = channel

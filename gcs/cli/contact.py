@@ -43,7 +43,7 @@ TELL_S = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wanted:
-    """Wishes of the command line for a flight without a mission file."""
+    """Choices of the command line for a flight without a mission file."""
 
     links: tuple[str, ...]
     """Empty: the usual ports."""
@@ -82,7 +82,7 @@ class Wanted:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ready:
-    """Beginning of a flight, from a mission file or from what was heard."""
+    """Mission and links with which a flight begins, from a mission file or from what was heard."""
 
     mission: Mission
     links: tuple[str, ...]
@@ -230,7 +230,7 @@ def _ask_who_flies(listening: Listening, wanted: Wanted, asked: AskedBySignals, 
 def _find_fleet(listening: Listening, wanted: Wanted, asked: AskedBySignals) -> Found | None:
     """Listen without a screen until an aircraft and a fleet report their positions and nothing new comes.
 
-    What is heard is told once a second at most. None: a signal asks to end.
+    What is heard is reported once a second at most. None: a signal asks to end.
 
     Raises:
         LinkError: nothing is heard.

@@ -1,7 +1,7 @@
 """MAVSDK, in one file: it receives only the UAV's packets, and what it sends goes through our own transmitter.
 
-Its `raw://` connection leaves sockets, recording and signing to us. By itself it beats and asks every system it
-receives for messages, so it is given the UAV's packets alone, and its heartbeats are dropped: ours comes from the
+Its `raw://` connection leaves sockets, recording and signing to us. By itself it sends heartbeats and asks every system
+it receives for messages, so it is given the UAV's packets alone, and its heartbeats are dropped: ours comes from the
 station's loop.
 """
 

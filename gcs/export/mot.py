@@ -37,7 +37,7 @@ TRACKERS: Final = ("names", "tracks")
 
 
 class MotExport:
-    """Only boxes that were seen; a coasting one is a guess."""
+    """Export to MOT Challenge's format, of boxes that were seen; a coasting one is a guess."""
 
     def __init__(self, job: ExportJob) -> None:
         self._name = re.sub(r"[^A-Za-z0-9_.-]+", "-", job.name).strip(".-")[:64] or "flight"

@@ -23,7 +23,7 @@ IF_OFFERED = "auto if offered"
 """The same where nobody asked for a video: none is waited for before the UAV offers one."""
 _BY_OFFER = (AUTO, IF_OFFERED)
 MANY_REFUSED = 20
-"""Datagrams of others that are dropped before it is told: some are the rest of an earlier flight."""
+"""Datagrams of others that are dropped before it is reported: some are the rest of an earlier flight."""
 
 
 def check_source(wanted: str) -> None:

@@ -11,8 +11,8 @@ from dataclasses import replace
 
 from gcs.flight.frame_loop import MAX_EVENTS
 from gcs.flight.view import FlightView
-from gcs.fold.meeting import Meeting
 from gcs.fold.seen_elsewhere import with_elsewhere
+from gcs.fold.view_exchange import ViewExchange
 from gcs.health.alarms import urgency
 from gcs.snapshot import Event, Snapshot
 from mavlink.protocol.packet import Packet
@@ -44,7 +44,7 @@ class FlightViews:
     def __init__(self, on_snapshot: Callable[[int, Snapshot], None]) -> None:
         self._on_snapshot = on_snapshot
         self._views: dict[int, FlightView] = {}
-        self._meeting = Meeting()
+        self._exchange = ViewExchange()
         self._looked_s: dict[int, float] = {}
         self._last = -1
         self._told: deque[Event] = deque(maxlen=MAX_EVENTS)
@@ -57,7 +57,7 @@ class FlightViews:
         self._views[place], self._looked_s[place] = view, -math.inf
         if self.several:
             for each in self._views.values():
-                each.pipeline.seat = self._meeting.seat(each.uav_id, each.recorder.heard)
+                each.pipeline.exchange = self._exchange.join(each.uav_id, each.recorder.heard)
 
     @property
     def first(self) -> FlightView:

@@ -17,7 +17,7 @@ from mavlink.state import FleetState, Level
 from vision.track.tracks import Tracks
 
 CONTRADICTED_US = 3_000_000
-"""A statement is withdrawn once another answer has been sure for this long: doubts about neighbours pass in a
+"""Time for which another answer must have been sure to withdraw a statement: doubts about neighbours pass in a
 second."""
 HOLE_US, HOLE_STEPS = 1_000_000, 2
 """Gap after which a contradiction is counted again: this long without a frame, and this many times the interval
@@ -25,12 +25,12 @@ before."""
 
 
 LATE_FRAMES = 30
-"""A recorded statement is about a place in the image: a replay that begins later does not know which box was there."""
+"""Age beyond which a recorded statement is not used: a replay that begins later does not know which box was there."""
 
 
 @dataclass(slots=True)
-class _Standing:
-    """A statement that holds."""
+class _ActiveStatement:
+    """Statement that holds."""
 
     made: Statement
     contradicted_us: int = 0
@@ -46,10 +46,10 @@ class Statements:
     def __init__(self, mission: Mission) -> None:
         self.mission = mission
         self._waiting: deque[Statement] = deque()
-        self._standing: dict[int, _Standing] = {}
+        self._standing: dict[int, _ActiveStatement] = {}
         self._reviewed_us = self._step_us = 0
         self._recorded_as: dict[int, int] = {}
-        """This fold's track by the recording's."""
+        """Track of this fold by the recording's."""
 
     @property
     def by_track(self) -> dict[int, int]:
@@ -102,7 +102,7 @@ class Statements:
             made = replace(asked, track_id=track, frame=frame, cx=cx, cy=cy)
             events += self._replace_others(t_us, made, identifier)
             self._standing.pop(track, None)  # the last in order is the latest
-            self._standing[track] = _Standing(made)
+            self._standing[track] = _ActiveStatement(made)
             identifier.state(track, made.system_id)
             events.append(_event(t_us, "info", self._words(made), made.system_id, made))
         return events

@@ -32,7 +32,7 @@ ADVICE = "these are the vehicle's own words, not this program's: check the vehic
 
 @dataclass(slots=True)
 class _Text:
-    """Texts of one vehicle."""
+    """Text of one vehicle that is not over yet."""
 
     event: Event
     """The first, or of those that share an alarm the newest."""
@@ -139,7 +139,7 @@ def urgency(alarm: Alarm) -> tuple[int, bool, bool, bool, int, str]:
 
 @dataclass(slots=True)
 class _State:
-    """One trouble of one thing."""
+    """State of one alarm of one subject."""
 
     finding: Finding
     first_us: int

@@ -24,7 +24,7 @@ _WAIT_S = 0.2
 
 
 class Faults:
-    """Faults in a flight's jobs; its methods may be called from any thread.
+    """Log of faults in a flight's jobs; its methods may be called from any thread.
 
     Args:
         path: where tracebacks go, each place in the program once; made with the first.

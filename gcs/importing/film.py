@@ -30,7 +30,7 @@ _MIN_YEAR = 2005
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportedFilm:
-    """A video file."""
+    """Video file to be imported."""
 
     path: Path
     elapsed_us: NDArray[np.int64]

@@ -29,7 +29,7 @@ _UNKNOWN_SPEED = 32767
 _UNKNOWN_HEADING = 36000
 _MAX_SPEED = 1.25
 _STEP_US = 80_000
-"""A recorder's clock that was set by more is told."""
+"""Least step of a recorder's clock that is reported."""
 _SAME_STEP_S, _SAME_SHARE, _SAME_STEP_US = 1.0, 0.25, 10_000_000
 """Steps that two vehicles' clocks show are one if they are as large as each other and as close; gains likewise."""
 _GAIN, _GAINED_S = 1e-3, 0.1
@@ -57,10 +57,11 @@ class FleetTlog:
     about_clock: tuple[str, ...] = ()
     """Sentence about the recorder's clock."""
     judged: Mapping[int, RowTimes] = field(default_factory=lambda: MappingProxyType({}))
-    """Judgement of the vehicles' times and places, by system id: what tells no path is in the log all the same."""
+    """Times and positions of the vehicles as checked, by system id; rows that are on no path stay in the log."""
 
     def told(self, without: Collection[int] = ()) -> tuple[str, ...]:
-        """In words, with the file's name, what was assumed of its clock and of the vehicles but some."""
+        """Return sentences on what was assumed of the log's clock and of all vehicles but some, with the file's
+        name."""
         name = self.tlog.path.name
         of_vehicles = (
             f"{name}, system {i}: {said}"
@@ -71,7 +72,7 @@ class FleetTlog:
         return (*(f"{name}: {said}" for said in self.about_clock), *of_vehicles)
 
     def skipped(self, of: Collection[int]) -> dict[str, int]:
-        """Positions of some vehicles that tell no path, by reason, and damaged bytes."""
+        """Count the positions of some vehicles that are on no path, by reason, and damaged bytes."""
         damaged = sum(damage.stop - damage.start for damage in self.tlog.index.damage)
         found = Counter({"damaged bytes": damaged} if damaged else {})
         for system_id in self.judged.keys() & set(of):
@@ -239,7 +240,7 @@ def _on_one_clock(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
 
 
 def _without_stamps(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
-    """Work as ``_on_one_clock``, of a log that a station wrote as it received it, ``.rlog`` or ``.raw``.
+    """Return the same as ``_on_one_clock`` for a log that a station wrote as it received it, ``.rlog`` or ``.raw``.
 
     Raises:
         ImportFileError: no vehicle tells the date.

@@ -30,7 +30,7 @@ _CLEARLY, _ON_EACH_OTHER_M = 2.0, 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroundVehicles:
-    """The fleet."""
+    """Ground vehicles of the fleet, from their files."""
 
     places: Mapping[int, PlaceTrack]
     """Vehicles by system id, on Unix time, each with a position or more."""

@@ -49,7 +49,7 @@ _CLOCKS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceAccount:
-    """Account of a file."""
+    """Account of one imported file."""
 
     role: str
     """Role of the file, such as ``uav`` or ``ugv 11``."""

@@ -6,7 +6,7 @@ Along each axis the velocity is a random walk with q m²/s³. Of positions z_k w
 
 Where positions were rounded to cells of metres there is no noise to speak of: the path is the smoothest that stays
 within them, |p_k − z_k| ≤ cell / 2, by alternating directions (ADMM: Boyd et al. 2011, doi:10.1561/2200000016, 5.2).
-When a cell is left tells more than how often it was told.
+When a cell is left tells more than how often it was reported.
 """
 
 from __future__ import annotations

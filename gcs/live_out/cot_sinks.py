@@ -22,7 +22,8 @@ REPLAYED = "s-replay"
 
 
 class _CotSink(Sink):
-    """Thins events, and dates those of a replay now: TAK's programs show nothing that is stale."""
+    """Base of Cursor-on-Target sinks: thins events, and dates those of a replay now, as TAK's programs show nothing
+    that is stale."""
 
     def __init__(self, url: SinkUrl, source: SinkSource) -> None:
         self._url, self._source = url, source
@@ -38,7 +39,7 @@ class _CotSink(Sink):
         """Send one event; OSError: the way out is gone."""
 
     def write(self, snapshot: Snapshot) -> None:
-        """Send what is due; names that may change when the analysis gets there are not told."""
+        """Send what is due; names that may change when the analysis gets there are not reported."""
         if snapshot.provisional:
             return
         replayed, name = self._source.replayed, self._source.name
@@ -51,7 +52,7 @@ class _CotSink(Sink):
 
 
 class CotUdp(_CotSink):
-    """A datagram an event; whether anybody receives it is not known."""
+    """Sink that sends a datagram for each event; whether anybody receives it is not known."""
 
     def _open(self) -> None:
         self._address = socket.getaddrinfo(self._url.host, self._url.port, socket.AF_INET, socket.SOCK_DGRAM)[0][4]
@@ -73,7 +74,7 @@ class CotUdp(_CotSink):
 
 
 class CotTcp(_CotSink):
-    """A stream of events to a server; what that sends of others is read and forgotten."""
+    """Sink that sends a stream of events to a server; what that sends of others is read and forgotten."""
 
     def _open(self) -> None:
         self._socket = self._connected()
@@ -104,7 +105,7 @@ class CotTcp(_CotSink):
 
 
 class CotTls(CotTcp):
-    """The same with a server whose certificate is verified, and which verifies this station's."""
+    """Sink as ``CotTcp`` to a server whose certificate is verified, and which verifies this station's."""
 
     def _connected(self) -> socket.socket:
         options = self._url.options

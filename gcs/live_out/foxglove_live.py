@@ -25,7 +25,7 @@ BACKLOG = 64
 
 
 class FoxgloveLive(Sink):
-    """Video is encoded only while somebody looks at it."""
+    """Sink that serves Foxglove; video is encoded only while somebody looks at it."""
 
     def __init__(self, url: SinkUrl, source: SinkSource) -> None:
         context = foxglove.Context()

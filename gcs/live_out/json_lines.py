@@ -73,7 +73,7 @@ def _rounded(value: float, digits: int) -> float | None:
 
 
 class JsonUdp(Sink):
-    """A datagram for each snapshot; whether anybody receives it is not known."""
+    """Sink that sends a datagram for each snapshot; whether anybody receives it is not known."""
 
     def __init__(self, url: SinkUrl, source: SinkSource) -> None:
         self._source = source
@@ -99,7 +99,8 @@ class JsonUdp(Sink):
 
 
 class JsonTcp(Sink):
-    """Serves lines to all who connect; one that reads too slowly, or not at all, is dropped and may come again.
+    """Sink that serves lines to all who connect; one that reads too slowly, or not at all, is dropped and may come
+    again.
 
     Args:
         url: where to listen.

@@ -1,4 +1,4 @@
-"""The station's side of what others are told: hands the newest snapshot over, and keeps a process for each address."""
+"""The station's side of publishing: hands the newest snapshot over, and keeps a process for each address."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ CLOSE_S = 3.0
 
 
 class LiveOut:
-    """Tells of a station's snapshots until it is closed; nothing of it can hold the station up.
+    """Publishes a station's snapshots until it is closed; nothing of it can hold the station up.
 
     Args:
         latest: the station's newest snapshot; asked for from a thread of its own.
@@ -101,7 +101,7 @@ class LiveOut:
 
 
 class Outlet:
-    """One address and the process that tells it.
+    """One address and the process that publishes to it.
 
     Attributes:
         url: the address.

@@ -33,7 +33,7 @@ PAYLOAD_TYPE: Final = 96
 
 
 class _Picture(Sink):
-    """Draws, encodes and sends; a picture of another size begins the stream again."""
+    """Base of video sinks: draws, encodes and sends; a picture of another size begins a new stream."""
 
     def __init__(self, url: SinkUrl, source: SinkSource) -> None:
         del source
@@ -84,7 +84,7 @@ class _Picture(Sink):
 
 
 class MpegTsPicture(_Picture):
-    """``udp://``."""
+    """Sink for ``udp://``: MPEG-TS."""
 
     def _open(self) -> av.container.OutputContainer:
         # tables often, so that receivers begin soon, and nothing is held back
@@ -94,7 +94,7 @@ class MpegTsPicture(_Picture):
 
 
 class RtpPicture(_Picture):
-    """``rtp://``; a receiver needs what :func:`sdp` says."""
+    """Sink for ``rtp://``; a receiver needs what :func:`sdp` says."""
 
     def _open(self) -> av.container.OutputContainer:
         return av.open(f"rtp://{self._target}?ttl={TTL}", "w", format="rtp")

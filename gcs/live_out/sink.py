@@ -13,7 +13,7 @@ from gcs.snapshot import Snapshot
 
 
 class SinkSource(msgspec.Struct, frozen=True, kw_only=True):
-    """Flight or replay that is told of."""
+    """Flight or replay whose snapshots are published."""
 
     name: str
     """The session's name."""
@@ -22,7 +22,7 @@ class SinkSource(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SinkSettings(msgspec.Struct, kw_only=True, tag=True):
-    """Station to process, once: what to tell, and where."""
+    """Settings from the station to a sink's process, once: what to publish, and where."""
 
     url: SinkUrl
     source: SinkSource
@@ -33,7 +33,7 @@ class SinkSettings(msgspec.Struct, kw_only=True, tag=True):
 
 
 class SinkReport(msgspec.Struct, kw_only=True, tag=True):
-    """Process to station, once a second: a sign of life."""
+    """Report from a sink's process to the station, once a second: a sign of life."""
 
     sent: int = 0
     """Messages or pictures that left."""
@@ -46,7 +46,7 @@ class SinkReport(msgspec.Struct, kw_only=True, tag=True):
 
 
 class Sink(ABC):
-    """Something that tells of snapshots; it may take its time, since it has a process of its own.
+    """Destination of snapshots; it may take its time, since it has a process of its own.
 
     Attributes:
         sent, dropped, clients: as in its reports.
@@ -64,7 +64,7 @@ class Sink(ABC):
 
     @abstractmethod
     def write(self, snapshot: Snapshot) -> None:
-        """Tell of a snapshot.
+        """Publish a snapshot.
 
         Raises:
             OSError: it has to be opened again.

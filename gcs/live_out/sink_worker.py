@@ -1,4 +1,5 @@
-"""A sink's own process: takes the newest snapshot, tells of it, takes the next that is newest then.
+"""A sink's own process: takes the newest snapshot, publishes it, and takes the next that is newest then. Started by
+``gcs.live_out.live_out``. The end of the requests means stop.
 
 Started by ``gcs.live_out.live_out``. The end of the requests means stop.
 """

@@ -22,11 +22,11 @@ from infra.plain_text import plain
 from vision.video.image_file import decoded
 
 TILE_PX: Final = 256
-"""Tiles of other sizes are brought to this one."""
+"""Side of a tile, px; those of other sizes are scaled to it."""
 MAX_KEPT: Final = 96
 """Decoded tiles in memory, 19 MB: more than two screens of them."""
 MAX_TILE_BYTES: Final = 4_000_000
-"""A tile is some ten thousand; what is larger is none."""
+"""Most bytes of a tile: usual ones have some ten thousand."""
 MAX_SIDE_PX: Final = 4096
 """Maximum side of a tile's picture: larger ones would take hundreds of megabytes once decoded."""
 MAX_OPEN_S: Final = 10.0
@@ -42,7 +42,7 @@ MAX_ZOOM: Final = 30
 LONGEST_CREDIT: Final = 80
 RASTER: Final = frozenset({"png", "jpg", "jpeg", "webp"})
 GZIP: Final = b"\x1f\x8b"
-"""Vector tiles are compressed so."""
+"""Beginning of gzip, in which vector tiles are compressed."""
 
 Image = NDArray[np.uint8]
 

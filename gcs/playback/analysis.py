@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from assoc.whole_flight.evidence import FlightEvidence
 from gcs.errors import GcsError
 from gcs.fold.camera.frame_camera import identifier_params
-from gcs.fold.meeting import Seat
 from gcs.fold.pipeline import Pipeline
 from gcs.fold.seen_elsewhere import with_elsewhere
+from gcs.fold.view_exchange import ExchangeMember
 from gcs.playback.in_step import InStep
 from gcs.playback.looked_frames import LookedFrame, look_again, recorded_frames
 from gcs.playback.moments import moments_between
@@ -202,16 +202,16 @@ class Analysis:
         others = self._company.followed()
         return with_elsewhere(snapshot, others) if others else snapshot
 
-    def folded(self, seat: Seat | None, flown: Sequence[Event] = ()) -> Iterator[tuple[int, Snapshot]]:
+    def folded(self, exchange: ExchangeMember | None, flown: Sequence[Event] = ()) -> Iterator[tuple[int, Snapshot]]:
         """Moments from the start.
 
         Args:
-            seat: Where it meets the folds of the flight's other cameras.
+            exchange: With the folds of the flight's other cameras.
             flown: As of :meth:`moments`.
         """
         seen = deque(event for event in flown if event.acknowledges)
         received_us = self._received_us(flown)
-        pipeline, start_us = self._pipeline(seat), int(received_us[0])
+        pipeline, start_us = self._pipeline(exchange), int(received_us[0])
         for at_us, snapshot in self._moments(pipeline, received_us, start_us, None):
             yield at_us, snapshot
             while seen and seen[0].t_us <= at_us:
@@ -248,12 +248,12 @@ class Analysis:
         self._evidence = FlightEvidence(identifier_params(self.mission))
         return self._evidence
 
-    def _pipeline(self, seat: Seat | None) -> Pipeline:
+    def _pipeline(self, exchange: ExchangeMember | None) -> Pipeline:
         senders, session, mission = self._log.senders, self.opened.session, self.mission
         if session.began is not None:
             mission = replace(mission, uav=session.began.uav, ugv=session.began.ugv)
         pipeline = Pipeline(mission, links=senders.names, address=senders.address, sized=self.opened.size.known)
-        self._folded, pipeline.seat, pipeline.evidence = pipeline, seat, self._evidence
+        self._folded, pipeline.exchange, pipeline.evidence = pipeline, exchange, self._evidence
         if self._evidence is not None:
             self._evidence.begin_anew(mission.ugv_ids)
         for statement in read_statements(session.folder, self.mission.ugv_ids):

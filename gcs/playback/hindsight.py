@@ -40,21 +40,21 @@ from gcs.snapshot import NAN, Box, Candidate, Snapshot, VehicleRow
 FloatArray = NDArray[np.float64]
 
 AHEAD_S = 15.0
-"""A box is named by what is known of its track this long after it, s."""
+"""Time after a box up to which its track is known when it is named, s."""
 _CHANGES_HZ = 0.01
 """Rate at which a tracker goes over from one vehicle to another unnoticed, 1/s."""
 _MEAN_SHARE = 0.3
 """Weight of the mean against the smoothed probabilities: for these a doubt that comes late is all there is to know."""
 _AT_ONCE_S = 3.0
-"""A track is smoothed for this much of it at once, s: the last of those boxes look that much less ahead."""
+"""Time of a track that is smoothed at once, s: the last of those boxes look that much less ahead."""
 _LOWER = 0.05
 """Margin of the least mean of a name below a screen's threshold: what was thought at first is in the mean."""
 _GAP_MAX_S = IdentifierParams().gap_max_s
 _MIN_SHOWN = 0.005
-"""A candidate that is less probable is not told."""
+"""Least probability of a candidate that is listed."""
 _MAX_CANDIDATES = 3
 _UNTOLD = 0.002
-"""Probability of all candidates that were not told, each below 0.005."""
+"""Probability of all candidates that were not listed, each below 0.005."""
 _NO_EVIDENCE: dict[str, Any] = dict.fromkeys(
     ("residual_m", "residual_px", "position_age_s", "projection", "topology", "fused"), NAN
 )
@@ -69,7 +69,7 @@ class _Course:
 
     times_us: list[int] = field(default_factory=list)
     rows: list[FloatArray] = field(default_factory=list)
-    """(n + 1,) probabilities of each vehicle and of none of them, as they were told."""
+    """(n + 1,) probabilities of each vehicle and of none of them, as they were reported."""
     fits: list[bool] = field(default_factory=list)
     """True in frames in which film and telemetry were known to fit."""
     known: dict[int, FloatArray] = field(default_factory=dict)
@@ -286,7 +286,7 @@ def _candidate(system_id: int, p: float, told: Candidate | None, *, renamed: boo
 
 
 def _part(box: Box, whole: Box | None) -> Box:
-    """The other part of a vehicle has its name."""
+    """Give the other part of a vehicle its name."""
     if whole is None:
         return box
     return replace(box, system_id=whole.system_id, confidence=whole.confidence, none_of_ours=whole.none_of_ours)

@@ -37,7 +37,7 @@ SURE_S, SURE_FIT = 0.1, 0.99
 _ENDED_US = sys.maxsize
 """Time in place of that of the next frame where there is none."""
 _ALARMS_TOLD = 5
-"""Alarms that are told one by one; the page about the flight has all."""
+"""Alarms that are reported one by one; the page about the flight has all."""
 _FILES = (IDENTITY.name, IDENTITY_EVIDENCE, EVENTS)
 _NEVER_OVERWRITTEN = "exists already and is never overwritten; choose another place"
 

@@ -1,6 +1,6 @@
 """A session, opened: its telemetry, its frames' times and what was seen in them.
 
-The decoder is imported when a recording has a video: to load it takes longer than many a fold.
+The decoder is imported only when a recording has a video: loading it takes longer than many a fold.
 """
 
 from __future__ import annotations

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 _MAX_BETWEEN = 1000
 """Frames that a flight skips between two that it looks at, at most."""
 PATIENCE_US = 3_000_000
-"""Frames of a recording wait this long for the UAV's pose: no screen waits for them."""
+"""Time for which frames of a recording wait for the UAV's pose: no screen waits for them."""
 _MAX_QUEUED_US = 5_000_000
-"""A turn is made at most this long after a record that it has not taken in yet."""
+"""Longest time from a record that a turn has not taken in yet to that turn."""
 
 
 class PacketsInOrder:

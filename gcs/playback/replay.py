@@ -78,7 +78,7 @@ def _gaps(
 
 
 class ConfidenceHistory:
-    """Takes snapshots in; those worked out provisionally count for nothing.
+    """History of confidences by snapshots; those worked out provisionally count for nothing.
 
     Args:
         start_us: first moment of the recording.

@@ -52,7 +52,7 @@ class Matched:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """Shares are NaN when there is nothing to take a share of."""
+    """Score of names against the truth; shares are NaN when there is nothing to take a share of."""
 
     frames: int
     ours: int

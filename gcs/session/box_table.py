@@ -152,7 +152,7 @@ _CSV = [(name, 2 if name in BOX[:4] else DIGITS[name]) for name in IDENTITY.colu
 
 
 class EvidenceRow(msgspec.Struct, frozen=True):
-    """A row as JSON has it."""
+    """Row of the evidence as JSON has it."""
 
     time_us: int
     frame: int

@@ -126,7 +126,7 @@ class _ChangeRow(msgspec.Struct, frozen=True):
 
 
 class _Row(msgspec.Struct, frozen=True):
-    """A line as it is read; unknown keys are passed over."""
+    """Line of the event log as it is read; unknown keys are passed over."""
 
     time_us: int
     level: Level

@@ -1,4 +1,4 @@
-"""The station's app: polls for snapshots, hands them to the panes, turns keys into wishes."""
+"""The station's app: polls for snapshots, hands them to the panes, turns keys into requests."""
 
 from __future__ import annotations
 

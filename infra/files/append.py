@@ -39,7 +39,7 @@ _SPACE_MAY_RETURN = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 
 
 class _Mode(Enum):
-    """Destination of accepted rows."""
+    """Destination of accepted rows now."""
 
     WRITING = "to the kernel"
     RETRYING = "to memory, until the disk takes them"
@@ -63,7 +63,7 @@ class _Failures:
 
 
 class AppendFile:
-    """Whole rows into a new file and, where one file does not do, into further segments of it.
+    """File that takes whole rows and, where one file does not do, goes on in further segments.
 
     Args:
         header: begins every segment.
@@ -347,7 +347,7 @@ _CLOSE_S = 5.0
 
 
 class Flusher:
-    """Maintains some files until it is stopped.
+    """Thread that maintains some files until it is stopped.
 
     Args:
         files: maintained in this order, one after the other.

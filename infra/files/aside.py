@@ -1,4 +1,5 @@
-"""Files of a job that are there when they are whole: written aside, then put into their place, never over another."""
+"""Files of a job that appear only when they are complete: written to a hidden folder, then moved into place, never over
+another file."""
 
 from __future__ import annotations
 
@@ -86,7 +87,7 @@ def put_all_in_place(hidden: Path, folder: Path, *, last: str = "") -> None:
 
 
 def put_in_place(path: Path, place: Path) -> None:
-    """Give a whole file of the same disk its name; what it holds is on the disk before.
+    """Give a complete file of the same disk its name; its content is synced to the disk first.
 
     Raises:
         FileExistsError: something of that name is there.

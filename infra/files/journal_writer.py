@@ -21,7 +21,7 @@ _LOOK_S = 0.1
 
 
 class JournalWriter:
-    """Writes until it is stopped.
+    """Thread that writes a journal's rows to files until it is stopped.
 
     Args:
         journal: where rows wait.

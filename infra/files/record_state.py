@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordState:
-    """State of a recording."""
+    """State of a recording, for a screen and for alarms."""
 
     name: str
     """Name of the segment being written."""
@@ -26,10 +26,10 @@ class RecordState:
     failed_ago_s: float = math.inf
     """Time since it last failed, s; inf where it never did."""
     waiting: int = 0
-    """Rows in memory only, on their way to the disk."""
+    """Number of rows in memory only, on their way to the disk."""
     waiting_bytes: int = 0
     lost: int = 0
-    """Rows given up because too many waited."""
+    """Number of rows given up because too many waited."""
     sync_age_s: float = 0.0
     """Age of the oldest row that is perhaps not on the disk; 0: all are."""
     stalled_s: float = 0.0
@@ -44,7 +44,8 @@ class RecordState:
 
 
 def overall(states: Iterable[RecordState]) -> RecordState:
-    """Several files as one: the longest failure with its reason, the oldest unsynced row, all else summed up.
+    """Sum up the states of several files: the longest failure with its reason, the oldest unsynced row, totals of all
+    else.
 
     Where none fails any more the reason is that of the file that failed last.
 

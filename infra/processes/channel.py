@@ -22,7 +22,7 @@ Received = TypeVar("Received")
 
 
 class MessageChannel(Generic[Received]):
-    """One end. Any thread may send, one receives.
+    """One end of a channel of messages. Any thread may send, one receives.
 
     Args:
         reading: where messages come from.

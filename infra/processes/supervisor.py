@@ -21,7 +21,7 @@ Child = TypeVar("Child", bound=ChildProcess[Any])
 
 
 class Supervisor(Generic[Child]):
-    """One child process after the other.
+    """Keeper of a child process: starts the next one when it ends or hangs.
 
     Waiting for a processor is no death: of a silence up to ``start_s`` only the time counts in which the process could
     run. On a machine that is too busy another one would not fare better.

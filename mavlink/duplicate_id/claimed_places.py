@@ -112,7 +112,7 @@ class ClaimedPlaces:
         """Tell whether a sender was found to be the same vehicle over a faster link."""
         return self._faster is not None and same_channel(sender, self._faster)
 
-    def trails(self, sender: SenderKey) -> bool:
+    def is_slower_link(self, sender: SenderKey) -> bool:
         """Tell whether a sender was found to be the same vehicle over a link a second or more later than another."""
         path = self._paths.get(sender)
         if path is not None:

@@ -291,7 +291,7 @@ class DuplicateIdDetector:
         self._conflicts.add("boot", booted_us > before[0], sender, t_us, detail, before[2])
 
     def add_other_clock(self, t_us: int, sender: SenderKey, gap_s: float) -> None:
-        """Add a boot time that is not of this vehicle's count, nor of the one before its reboot.
+        """Add a boot time that fits neither this vehicle's clock nor the one before its reboot.
 
         Args:
             t_us: Unix µs of its arrival.
@@ -330,9 +330,9 @@ class DuplicateIdDetector:
             return True
         return not same_channel(sender, self._usual_clock) and self._places.is_only_one(sender, t_us)
 
-    def trails(self, sender: SenderKey) -> bool:
+    def is_slower_link(self, sender: SenderKey) -> bool:
         """Tell whether a sender is the same vehicle over a slower link."""
-        return self._places.trails(sender)
+        return self._places.is_slower_link(sender)
 
     def compare_autopilots(self, t_us: int, sender: SenderKey, rival: int) -> None:
         """Compare two components that send an autopilot's heartbeat while only the one that is not in use reports.
@@ -378,7 +378,7 @@ class DuplicateIdDetector:
         return ""
 
     def report(self, t_us: int, system_id: int) -> tuple[Level, str]:
-        """News for the operator since the last call; an empty text for nothing."""
+        """Return the news for the operator since the last call; an empty text for nothing."""
         active = self._conflicts.is_active(t_us)
         if active == self._reported_conflict:
             return ("info", "") if active else ("warning", self._two_addresses_text(t_us, system_id))

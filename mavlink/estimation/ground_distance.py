@@ -15,7 +15,8 @@ _LASTS_US = 1_500_000
 
 
 class GroundDistance:
-    """The newest of each, dated by arrival: neither is used more closely than the ground is even."""
+    """Newest distances to the ground by rangefinder and terrain map, dated by arrival: neither is used more closely
+    than the ground is even."""
 
     def __init__(self) -> None:
         self._range: DistanceSensor | None = None

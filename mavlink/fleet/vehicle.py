@@ -271,7 +271,7 @@ class Vehicle:
     def learn_clock(self, sample: Attitude | GlobalPosition, arrival: Arrival) -> tuple[ClockReading, Notices]:
         """Learn from a sample's boot time; what it shows of the clock, and notices."""
         clock, t_us, sender = self.clock, sample.t_us, arrival.sender
-        trails = self._duplicate_id.trails(sender)
+        trails = self._duplicate_id.is_slower_link(sender)
         reading = clock.add_message(sample.boot_ms, t_us, trails=trails)
         if reading.fit is not ClockFit.OUTLIER:
             delay_us = t_us - clock.unix_of(reading.boot_us)

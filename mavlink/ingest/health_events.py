@@ -17,12 +17,12 @@ from mavlink.state import Level
 _Event = tuple[Level, str]
 """Level and text."""
 PATIENCE = 10
-"""A connection that is being made is not missed for this many looks, twice a second."""
+"""Health reports, two a second, for which a connection that is being made is not reported as lost."""
 MAX_FLOODS = 5
 """Floods that are reported one by one at a time."""
 QUIET = 20
-"""Looks for which a connection that comes and goes is not reported as lost again, and after which frames from a program
-are reported again, and an output without losses is well."""
+"""Health reports for which a connection that comes and goes is not reported as lost again, and after which frames from
+a program are reported again, and an output without losses is well."""
 
 
 class HealthEvents:
@@ -38,7 +38,7 @@ class HealthEvents:
         self._dropped: dict[str, int] = {}
         """Packets that each output dropped."""
         self._dropped_at: dict[str, int] = {}
-        """The look at which they became more, of outputs that nobody takes."""
+        """Number of the health report at which they became more, of outputs that nobody takes."""
         self._inbound: defaultdict[tuple[str, InboundFrames], ReportGrowth] = defaultdict(
             lambda: ReportGrowth(rest=QUIET)
         )

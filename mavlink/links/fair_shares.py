@@ -25,8 +25,8 @@ SENDER_PER_S = 2000.0
 ALL_PER_S = 25_000.0
 """Good frames allowed of all known senders: a hundred vehicles send 20,000 a second."""
 READ_PER_S = 60_000.0
-"""Datagrams of all known senders, with the junk that claims to be theirs, that a quick machine reads. A sender at no
-more than a vehicle's rate is always read."""
+"""Datagrams of all known senders, with the junk that claims to be theirs, that a quick machine reads. A sender that
+keeps to a vehicle's rate is always read."""
 SENDER_BURST_S = 2.0
 """A radio delivers at once what it could not for a while."""
 _SMOOTH_S = 1.0
@@ -38,7 +38,7 @@ _SLOWER, _FASTER = 0.5, 1.03
 _DRAIN_S = 0.3
 """Time after the read rate is lowered in which what had queued before is still being read."""
 _TINY = 1e-6
-"""Keeps shares and divisors above zero."""
+"""Lower bound of shares and divisors, above zero."""
 
 
 def fair_level(wanted: Iterable[float], total: float) -> float:
@@ -70,7 +70,7 @@ class Allowance:
 
     @classmethod
     def full(cls, burst_s: float) -> Allowance:
-        """An unused one."""
+        """Return an unused allowance."""
         return cls(burst_s, burst_s)
 
     def estimate_refused(self, seen: int) -> float:

@@ -28,9 +28,9 @@ WAITING = 512
 REPORTED = 32
 """Untrusted senders whose addresses are reported."""
 TRUSTED_US = 60_000_000
-"""Trust ends after this long without a good frame."""
+"""Time without a good frame after which trust ends."""
 WAITING_US = 5_000_000
-"""A waiting sender is forgotten after this long without a good frame."""
+"""Time without a good frame after which a waiting sender is forgotten."""
 _KEY = struct.Struct("=q")
 _SENDER = struct.Struct("=H2s4s")
 
@@ -96,7 +96,7 @@ class Peers:
         self._good_claims |= claims
 
     def trust(self, claims: set[Claim], t_us: int) -> None:
-        """Note good frames of senders, and trusts those that there is room for."""
+        """Note good frames of senders, and trust those that there is room for."""
         self.note_good_frames(claims)
         for claim in claims.difference(self.trusted):
             if claim[0] not in self.keys:
@@ -244,7 +244,7 @@ class Peers:
         self.changes += 1
 
     def _evict_oldest(self) -> None:
-        """The oldest who is not trusted; there always is one, as more are numbered than trusted."""
+        """Evict the oldest sender that is not trusted; there always is one, as more are numbered than trusted."""
         while self.numbers[key := next(iter(self.numbers))] in self._known:
             self.numbers.move_to_end(key)
         number = self.numbers.pop(key)

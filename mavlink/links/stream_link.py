@@ -23,6 +23,15 @@ from mavlink.links.url import LinkUrl, network_url, serial_url
 
 PAUSES_S = (0.5, 1.0, 2.0, 4.0)
 """Pauses before the stream is opened again, s."""
+_CHUNK = 4096
+_FRAME_BITS = 280 * 10
+"""The longest frame; a byte goes as ten bits."""
+DEFAULT_PORT = 5760
+"""TCP port at which ArduPilot's simulator and most bridges listen."""
+_TCP_CHUNK = 65536
+_CONNECT_S = 5.0
+"""An answer that takes longer is not waited for."""
+_PENDING = (errno.EINPROGRESS, errno.EWOULDBLOCK, errno.EALREADY, errno.EINTR)
 
 
 class StreamLink(Link):
@@ -97,11 +106,6 @@ class StreamLink(Link):
             connection.close()
 
 
-_CHUNK = 4096
-_FRAME_BITS = 280 * 10
-"""The longest frame; a byte goes as ten bits."""
-
-
 class SerialLink(StreamLink):
     """A serial port, taken for this program alone where the system can do that. Nothing here waits.
 
@@ -154,14 +158,6 @@ def _receive(port: serial.Serial) -> bytes | None:
         return port.read(min(max(port.in_waiting, 1), _CHUNK)) or None
     except (OSError, TypeError):  # pyserial raises TypeError when another thread closes the port
         return b""
-
-
-DEFAULT_PORT = 5760
-"""TCP port at which ArduPilot's simulator and most bridges listen."""
-_TCP_CHUNK = 65536
-_CONNECT_S = 5.0
-"""An answer that takes longer is not waited for."""
-_PENDING = (errno.EINPROGRESS, errno.EWOULDBLOCK, errno.EALREADY, errno.EINTR)
 
 
 def tcp_connection(sock: socket.socket, frames: FrameStream, options: LinkOptions) -> Connection:

@@ -84,7 +84,7 @@ class StreamRecorder(Protocol):
 
 
 class _StreamState:
-    """The newest of one stream."""
+    """Newest packet of one stream."""
 
     __slots__ = ("booted", "learned", "not_before", "noted", "place", "received", "timestamp")
 

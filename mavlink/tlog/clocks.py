@@ -29,7 +29,7 @@ _CHUNKS = 40
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockStep:
-    """The recorder's clock was set while a sender's went on."""
+    """Step of the recorder's clock while a sender's went on."""
 
     row: int
     """First record with the new time."""

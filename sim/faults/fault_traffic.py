@@ -124,7 +124,7 @@ class SenderEncoder:
 
 @dataclass(frozen=True, slots=True, order=True)
 class ScheduledDatagram:
-    """One thing to send; no bytes: the outlet gets a new source port."""
+    """Datagram to send; no bytes: the outlet gets a new source port."""
 
     t_s: float
     order: int

@@ -288,7 +288,7 @@ class Occlusion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Blackout:
-    """Nothing at all is detected."""
+    """Time in which nothing at all is detected."""
 
     start_s: float
     stop_s: float
@@ -296,7 +296,7 @@ class Blackout:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioFault:
-    """One vehicle's telemetry goes wrong."""
+    """Fault of one vehicle's telemetry."""
 
     vehicle: int
     kind: Literal["silent", "frozen", "zero", "jump", "lag", "drift", "spoof", "copy"]

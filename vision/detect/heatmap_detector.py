@@ -52,7 +52,7 @@ PART_PRICE, QUICK_PART_PRICE = 1.3, 0.8
 
 
 class HeatmapDetector:
-    """See the module.
+    """Detector that reads vehicles from a network's heat map; see the module for the model's contract.
 
     Args:
         parts: a quicker network that gives the same map, for parts of images; None: the same one.

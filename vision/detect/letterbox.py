@@ -28,7 +28,7 @@ class Letterbox:
     scale_x: float
     scale_y: float
     left: int
-    """Margin, px; of an odd margin the smaller half, as YOLO models are trained."""
+    """Left margin, px; where the margins differ by one, the smaller, as YOLO models are trained."""
     top: int
 
     @classmethod

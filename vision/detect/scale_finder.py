@@ -1,8 +1,8 @@
 """The scale of a film in which neither telemetry nor the camera's numbers tell what a pixel measures on the ground.
 
-Once in a while the vehicles themselves are measured (``vision.detect.apparent_length``), one scale a frame, which costs
-a frame as much again at most. What was found is kept until vehicles are clearly of another length, since the camera
-zoomed or climbed, twice in a row; where none are seen it stays as it was.
+Now and then the vehicles themselves are measured (``vision.detect.apparent_length``), at one scale in each frame, which
+at most doubles the work on that frame. The result is kept until vehicles are clearly of another length twice in a row,
+since the camera zoomed or climbed; where none are seen it stays as it was.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from vision.detect.detector import Detector, DetectorAround, MeasuringDetector
 Image = NDArray[np.uint8]
 
 SEARCH_US, WATCH_US = 2_000_000, 4_000_000
-"""Interval of examinations while the scale is in question, and while it is not. One takes as long as three frames."""
+"""Interval of measurements while the scale is in question, and while it is not. A measurement takes as long as three
+frames."""
 OTHER = 1.25
 """Vehicles longer or shorter by this factor are of another length: several times the error of an examination."""
 

@@ -47,7 +47,7 @@ UNNAMED = 1000
 
 
 class YoloDetector:
-    """See ``vision.detect.yolo_layout`` for the exports that are read.
+    """Detector that runs a YOLO-OBB export; see ``vision.detect.yolo_layout`` for the exports that are read.
 
     Args:
         score: boxes of this score or less are dropped.

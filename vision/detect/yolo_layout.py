@@ -104,8 +104,7 @@ def read_input(session: ort.InferenceSession, imgsz: int | None = None) -> YoloI
 
 
 def output_form(shape: tuple[int, ...], names: Mapping[int, str], anchors: frozenset[int], suppressed: bool) -> Form:
-    """Tell how an output is to be read. Seven columns are boxes, unless the model has two classes (4 + 2 + 1 = 7) and
-    as many rows as it has anchors.
+    """Tell how an output is to be read.
 
     Seven columns are boxes, unless the model has two classes (4 + 2 + 1 = 7) and as many rows as it has anchors.
 

@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 
 
 def match_centres(found: Detections, truth: Truth) -> Matches:
-    """Pair detections with objects by their centres; one threshold, which is none.
+    """Pair detections with objects by their centres; there is no threshold of overlap.
 
     Args:
         found: m detections.

@@ -47,7 +47,7 @@ class Directions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Centres:
-    """Judged by centres alone: a detection is right if its centre lies in an object, one detection for each."""
+    """Figures by centres alone: a detection is right if its centre lies in an object, one detection for each."""
 
     ap: float
     precision: float

@@ -47,7 +47,7 @@ def mapped(H: Floats, points: Floats) -> Floats:
 
 
 def fit_plane(a: Floats, b: Floats, size: tuple[int, int], least: int) -> PlaneFit | None:
-    """Homography that takes points a (k, 2) to b (k, 2), px.
+    """Fit the homography that takes points a (k, 2) to b (k, 2), px.
 
     Args:
         size: width and height of both, px.

@@ -26,7 +26,7 @@ class Sender(msgspec.Struct, frozen=True):
 
 
 class Settings(msgspec.Struct, kw_only=True, tag=True):
-    """Parent to process, once: what to do."""
+    """Message from parent to process, once: what to do."""
 
     source: str
     record: str = ""
@@ -47,20 +47,21 @@ class Settings(msgspec.Struct, kw_only=True, tag=True):
 
 
 class FrameRequest(msgspec.Struct, kw_only=True, tag=True):
-    """Parent to process: send the newest frame, or the next one within ``wait_s``."""
+    """Message from parent to process: send the newest frame, or the next one within ``wait_s``."""
 
     number: int
     wait_s: float
 
 
 class Preference(msgspec.Struct, kw_only=True, tag=True):
-    """Parent to process: the sender to be listened to before all others."""
+    """Message from parent to process: the sender to be listened to before all others."""
 
     sender: Sender
 
 
 class FrameReply(msgspec.Struct, kw_only=True, tag=True):
-    """Process to parent: the answer; ``index`` is -1 when there was none, else the image is in the memory."""
+    """Message from process to parent: the answer; ``index`` is -1 when there was none, else the image is in the
+    memory."""
 
     number: int
     index: int = -1
@@ -70,7 +71,7 @@ class FrameReply(msgspec.Struct, kw_only=True, tag=True):
 
 
 class Progress(msgspec.Struct, kw_only=True, tag=True):
-    """Process to parent: how far it is."""
+    """Message from process to parent: how far it is."""
 
     patience_s: float
     """Time until the next sign of life at the latest, s."""

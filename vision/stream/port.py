@@ -88,7 +88,7 @@ def _bound_to(host: str) -> str:
 
 
 class Port:
-    """Datagrams of one sender after the other.
+    """UDP port that takes the datagrams of one sender after the other.
 
     Args:
         bound: from ``bind``.

@@ -63,7 +63,7 @@ STEADY_S = 10.0
 
 
 class VideoStream:
-    """A live source.
+    """Live video, read by a process of its own.
 
     Args:
         url: see ``vision.stream.source``.

@@ -31,7 +31,7 @@ ANCHORS = 6
 VOTERS = 16
 """Tracks by which the candidates are compared before the best of them are refined."""
 PARTNERS = 3
-"""The farthest ones, of which one anchor after the other takes the next."""
+"""Number of the farthest tracks that anchors take in turn as their partner."""
 FINALISTS = 5
 """Candidates that are refined."""
 REFINEMENTS = 2
@@ -55,7 +55,7 @@ TOLERANCE = 0.2
 MOTION_WEIGHT = 3.0
 """Weight of ln(1 + d²/2σ²), the prior of a displacement d: its tails are heavy since gusts come suddenly."""
 EVIDENT_SHARE = 0.9
-"""Share of all that could be explained that a small motion must explain for no other to be looked for."""
+"""Share of all that could be explained from which a small motion is taken without looking for another."""
 MIN_GAIN = 12.0
 """A motion has to explain more than none by as much, in units of the squared distance; less may be chance."""
 
@@ -154,7 +154,7 @@ class _PairPoints:
     """(n, c) of the box."""
 
     def of(self, rows: Indices) -> _PairPoints:
-        """Alignment of some of the tracks."""
+        """Return the pairs of some of the tracks."""
         return _PairPoints(
             motion=self.motion[rows],
             variance=self.variance[rows],

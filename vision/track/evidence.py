@@ -53,7 +53,7 @@ REPORTED_REACH = 3.0
 
 
 class TrackEvidence:
-    """Gathers it for the tracks that are not reported yet.
+    """Gathers evidence for the tracks that are not reported yet.
 
     Args:
         least: the score from which on boxes count.

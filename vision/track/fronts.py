@@ -1,7 +1,7 @@
 """The end of a box that is its vehicle's front: what the detector says of each box, and where the vehicle drives.
 
 Two numbers are kept for each track, both positive for a front along the box's axis and negative for one against it:
-votes, one for each box whose front was told, at most ``MAX_VOTES`` of them; and the way that the vehicle went along
+votes, one for each box whose front was reported, at most ``MAX_VOTES`` of them; and the way that the vehicle went along
 its axis, in lengths of its own and at most ``MAX_LENGTHS``. A detector errs for as long as the view lasts, from the
 side above all, while vehicles drive forwards: what they went counts as
 

@@ -35,7 +35,7 @@ WIDTHS = 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class Wholes:
+class JoinedBoxes:
     """The boxes of a frame, one for each two that are parts of one vehicle."""
 
     boxes: Detections
@@ -46,7 +46,7 @@ class Wholes:
     """(k,) ... and of its other part; −1 none."""
 
 
-class Parts:
+class PartJoiner:
     """Learns how long vehicles are here, and puts the parts of one together."""
 
     def __init__(self) -> None:
@@ -54,7 +54,7 @@ class Parts:
         """Time for which each class of lengths was seen, s."""
         self._t_us: int | None = None
 
-    def joined(self, t_us: int, boxes: Detections, pixel_m: Floats, least_score: float) -> Wholes:
+    def join(self, t_us: int, boxes: Detections, pixel_m: Floats, least_score: float) -> JoinedBoxes:
         """Put the parts of vehicles together.
 
         Args:
@@ -84,7 +84,7 @@ class Parts:
         first, counted = np.flatnonzero(begins), strong[begins[strong]]
         self._weight += self._counted((length * scale)[counted], dt)
         whole_boxes = _replaced(boxes, width, pairs) if pairs else boxes
-        return Wholes(whole_boxes.select(first) if pairs else boxes, first, second[first])
+        return JoinedBoxes(whole_boxes.select(first) if pairs else boxes, first, second[first])
 
     def _counted(self, length_m: Floats, dt: float) -> Floats:
         """(K,) what boxes of these lengths add to each class in a time."""

@@ -17,7 +17,7 @@ from vision.video.film_process import FilmReader
 from vision.video.recording import FIRST_FRAME, START_US
 
 MAX_BETWEEN = 1_000_000
-"""Frames between two files, nine hours of them: a file that begins later than that carries a wrong number."""
+"""Most frames between two files, nine hours of them: a file that begins later than that carries a wrong number."""
 _FAR_US = 1 << 60
 """Bound of times in µs, so that a damaged time stamp does not overflow 64 bits."""
 _DIGITS = 18
@@ -54,7 +54,7 @@ class RecordingPart:
         return np.array([min(max(us, -_FAR_US), _FAR_US) for us in elapsed], dtype=np.int64)
 
     def reader(self) -> FilmReader:
-        """A decoder for who asks alone."""
+        """Open a decoder for the caller alone."""
         with self._lending:
             reader, self._unused = self._unused, None
         reader = reader or FilmReader(self.path, self.index)

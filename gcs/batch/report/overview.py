@@ -1,4 +1,4 @@
-"""The page over all flights: sums, failed flights with their errors, flights from the worst to the best, vehicles.
+"""The page over all flights of a batch: sums, failures, flights from the worst to the best and why, vehicles.
 
 How well a flight went, in words, and which of two went worse.
 """
@@ -30,6 +30,11 @@ OUTAGE_S: Final = 10.0
 """Time without a position after which a vehicle may be anywhere near, s; radios hold positions up for less."""
 UNNAMED: Final = 0.5
 """Share of boxes without a name beyond which they are more than strangers that drive by."""
+MAX_FLIGHTS: Final = 2000
+"""Most flights of each kind that one page lists; a browser shows as many at once."""
+MAX_VEHICLES: Final = 1000
+_FIGURES: Final = ("right", "precision", "name changes", "calibration error")
+"""Columns of flights whose truth is known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +52,7 @@ class FlightJudgement:
     @property
     def level(self) -> str:
         """Level of the worst, as a card shows it."""
-        return "bad" if self.rank <= _LOOKS.index(_nobody) else "warn"
+        return "bad" if self.rank <= _CHECKS.index(_nobody_named) else "warn"
 
     @property
     def order(self) -> tuple[int, float, str]:
@@ -60,8 +65,8 @@ Finding = tuple[float, str]
 
 def judge(record: FlightRecord) -> FlightJudgement:
     """Judge what a flight's record says of its names."""
-    found = [(rank, finding) for rank, look in enumerate(_LOOKS) if (finding := look(record)) is not None]
-    rank, amount = (found[0][0], found[0][1][0]) if found else (len(_LOOKS), 0.0)
+    found = [(rank, finding) for rank, check in enumerate(_CHECKS) if (finding := check(record)) is not None]
+    rank, amount = (found[0][0], found[0][1][0]) if found else (len(_CHECKS), 0.0)
     return FlightJudgement(record=record, rank=rank, amount=amount, reasons=tuple(text for _, (_, text) in found))
 
 
@@ -104,7 +109,7 @@ def _outage(record: FlightRecord) -> Finding | None:
     return len(silent) + 1e-9 * longest_s, f"no position for up to {longest_s:.0f} s: {who}"
 
 
-def _nobody(record: FlightRecord) -> Finding | None:
+def _nobody_named(record: FlightRecord) -> Finding | None:
     if not record.boxes:
         return 2.0, "not one vehicle was detected"
     return None if record.named else (1.0, "nobody was named")
@@ -155,12 +160,12 @@ def _absent(record: FlightRecord) -> Finding | None:
     return (sum(map(len, absent.values())), text) if absent else None
 
 
-_LOOKS: tuple[Callable[[FlightRecord], Finding | None], ...] = (
+_CHECKS: tuple[Callable[[FlightRecord], Finding | None], ...] = (
     _wrong,
     _false_strangers,
     _alarms,
     _outage,
-    _nobody,
+    _nobody_named,
     _never_named,
     _not_right,
     _unnamed,
@@ -168,14 +173,7 @@ _LOOKS: tuple[Callable[[FlightRecord], Finding | None], ...] = (
     _unsure,
     _absent,
 )
-"""The worst first."""
-
-
-MAX_FLIGHTS: Final = 2000
-"""Most flights of each kind that one page lists; a browser shows as many at once."""
-MAX_VEHICLES: Final = 1000
-_FIGURES: Final = ("right", "precision", "name changes", "calibration error")
-"""Columns of flights whose truth is known."""
+"""Checks of a flight, the worst finding first."""
 
 
 def read_results(results: ResultStore) -> list[FlightRecord]:

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import msgspec
 
-from gcs.cli.attach.place import MAX_BYTES, VARIABLES, Answer, Flying, Wish, connect
+from gcs.cli.attach.place import MAX_BYTES, VARIABLES, Answer, AttachRequest, Flying, connect
 from gcs.cli.output.console import check_terminal
 from gcs.cli.screen_options import ScreenOptions
 from gcs.errors import GcsError
@@ -60,10 +60,10 @@ def show_flight(which: Path | None, options: ScreenOptions, *, take_over: bool) 
     connection = _choose(which)
     controller, shown = pty.openpty()
     variables = {name: os.environ[name] for name in VARIABLES if name in os.environ and name not in SIZE_VARIABLES}
-    wish = Wish(variables=variables, options=options, take_over=take_over)
+    request = AttachRequest(variables=variables, options=options, take_over=take_over)
     _copy_size(controller)
     try:
-        socket.send_fds(connection, [msgspec.json.encode(wish)], [shown])
+        socket.send_fds(connection, [msgspec.json.encode(request)], [shown])
     except OSError as error:
         raise GcsError(f"the flight does not answer: {error.strerror}") from error
     finally:

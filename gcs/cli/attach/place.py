@@ -29,14 +29,14 @@ Variable = Annotated[str, msgspec.Meta(max_length=1024, pattern=r"\A[^\x00-\x1f\
 
 
 class Flying(msgspec.Struct, frozen=True, kw_only=True):
-    """The flight's first word."""
+    """First message of a flight to a terminal."""
 
     process_id: int
     folder: str
     links: tuple[str, ...]
 
 
-class Wish(msgspec.Struct, frozen=True, kw_only=True):
+class AttachRequest(msgspec.Struct, frozen=True, kw_only=True):
     """Request of a terminal; its pseudo terminal comes along."""
 
     variables: dict[str, Variable]
@@ -45,7 +45,7 @@ class Wish(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Answer(msgspec.Struct, frozen=True, kw_only=True):
-    """Outcome: at once where it is refused, else when the screens have ended."""
+    """Answer to a terminal: at once where it is refused, else when the screens have ended."""
 
     text: str
     refused: bool = False

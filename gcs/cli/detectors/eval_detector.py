@@ -118,11 +118,11 @@ def _apart(
     images: list[LabelledImage], found: list[Detections], theirs: list[Detections], score: float, name: str
 ) -> NDArray[np.uint8]:
     """Boxes that this detector finds and the other does not, and the other way round."""
-    from vision.evaluation.apart_sheet import apart_sheet, odd_ones
+    from vision.evaluation.apart_sheet import apart_sheet, disagreements
 
     truth = [p.truth for p in images]
-    mine, alarms = odd_ones(found, theirs, truth, score)
-    others, their_alarms = odd_ones(theirs, found, truth, score)
+    mine, alarms = disagreements(found, theirs, truth, score)
+    others, their_alarms = disagreements(theirs, found, truth, score)
     kinds = [("found by this alone", mine), (f"found by {name} alone", others)]
     return apart_sheet(
         images, [*kinds, ("false alarms of this alone", alarms), (f"false alarms of {name} alone", their_alarms)]

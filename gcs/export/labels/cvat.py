@@ -26,7 +26,8 @@ _ATTRIBUTE: Final = (
 
 
 class CvatExport:
-    """Attributes of a box say who it is; CVAT's label needs attributes of these names to take them in."""
+    """Export to CVAT; attributes of a box say who it is, and CVAT's label needs attributes of these names to take them
+    in."""
 
     def __init__(self, job: ExportJob) -> None:
         self._folder = LabelFolder(job)

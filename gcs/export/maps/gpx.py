@@ -21,7 +21,7 @@ _HEAD: Final = f"""<?xml version="1.0" encoding="UTF-8"?>
 
 
 class GpxExport(WaysExport):
-    """Tracks as GPX; the unknown is left out."""
+    """Export of tracks to GPX; unknown values are left out."""
 
     def lines(self, name: str, owners: Owners) -> Iterator[str]:
         """The whole file."""

@@ -27,7 +27,7 @@ _SCHEMA: Final = """<Schema id="seen">
 
 
 class KmlExport(WaysExport):
-    """An empty value is unknown."""
+    """Export to KML; an empty value is unknown."""
 
     def lines(self, name: str, owners: Owners) -> Iterator[str]:
         """The whole file."""

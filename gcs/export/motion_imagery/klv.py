@@ -35,7 +35,7 @@ MISSION, PLATFORM = 3, 10
 
 
 class KlvExport:
-    """Keeps the sets until the end, and copies the film then."""
+    """Export to MPEG-TS with KLV: keeps the sets until the end, and copies the film then."""
 
     def __init__(self, job: ExportJob) -> None:
         self._film = CodedFilm(job.video) if job.video is not None else None

@@ -28,7 +28,7 @@ IDENTITY_SCHEMA: Final = {
 
 
 class FoxgloveChannels:
-    """All but the video; ``gcs.export.robotics.mcap`` lists them."""
+    """Foxglove channels but those of the video; ``gcs.export.robotics.mcap`` lists them."""
 
     def __init__(self, context: foxglove.Context) -> None:
         self._context = context

@@ -137,7 +137,8 @@ def _before_picture(data: bytes) -> bytes:
 
 
 class McapExport:
-    """One file; the film's pictures are written as their frames come, all of them also where frames are left out."""
+    """Export to MCAP, one file; the film's pictures are written as their frames come, all of them also where frames are
+    left out."""
 
     def __init__(self, job: ExportJob) -> None:
         self._unfinished = Unfinished(job.path)

@@ -34,7 +34,7 @@ JPEG_QUALITY: Final = 90
 LAST_US: Final = 1_000_000 * (2**31 - 1)
 """ROS counts seconds in 32 bits."""
 UNKNOWN, APPROXIMATED = 0, 1
-"""Kinds of a covariance."""
+"""Values of ``position_covariance_type``."""
 _VISION: Final = {
     "Point2D": "float64 x\nfloat64 y\n",
     "Pose2D": "vision_msgs/Point2D position\nfloat64 theta\n",
@@ -51,7 +51,7 @@ _VISION: Final = {
 
 
 def typestore() -> Typestore:
-    """Types by name."""
+    """Return the store of message types by name."""
     store = get_typestore(Stores.ROS2_HUMBLE)
     for name, text in _VISION.items():
         store.register(get_types_from_msg(text, f"vision_msgs/msg/{name}"))
@@ -59,7 +59,7 @@ def typestore() -> Typestore:
 
 
 class RosbagExport:
-    """A folder with a database and its description, as ``ros2 bag`` and rosbags read it."""
+    """Export to a ROS 2 bag: a folder with a database and its description, as ``ros2 bag`` and rosbags read it."""
 
     def __init__(self, job: ExportJob) -> None:
         self._unfinished = Unfinished(job.path, "recording")

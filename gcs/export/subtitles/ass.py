@@ -108,7 +108,7 @@ class AssNames:
 
 
 class AssExport:
-    """One line of dialogue for each name of each frame."""
+    """Export to ASS subtitles: one line of dialogue for each name of each frame."""
 
     def __init__(self, job: ExportJob) -> None:
         self._cues = Cues(film_times_us(job))

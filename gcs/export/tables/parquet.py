@@ -66,7 +66,7 @@ class IdentityTable:
 
 
 class ParquetExport:
-    """The same table as a batch's, with null for what is unknown.
+    """Export to Parquet: the same table as a batch's, with null for what is unknown.
 
     Raises:
         GcsError: pyarrow is not installed.

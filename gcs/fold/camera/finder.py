@@ -1,4 +1,4 @@
-"""A camera that nothing describes, found from the film: looks are collected until the fleet's motion explains them.
+"""A camera that nothing describes, found from the film: frames are collected until the fleet's motion explains them.
 
 Three things may be unknown: the focal length, the direction, or both. What is found is a camera as a mission has it, so
 that it is used, and kept, as one that was described.
@@ -25,21 +25,21 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 STEP_US, LOOKS = 400_000, 50
-"""Looks closer together are left out: a vehicle moves by little more than its own error. This many are compared, 20
+"""Least time between frames that are kept, as a vehicle moves by little more than its own error, and their number, 20
 s."""
 MIN_LOOKS = 12
-"""A search needs this many, 5 s; and half of them of a track."""
+"""Least number of frames that a search needs, 5 s; and half of them of a track."""
 AGAIN_US, RARER, MAX_AGAIN_US = 1_500_000, 1.15, 30_000_000
-"""A search is made again after this long; as it costs half a second, each that finds nothing makes the next one
-rarer."""
+"""Time after which a search is repeated, the factor by which that grows with each that finds nothing, as it costs half
+a second, and its bound."""
 REFINED_AGAIN_US, REFINED_FOR_US = 5_000_000, 60_000_000
-"""A camera that was found is refined every so often, for this long."""
+"""Time after which a camera that was found is refined again, and the time in which that is done."""
 MIN_HEIGHT_M = 5.0
 """Least height above the ground, m; lower down nothing is level enough."""
 GUESSED_FOR_US = 30_000_000
 """Time for which a direction that nobody stated is no reason to doubt that video and telemetry belong together."""
 TOLD_AFTER_US = 10_000_000
-"""Why the camera is not found is told once the search goes on for this long."""
+"""Duration of a search after which it is reported why the camera is not found."""
 CORRECTED_FOCAL, CORRECTED_RAD, CORRECTED_STDS = 0.06, math.radians(4.0), 3.0
 """ln of a focal length, and a pitch, that a longer look must differ by to be used, and by how many σ. Names then
 begin again."""

@@ -169,14 +169,14 @@ class FrameCameras:
         """Step by which the ground rose at once, with the last frame, since a source of its height was left out."""
         return self._heights.step_m
 
-    def hear_film(self, error_m: float, std_m: float) -> None:
+    def compare_with_film(self, error_m: float, std_m: float) -> None:
         """Leave out sources of the ground's height that the film contradicts.
 
         Args:
             error_m: by how much the camera is higher above the ground, as the film shows.
             std_m: 1σ of that.
         """
-        self._heights.hear_film(error_m, std_m)
+        self._heights.compare_with_film(error_m, std_m)
 
     def follow_steps(self, state: FleetState, *, sure: bool) -> tuple[bool, Sequence[Event]]:
         """Take out steps of the UAV's position that the video does not show.

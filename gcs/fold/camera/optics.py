@@ -24,7 +24,7 @@ _SIZELESS = "nothing can be named: the recording does not have the size of its f
 REPORTED_ZOOM = 0.03
 """Change of the focal length that is reported."""
 TOLD_ZOOM, SETTLED_US = 0.1, 1_500_000
-"""ln of the least zoom found that is told, and how long it must have ended for, µs."""
+"""Least ln of a zoom found by the image that is reported, and the time for which it must have ended, µs."""
 
 
 class Optics:
@@ -42,7 +42,8 @@ class Optics:
         self._size: tuple[int, int] | None = None
         self._first_fov = math.nan
         self._found, self._told_found, self._found_us, self._known = 1.0, 1.0, 0, math.nan
-        """Magnification that nothing reports, as told last, when it changed, and the one that is reported."""
+        """Magnification that nothing reports, the one last announced, the time of its change, and the one that is
+        reported."""
         self._reported_source = ""
         self._reported_focal = math.nan
         self._refused = ""
@@ -101,7 +102,7 @@ class Optics:
         self._reported_focal *= factor
 
     def _tell_found(self, t_us: int) -> None:
-        """An event once a zoom that nothing reports has ended."""
+        """Add an event once a zoom that nothing reports has ended."""
         if self._found == self._told_found or t_us - self._found_us < SETTLED_US:
             return
         if abs(math.log(self._found / self._told_found)) > TOLD_ZOOM:
@@ -136,7 +137,7 @@ class Optics:
         return self._camera.zoom * math.tan(self._first_fov / 2.0) / math.tan(report.hfov / 2.0)
 
     def _report_changes(self, t_us: int, intrinsics: Intrinsics, source: str) -> None:
-        """An event when the camera is another, or has zoomed."""
+        """Add an event when the camera is another, or has zoomed."""
         focal = intrinsics.fx / intrinsics.width
         sees = f"{math.degrees(intrinsics.hfov):.1f}° across {intrinsics.width} px"
         if self._reported_source != source:

@@ -12,8 +12,8 @@ show how the ground rises where it drives. With a terrain file all heights are a
 
 Where sources disagree, the film decides: the fleet's formation and its motion have the right size for one height alone.
 So it does where altitudes are the only source, which may count from the ellipsoid and the UAV's from the sea. What the
-film contradicts is left out from then on (:meth:`GroundHeight.hear_film`). Altitudes of vehicles that are off all
-together still show the slope.
+film contradicts is left out from then on (:meth:`GroundHeight.compare_with_film`). Altitudes of vehicles that are off
+all together still show the slope.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ class GroundHeight:
         self._film: tuple[HeightSource, FloatArray] | None = None
         """The ground by the film, and where, once it contradicts all other sources."""
         self._news: list[str] = []
-        """Texts of warnings about them that were not told yet."""
+        """Texts of warnings about them that were not reported yet."""
         self._divided_told = self._jumps = False
         """True: it was told that the vehicles' altitudes differ; and the next ground is taken at once."""
 
@@ -219,7 +219,7 @@ class GroundHeight:
             return found
         return _blend(before, found, 1.0 - math.exp(-dt / SMOOTHING_S))
 
-    def hear_film(self, error_m: float, std_m: float) -> None:
+    def compare_with_film(self, error_m: float, std_m: float) -> None:
         """Leave out the sources that the film contradicts; the next ground is taken at once.
 
         Args:

@@ -13,7 +13,8 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 _AROUND, _AROUND_US, _MAX_AROUND, _NEAREST = 6, (1_200_000, 3_000_000), 100, 2
-"""Rows on either side that tell how a path goes on: this many, and of that time, but the nearest, which may be late."""
+"""Rows on either side that tell how a path goes on: at least this many and those of this time, at most this many,
+without the nearest, which may be late."""
 _NEXT, _EASE = 4, 1.1
 """Steps on either side between whose speeds, and a little beyond, those of a vehicle in between are."""
 _MIN_M, _SIGMAS, _AGREED = 0.1, 5.0, 0.3

@@ -123,7 +123,7 @@ def row_times(
         where: their places in the file, for messages.
         blocks: blocks may stand in another order, as long as they do not lie over each other.
         own_us: (n,) by the clock of what moves, where ``t_us`` is when that arrived.
-        shared: what is made of the rows finds out itself that two vehicles have one id: that is told, not refused.
+        shared: what is made of the rows finds out itself that two vehicles have one id: that is reported, not refused.
 
     Raises:
         ImportFileError: the times begin again, or all of them are the same, or several paths take turns.

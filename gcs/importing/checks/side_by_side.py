@@ -20,11 +20,11 @@ Floats = NDArray[np.float64]
 _BY_HAND = (".csv", ".tsv", ".txt", ".gpx", ".kml")
 """Suffixes of files whose columns anybody may change over: other formats have fixed ones, or letters."""
 _FAR_M, _AWAY_M = 100_000.0, 5_000.0
-"""A UAV that is farther from its fleet than the first is not above it; than the second, it is told."""
+"""A UAV that is farther from its fleet than the first is not above it; than the second, it is reported."""
 _APART_M, _HILL_M = 15.0, 25.0
-"""Altitudes of take-off and fleet, and of one vehicle and the others, that are farther apart are told."""
+"""Altitudes of take-off and fleet, and of one vehicle and the others, that are farther apart are reported."""
 _DEEP_M, _HIGH_M = 120.0, 1_000.0
-"""Nothing flies deeper below its fleet, whichever of them counts from the ellipsoid; higher it is told."""
+"""Nothing flies deeper below its fleet, whichever of them counts from the ellipsoid; higher it is reported."""
 _UNITS = {"feet": 0.3048, "centimetres": 0.01, "millimetres": 0.001, "tenths": 0.1}
 _TURN, _LEVEL = np.radians(2.0 * np.pi + 0.01), np.radians(0.05)
 """Angles in radians that were taken for degrees are smaller than the first, and not all smaller than the second."""

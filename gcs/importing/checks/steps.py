@@ -18,7 +18,7 @@ STAYS = "its position stays the same to the last digit, while it goes on,"
 _MIN_S = 5.0
 """Positions that are the same to the last digit for a shorter time are taken as they are."""
 _BEHIND_M, _BEHIND_STEPS, _BEHIND_MPS = 3.0, 4.0, 0.5
-"""Leap, metres, usual steps and m/s beyond each of which a vehicle had gone on while its position stayed."""
+"""Least leap by which a vehicle had gone on while its position stayed: metres, usual steps, and m/s."""
 _MOVES_MPS, _CELLS, _STEADY = 1.5, 4.0, 0.08
 """Speed, m/s, and cells of its coordinates in a second above which a vehicle does not stop within a row."""
 _SECOND_S = 1.0
@@ -27,8 +27,7 @@ _GOES_MPS = 1.0
 _MAX_DECIMALS, _ROUND_DEG = 9, 1e-11
 _DEG_M = 111_320.0
 _STEP_M, _STEP_MPS2, _AROUND = 5.0, 5.0, 5
-"""Altitudes step by more than the first, and as if thrown and caught by more than the second, between this many
-rows."""
+"""Least step of an altitude, its least acceleration, and the rows on either side that are compared."""
 
 
 def stays(t_us: Ints, degrees: Floats, path_m: Floats, speed_mps: Floats | None = None) -> Bools:

@@ -15,7 +15,7 @@ Ints = NDArray[np.int64]
 DATE_IN_UTC = "the date in its subtitles is UTC"
 _SECOND_US = 1_000_000
 _AROUND, _MAX_TOLD = 8, 3
-"""Samples on either side that agree about a step, and how many steps are told."""
+"""Samples on either side that agree about a step, and how many steps are reported."""
 _STEP_US, _SPREAD = 80_000, 4.0
 """A step is larger than this, and than this many times what one sample differs from the next."""
 _CUT_SHARE, _CUT_AROUND = 1.2, 3
@@ -47,7 +47,7 @@ def clock_lead(
         unix_us: (n,) in the order of the file.
         t_us: (n,) beside them.
         cut: dates of whole seconds are cut also where no two samples share one.
-        latest_us: a date may come as late as this: smaller steps are told, and samples count on either side.
+        latest_us: a date may come as late as this: smaller steps are reported, and samples count on either side.
     """
     within_us, around, late_us, told = 0.0, _AROUND, 0, list[str]()
     begins = np.flatnonzero(np.diff(unix_us)) + 1

@@ -52,7 +52,7 @@ class _NmeaReader:
         self._tracks = tracks
         self._fix = _NmeaFix(math.nan)
         self._date = _NAN2
-        """Unix seconds of midnight, and the time of day at which it was told."""
+        """Unix seconds of midnight, and the time of day at which it was reported."""
 
     def take(self, line: str) -> None:
         """The next line."""

@@ -5,7 +5,7 @@
     gb_yaw:14.5, gb_pitch:-80.0, gb_roll:0.0
 
 Layout as in the tests of MAVProxy's player of such videos. Coordinates are rounded to 0.1″, 3 m, dates cut to seconds;
-``rel_alt`` repeats the altitude above sea level; the gimbal's yaw counts from the nose, whose heading is not told.
+``rel_alt`` repeats the altitude above sea level; the gimbal's yaw counts from the nose, whose heading is not reported.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ NOSE_DOTS: Final = 7.0
 """Length of the line that shows a heading; the first two or three dots are under the mark."""
 UAV_NOSE_DOTS: Final = 11.0
 REACH: Final = 4.0
-"""Cells from a mark that a click may be."""
+"""Distance from a mark at which a click still picks it, cells."""
 LONGEST_UAV_NAME: Final = 16
 GAP: Final = 2
 """Cells between texts of the last row."""

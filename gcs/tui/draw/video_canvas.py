@@ -34,7 +34,7 @@ from infra.plain_text import plain
 NO_VIDEO = "no video"
 
 SMALLEST_DOTS = 3.0
-"""A box counts as at least this long, else its frame is a speck on a small screen."""
+"""Least size of a box, dots: smaller ones would be specks on a small screen."""
 CLEAR_DOTS = 1.5
 """Gap between a box and the frame round it."""
 FRONT_DOTS = 3.5

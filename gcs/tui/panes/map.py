@@ -64,7 +64,7 @@ class MapPane(Pane):
         _key("r", "ruler", "Ruler: a cursor with its coordinates, and off again"),
         _key("enter", "pick_place", "Ruler: measure from here, then to here"),
     ]
-    """They count while the map has the focus; ``j`` and ``k`` still choose a vehicle."""
+    """Keys that count while the map has the focus; ``j`` and ``k`` still choose a vehicle."""
 
     def __init__(self, *, id: str, trails: TrailSource | None = None, basemap: Basemap | None = None) -> None:
         """A map.

@@ -83,7 +83,7 @@ class HelpPage(Widget):
         return self._pages
 
     def turn(self, steps: int) -> None:
-        """To another page; after the last comes the first."""
+        """Turn to another page; after the last comes the first."""
         self._at = (self._at + steps) % len(self.pages)
         self.refresh()
 
@@ -132,7 +132,7 @@ class HelpScreen(ModalScreen[None]):
         yield self._page
 
     def action_turn(self, steps: int) -> None:
-        """To another page."""
+        """Turn to another page."""
         self._page.turn(steps)
 
 
