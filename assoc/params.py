@@ -13,7 +13,7 @@ less often, fewer starts are searched and pairs that are far apart are not compa
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScheduleParams:
-    """When an update of the estimate is due. Frames between two updates get the names of the last one."""
+    """Schedule of updates of the estimate. Frames between two updates get the names of the last one."""
 
     every_s: float = 0.25
     """Time between updates, seconds. Lower → faster reaction, more processor time."""
@@ -41,7 +41,7 @@ class ScheduleParams:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchParams:
-    """How much of the space of poses and assignments one update searches."""
+    """Share of the space of poses and assignments that one update searches."""
 
     hypotheses: int = 6
     """Joint hypotheses of pose and assignment that are kept."""
@@ -70,7 +70,7 @@ class SearchParams:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LockParams:
-    """When the search counts as locked: the last answer is refined and nothing else is tried."""
+    """Conditions under which the search counts as locked: the last answer is refined and nothing else is tried."""
 
     confidence: float = 0.97
     """Probability from which a track's answer counts as certain."""
@@ -105,7 +105,7 @@ class LearningParams:
     spare_tracks: float = 0.5
     """Tracks beyond the vehicles expected in view that do not count as clutter: the expectation is uncertain."""
     offset_tension: float = 1.5
-    """How many σ of its prior the clock offset may be off while the search is locked."""
+    """Number of σ of its prior by which the clock offset may be off while the search is locked."""
     offset_tension_s: float = 3.0
     """Time beyond that limit, seconds, after which the prior is widened to ``unknown_offset_std_s``."""
 
@@ -117,7 +117,7 @@ class IdentifierParams:
     threshold: float = 0.7
     """Least probability for a name. Raise → fewer names, fewer wrong ones."""
     window_s: float = 20.0
-    """How far back the camera's pose is fitted, seconds. Raise → steadier pose, slower frames."""
+    """Time over which the camera's pose is fitted, seconds. Raise → steadier pose, slower frames."""
     locked_window_s: float = 8.0
     """The same while the search is locked: what is older is settled. Raise → slower frames."""
     block_s: float = 1.0

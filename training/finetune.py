@@ -133,7 +133,7 @@ RENDERED_CROPS, RENDERED_SHARD = 500, 50
 RENDERED_SEED, SEEDS = 700_000, 1000
 """Seed of the first shard of a run of seed 0, and how many runs have crops of their own."""
 MAX_PROCESSES = 4
-"""That render; each needs 300 MB."""
+"""Most processes that render; each needs 300 MB."""
 MEASURED_STEPS = 20
 """Steps by which the time that a run takes is estimated."""
 MIN_STEPS = 100

@@ -1,4 +1,4 @@
-"""How well a fleet fits a film at every offset of its clock, roughly and fast: which offsets are worth a closer look.
+"""Rough and fast fit of a fleet to a film at every offset of its clock: which offsets are worth a closer look.
 
 On a grid of offsets δ_k = k h the fleet's places are one array, sampled every h, and seen through a window that slides.
 With a = g − c the arm from the camera's foot to a track on the ground, complex, and q = p(t + δ) − c that to a vehicle,

@@ -1,4 +1,4 @@
-"""How well a fleet fits a film at one offset of its clock: camera pose, assignment and offset are fitted together.
+"""Fit of a fleet to a film at one offset of its clock: camera pose, assignment and offset are fitted together.
 
 The evidence is that of the identifier's hypotheses, over the whole film at once: with L_ij the ln ratio of a pair that
 belongs together to one that is unrelated, n vehicles, and the pose integrated out,

@@ -39,7 +39,7 @@ _NOWHERE = CameraState(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraPath:
-    """Where the camera was and how it looked, over time. P samples."""
+    """Position and attitude of the camera over time. P samples."""
 
     t: FloatArray
     """(P,) seconds, increasing."""

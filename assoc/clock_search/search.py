@@ -1,4 +1,4 @@
-"""Which offset of the fleet's clock fits the film, and whether it can be relied on.
+"""Offset of the fleet's clock that fits the film, and whether it can be relied on.
 
 Offsets worth a closer look are fitted one by one, and about the best one others are held fixed, so that it is seen how
 wide it is. An offset is found where it explains the film far better than an unrelated fleet would and than any other

@@ -1,4 +1,4 @@
-"""How much likelier is it that a track is a vehicle than that the two are unrelated: recursion over blocks.
+"""Log likelihood ratio that a track is a vehicle against that the two are unrelated: recursion over blocks.
 
 Model of a pair that belongs together, per axis: residual = b(t) + white noise, where b is a Gauss–Markov bias
 (1σ σ_b, correlation time τ). The mean r̄ and scatter S of a block of k samples are then
@@ -53,7 +53,7 @@ _LOG_2PI = float(np.log(2.0 * np.pi))
 PLACE_TAU_S = 7.0
 """Time after which a residual counts as another one where its size alone counts, not its course, seconds."""
 _PLACE_VAR = 1.5**2
-"""Its variance, m²."""
+"""Variance of a residual by place alone, m²."""
 _LOG_CLOSE, _LOG_FAR, _FARTHER = float(np.log(0.9)), float(np.log(0.1)), 9.0
 """ln shares of the residuals that are of that size and larger ones, and how much larger their variance is."""
 

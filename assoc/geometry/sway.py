@@ -1,4 +1,4 @@
-"""How a camera wanders beyond the pose that is reported: turns beyond its attitude, or moves beyond its place."""
+"""Sway of a camera beyond the pose that is reported: turns beyond its attitude, or moves beyond its place."""
 
 from __future__ import annotations
 

@@ -37,7 +37,8 @@ _REACH_STD = 6.0
 _WEAK = 8.0
 """Score, nats, below which a vehicle has no track of its own worth the name."""
 _EITHER_FIT, _EITHER_FIT_SHARE = 12.0, 0.1
-"""By how much one of two that report one place with errors of their own may fit better: nats, and share of its E."""
+"""Amount by which one of two that report one place with errors of their own may fit better: nats, and share of its
+E."""
 _MAX_BESIDE = 4.0
 """Upper limit of ln F/N̄ and of what motion tells: certain enough, whatever a copy does that has no model."""
 _SIZE_SPREAD = 0.3

@@ -34,7 +34,7 @@ def look_alike_gap(bias: FloatArray, bias_std: float) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class Discounts:
-    """How far look-alikes explain the reports of vehicles."""
+    """Shares of the vehicles' reports that look-alikes explain."""
 
     log_d: FloatArray
     """(m, n) ln D_j for the age of each track."""

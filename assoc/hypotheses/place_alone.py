@@ -1,4 +1,4 @@
-"""How sure a name can be that rests on place alone.
+"""Greatest certainty of a name that rests on place alone.
 
 Of two vehicles that drive alike, D apart, the wrong naming has the squared biases |b_1 + D|² + |b_2 − D|² instead of
 |b_1|² + |b_2|², which costs it

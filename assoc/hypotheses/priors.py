@@ -39,7 +39,7 @@ _MIN_FLIGHT_MPS = 2.0
 _OTHER_HEIGHT_STD_M, _OTHER_HEIGHT_SHARE = 6.0, 0.3
 """1σ of the height that another source gives, metres, and its weight in the prior: they are nearly on a par."""
 _HILLS_M, _HILL_SHARE = (0.0, 12.0, -12.0, 24.0, -24.0), 0.01
-"""By how much that source may be off too, metres, and the weight of each but the first."""
+"""Amounts by which that source may be off too, metres, and the weight of each but the first."""
 
 
 def noise_of(

@@ -38,7 +38,7 @@ _SHIFT_STD, _MIN_SHIFT_M, _DISTINCT_SHIFT_M = 4.0, 1.0, 1.5
 _TURN_DEG, _SIDE_DEG = 20.0, 12.0
 """Starting headings: all round in steps of the first where none is known, else the second to both sides."""
 _WIDE_OFFSET_S, _OFFSET_START_S = 0.2, 0.35
-"""Where the prior 1σ of the clock offset exceeds the first, seconds, ± the second are starting offsets too."""
+"""Prior 1σ of the clock offset above which starting offsets of ± the second are tried too, seconds."""
 _NEGLIGIBLE = 12.0
 """Hypotheses this far below the best, nats, carry no weight."""
 _RELINEARISE = np.array([0.03, 1e-3, 0.015, 0.015, np.inf, np.inf, 2.0, 0.1, 0.15])
@@ -96,7 +96,7 @@ class UpdateContext:
     fold: int
     """Blocks that leave the window with this update."""
     sway: Sway | None = None
-    """How the camera wanders about the pose that is reported; None: not known to."""
+    """Sway of the camera about the pose that is reported; None: not known to."""
 
     def rows_under(self, theta: FloatArray) -> tuple[int, FloatArray | None]:
         """The history's first row in the window under θ, and (F, 9) the sway from there on."""

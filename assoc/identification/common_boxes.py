@@ -21,7 +21,7 @@ _LONGER = 1.35
 """A box of this many times its vehicle's length is a common one: noise and turning make it longer by up to a fifth, a
 second vehicle beside or behind by half to twice."""
 _RIGHT = 0.75
-"""How often the name of a long box is right: about half of those round two vehicles, nearly all of those that are long
+"""Share of long boxes whose name is right: about half of those round two vehicles, nearly all of those that are long
 for another reason, as where a detector's boxes vary."""
 _CERTAIN = 0.9
 """Probability of a name from which the box's length is learnt as the vehicle's."""

@@ -63,7 +63,7 @@ _RARE = 3.0
 _SURE = 10.0
 """Evidence beyond all that by which another camera must explain the boxes before it replaces the mission's, nats."""
 _DECOYS, _DECOYS_FIRST = 6, 3
-"""How many decoys are remembered, one an update, and how many are tried at once at the beginning."""
+"""Number of decoys that are remembered, one an update, and of those that are tried at once at the beginning."""
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 """Angle whose multiples never come near one another, radians."""
 _LIKELY_IN_VIEW = 0.3

@@ -72,7 +72,7 @@ class FoundShare:
 
     @property
     def log_odds_lost(self) -> float:
-        """By how much the odds of a box beside a report to be that vehicle's are less than usual, nats, ≥ 0."""
+        """Amount by which the odds of a box beside a report to be that vehicle's are less than usual, nats, ≥ 0."""
         return _COUNTED * self._lost
 
     @property

@@ -84,7 +84,7 @@ class Identifier:
 
     @property
     def height_error(self) -> tuple[float, float] | None:
-        """By how much the camera is higher above the ground than reported, and 1σ, metres.
+        """Amount by which the camera is higher above the ground than reported, and 1σ, metres.
 
         None unless film and telemetry fit with a height that another source gives, not with that of ``ground_z``.
         """

@@ -172,7 +172,7 @@ class NearHorizon:
 
     @property
     def probability(self) -> float:
-        """That film and telemetry belong together; NaN before anything was compared."""
+        """Probability that film and telemetry belong together; NaN before anything was compared."""
         return float(expit(self.log_ratio))
 
     def names(

@@ -111,7 +111,7 @@ class Hearsay:
 
     def __init__(self) -> None:
         self._said: dict[int, tuple[float, FloatArray, float]] = {}
-        """When, seconds; (n + 1,) what; the probability that it was about the same object."""
+        """Opinions: time, seconds; (n + 1,) probabilities; the probability that it was about the same object."""
 
     def update(self, t: float, track_id: IntArray, said: FloatArray, same: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(m, n + 1) what counts now, and (m,) how far; what was said before counts where less is now.

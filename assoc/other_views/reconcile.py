@@ -55,7 +55,7 @@ class Reconciliation:
 
     def __init__(self) -> None:
         self._looks: deque[tuple[float, IntArray, FloatArray]] = deque()
-        """When, seconds; which vehicles (k,); and (k, 5) d, g' and the variance of d, metres."""
+        """Comparisons: time, seconds; vehicles (k,); and (k, 5) d, g' and the variance of d, metres."""
 
     def is_due(self, t: float) -> bool:
         """Tell whether a moment, seconds, is to be looked at."""

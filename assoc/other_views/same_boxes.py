@@ -63,7 +63,7 @@ class Shift:
     cov: FloatArray
     """(2, 2) m²."""
     t: float = 0.0
-    """When, seconds."""
+    """Time of the shift, seconds."""
 
     @classmethod
     def unknown(cls, var: float) -> Shift:
@@ -80,7 +80,7 @@ class SameBoxes:
 
     def __init__(self) -> None:
         self._p: dict[tuple[int, int], tuple[float, float]] = {}
-        """When a pair was compared last, seconds, and the mean probability that it is one object."""
+        """Time at which a pair was compared last, seconds, and the mean probability that it is one object."""
         self._shift: Shift | None = None
         self._last: tuple[float, IntArray, IntArray, FloatArray] | None = None
 

@@ -1,4 +1,4 @@
-"""Which tracks were in view together: two boxes in one image are two vehicles, also after one of them is lost.
+"""Tracks that were in view together: two boxes in one image are two vehicles, also after one of them is lost.
 
 While both tracks are seen the assignment ensures that. Once one of them is lost, its last probabilities still count
 against the tracks that were seen beside it; a track that began only since may be its vehicle.

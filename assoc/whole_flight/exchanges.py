@@ -1,4 +1,4 @@
-"""When tracks were exchanged, by the names that they got later.
+"""Exchanges of tracks, by the names that they got later.
 
 A tracker exchanges two tracks where their vehicles are side by side or in one box; a name changes only once the places
 tell, seconds later. So a change of name is put back to the moment at which the track was nearest to one that had its

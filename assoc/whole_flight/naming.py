@@ -91,7 +91,7 @@ class _Named:
     """(9,)."""
     bias_std: float
     first_s: float
-    """When the first block begins, seconds from the first frame."""
+    """Time at which the first block begins, seconds from the first frame."""
     worth: float
 
 

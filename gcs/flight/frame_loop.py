@@ -29,7 +29,8 @@ MAX_WAITING = 200_000
 """Packets: half a minute of the fastest fleet."""
 PACE_FRAMES, PACE_S = 20, 2.0
 MAX_LAG_US = HELD_US
-"""By how much what is shown without a frame is behind the clock, at most, and for how long after the last frame."""
+"""Greatest delay behind the clock of what is shown without a frame, and the time after the last frame for which it
+is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Since when something has been as it is."""
+"""Times since which something has been as it is."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Where vehicles may be and where not: the mission file's ``[fence]``, or several of them as ``[[fence]]``."""
+"""Fences, inside or outside which vehicles stay: the mission file's ``[fence]``, or several of them as
+``[[fence]]``."""
 
 from __future__ import annotations
 

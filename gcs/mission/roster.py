@@ -1,4 +1,5 @@
-"""Who is heard, and who of them films and who is to be named: the mission that follows from telemetry alone.
+"""Roster of the vehicles that are heard, with the one that films and those to be named: the mission that follows from
+telemetry alone.
 
 Vehicles say in their heartbeats what they are: aircraft film, whatever stays on the ground is the fleet. Live links
 and logs without a mission go by this one rule.
@@ -94,7 +95,7 @@ class HeardVehicle:
 
     @property
     def role(self) -> Role:
-        """By what it is."""
+        """Role by the vehicle's type."""
         return "films" if is_aircraft(self.type) else "named" if is_ground_vehicle(self.type) else "out"
 
 
@@ -156,7 +157,7 @@ class Found:
     """Fleet by what was heard and chosen."""
 
     roles: Mapping[int, Role]
-    """By system id."""
+    """Vehicles by system id."""
     names: Mapping[int, str] = field(default_factory=dict)
     """Names of those that have one of their own."""
     chosen: frozenset[int] = frozenset()

@@ -40,7 +40,7 @@ class PictureRegion:
     shape: float
     """Width over height of the field that it was chosen for."""
     loose_since_us: int = 0
-    """Since when a closer one would do, Unix µs, 0: it would not."""
+    """Time since which a closer one would do, Unix µs, 0: it would not."""
 
 
 def frame_for(

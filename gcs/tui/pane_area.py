@@ -41,7 +41,7 @@ class PaneArea(Widget):
 
     @property
     def layout(self) -> Layout:
-        """Its own layout."""
+        """Layout of the area itself."""
         return self._layout_of_panes
 
     def compose(self) -> ComposeResult:

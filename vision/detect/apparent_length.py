@@ -1,4 +1,4 @@
-"""How long vehicles are in an image of unknown ground resolution, by what the network itself finds at several scales.
+"""Length of vehicles in an image of unknown ground resolution, by what the network itself finds at several scales.
 
 A vehicle is found at the same place and with the same length in the image whatever the scale, as long as the network
 can see it. What is no vehicle looks like one at a single scale at most: what a network takes for a vehicle by mistake

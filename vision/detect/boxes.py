@@ -186,7 +186,7 @@ def _inside(points: Floats, box: Floats) -> NDArray[np.bool_]:
 
 
 def _crossings(a: Floats, b: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Where the 4 × 4 edges of corner rings (p, 4, 2) cross: points (p, 16, 2) and whether they are real."""
+    """Return where the 4 × 4 edges of corner rings (p, 4, 2) cross: points (p, 16, 2) and whether they are real."""
     edge_a, edge_b = np.roll(a, -1, axis=1) - a, np.roll(b, -1, axis=1) - b
     gap = b[:, None, :] - a[:, :, None]
     # a + t·ea = b + u·eb  ⇒  t = (gap × eb) / (ea × eb),  u = (gap × ea) / (ea × eb)

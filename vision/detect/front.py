@@ -1,4 +1,4 @@
-"""Which end of an oriented box is the front: a classifier of rectified crops, after any detector.
+"""Front ends of oriented boxes: a classifier of rectified crops, after any detector.
 
 Crops are stretched to a square with the box's longer side along +x; ``vision.detect.front`` describes the
 classifiers that are accepted. A class whose front is at a longer side counts only for boxes that are nearly square.

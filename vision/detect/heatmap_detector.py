@@ -28,8 +28,8 @@ Image = NDArray[np.uint8]
 ACCEPTED = "Rollcall's own (image [1, H, W, 3] uint8 → map [1, 9, H/4, W/4], metadata 'rollcall', 'stride')"
 
 DEFAULT_SCALE, DEFAULT_WIDTH = 0.5, 960
-"""How the model sees images in which nothing tells the scale: scaled by this much, but not made narrower than this many
-px, nor enlarged."""
+"""Scale of images in which nothing tells the scale: reduced by this much, but not made narrower than this many px, nor
+enlarged."""
 ENOUGH_M = 2.4
 """In films in which vehicles alone tell the scale it is enough that they are seen as large as a vehicle of this length,
 where more would take longer than the scale above."""
@@ -153,7 +153,7 @@ class HeatmapDetector:
 
 
 def default_scale(image: Image) -> float:
-    """How an image (H, W, 3) is scaled in which nothing tells the scale."""
+    """Return the scale of an image (H, W, 3) in which nothing tells the scale."""
     return max(DEFAULT_SCALE, min(DEFAULT_WIDTH / float(max(image.shape[:2])), 1.0))
 
 

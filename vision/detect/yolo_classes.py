@@ -1,4 +1,4 @@
-"""Which classes of a YOLO model are vehicles: read from the names that the model carries."""
+"""Classes of a YOLO model that are vehicles: read from the names that the model carries."""
 
 from __future__ import annotations
 

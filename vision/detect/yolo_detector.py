@@ -122,7 +122,7 @@ class YoloDetector:
         return CAR_M / found.px if found else self._whole_gsd_m(image)
 
     def _whole(self, image: Image) -> float:
-        """By how much an image (H, W, 3) is scaled when the whole of it is fitted into the canvas."""
+        """Return the factor by which an image (H, W, 3) is scaled when the whole of it is fitted into the canvas."""
         high, wide = self._input.imgsz
         return float(min(high / image.shape[0], wide / image.shape[1]))
 

@@ -67,7 +67,7 @@ class YoloInput:
     names: Mapping[int, str]
     """Names of the classes; empty when unknown."""
     suppressed: bool
-    """By the metadata the output holds boxes, not anchors."""
+    """True if the output holds boxes, not anchors, by the metadata."""
 
 
 def read_input(session: ort.InferenceSession, imgsz: int | None = None) -> YoloInput:

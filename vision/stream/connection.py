@@ -61,7 +61,7 @@ _REFUSED = {
     "give the one that is meant",
     "not on whitelist": "it sends on to another address, which is not followed: give that one if it is meant",
 }
-"""By FFmpeg's words."""
+"""Messages by words of FFmpeg's errors."""
 _PRODUCER_TIME = struct.Struct("=qi")
 """FFmpeg's AVProducerReferenceTime: Unix µs, flags."""
 REORDERED = 2

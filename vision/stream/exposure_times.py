@@ -1,4 +1,4 @@
-"""When frames were taken, for streams that carry it.
+"""Exposure times of frames, for streams that carry them.
 
 Three ways: the MISP time stamp in a frame's SEI (MISB ST 0604), the precision time stamp of KLV metadata in an MPEG
 transport stream (MISB ST 0601, tag 2, in packets that have a presentation time), and RTCP sender reports (RFC 3550).

@@ -1,4 +1,4 @@
-"""When a live frame was taken: the stream's even time stamps, mapped to Unix time by the arrivals of packets.
+"""Capture times of live frames: the stream's even time stamps, mapped to Unix time by the arrivals of packets.
 
 A network only ever delays. So Unix time of a frame = its time stamp + the least (arrival − time stamp) seen: the
 fastest packet gives the offset, and the jitter of the others is gone. What remains is that least

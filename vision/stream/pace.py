@@ -1,4 +1,4 @@
-"""How long a stream may be without a frame before it has stalled."""
+"""Time that a stream may be without a frame before it has stalled."""
 
 from __future__ import annotations
 

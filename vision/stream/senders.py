@@ -1,4 +1,4 @@
-"""Who is listened to where several send to one port: what decodes, and of that who was first.
+"""Choice of the sender that is listened to where several send to one port: what decodes, and of that who was first.
 
 1. What no picture comes out of has no right to the port.
 2. A sender that has shown one keeps its place before those who came later, and has it back with its next key frame
@@ -146,7 +146,8 @@ class Senders:
         return self._unknown is not None and self._now_s - self._unknown[1] > PATIENCE_S
 
     def undecodable(self) -> tuple[Sender, bool] | None:
-        """Who that is, and whether it is RTP with video; from then on it is waited again. None if there is nobody."""
+        """Return who that is, and whether it is RTP with video; from then on the wait starts again. None if there is
+        nobody."""
         if self._unknown is None:
             return None
         (sender, _), self._unknown = self._unknown, None
@@ -162,7 +163,8 @@ class Senders:
         return self._now_s - self._heard_s > silent_s or self._heard_s - self._shown_s > BLIND_S
 
     def _rank(self, sender: Sender) -> tuple[int, int]:
-        """By the host's first picture, then by its own: a camera that was switched off and on has another port."""
+        """Return the rank of a sender by its host's first picture, then by its own: a camera that was switched off and
+        on has another port."""
         hosts = [other.host for other in self.proven]
         last = len(self.proven)
         return (

@@ -20,7 +20,7 @@ _RECENT = 16
 
 
 class HeldBack:
-    """When frames arrived that FFmpeg hands out with the first bytes of the next one, as those of RTP.
+    """Arrivals of frames that FFmpeg hands out with the first bytes of the next one, as those of RTP.
 
     That is earlier by one frame: by the shortest of the recent steps, since to date a frame early is remembered long.
     """

@@ -187,7 +187,7 @@ def _height(row: VehicleRow, snapshot: Snapshot) -> Cell:
 
 
 def _name(row: VehicleRow) -> Cell:
-    """Its name, the fainter the older what it reports."""
+    """Cell with the vehicle's name, the fainter the older what it reports."""
     silent = not row.heartbeat_age_s <= SILENT_S
     return plain(row.name), FAINT if silent else BRIGHT if row.position_state == "ok" else INK
 

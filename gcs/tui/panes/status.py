@@ -50,7 +50,7 @@ class StatusSlot:
     """Pane that has more about it: a click brings it."""
 
     def at(self, room: Room) -> list[Part]:
-        """Its parts, and what is left of its cells."""
+        """Parts of the bar, and the cells that are left."""
         if not self.cells[room]:
             return []
         shown = [clickable(part, f"app.pane({self.pane!r})") if self.pane else part for part in self.parts]
