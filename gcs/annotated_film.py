@@ -42,7 +42,7 @@ FPS = 30.0
 CRF = 17
 """Quality of numbered images as video: no difference is seen."""
 OUTSIDE = "outside the image"
-"""Why a label is left out."""
+"""Reason why a label is left out."""
 MAX_OUTSIDE, MAX_UNKNOWN = 0.05, 0.2
 """Shares of labels outside the image, and of steps whose motion the pixels do not tell, from which on it is said."""
 MIN_FPS, MAX_FPS = 0.5, 120.0

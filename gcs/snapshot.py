@@ -133,7 +133,7 @@ class Alarm:
     vehicles: tuple[int, ...] = ()
     """System ids of all that it is about, where it is not one vehicle's."""
     doubts_name: bool = False
-    """Nobody is to act on that vehicle's name meanwhile."""
+    """True if nobody is to act on that vehicle's name meanwhile."""
     reported: Reported = ""
     acknowledged: bool = False
     """True if the operator had acknowledged it in flight, in a replay."""
@@ -196,9 +196,9 @@ class VehicleRow:
     refusals: Mapping[str, int] = field(default_factory=dict)
     """Positions that were not used, by reason."""
     refused_for: str = ""
-    """Why the latest was not, empty when it was."""
+    """Reason why the latest position was not used, empty when it was."""
     doubted_for: str = ""
-    """Why its positions may be wrong by its own word, empty without doubt."""
+    """Reason why its positions may be wrong by its own word, empty without doubt."""
     compass_doubted: bool = False
     """True if its compass contradicts its filter."""
     clock_fault: str = ""
@@ -222,7 +222,7 @@ class Candidate:
     against: str = ""
     """Reason against it, in words; empty: nothing."""
     missing: str = ""
-    """Why its reports do not tell where it is, in words; empty: they do."""
+    """Reason why its reports do not tell where it is, in words; empty: they do."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -259,7 +259,7 @@ class Box:
     none_of_ours: float = NAN
     """Probability that it is no vehicle of the mission, NaN before any evidence."""
     doubt: str = ""
-    """Why the answer is less sure than its evidence, in words; empty: it is not."""
+    """Reason why the answer is less sure than its evidence, in words; empty: it is not."""
     residual_m: float = NAN
     residual_px: float = NAN
     position_age_s: float = NAN

@@ -168,7 +168,7 @@ class Station(Protocol):
 
     @property
     def error(self) -> BaseException | None:
-        """Why it stopped by itself, None while all is well."""
+        """Reason why it stopped by itself, None while all is well."""
 
     def latest(self) -> Snapshot | None:
         """The newest snapshot, None before the first."""

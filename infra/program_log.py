@@ -147,7 +147,7 @@ def child_environment() -> Mapping[str, str]:
 
 
 def log_as_parent() -> None:
-    """In a child process: log into the parent's files, errors that end a thread or the process among them."""
+    """Log into the parent's files in a child process, errors that end a thread or the process among them."""
     with contextlib.suppress(ValueError):
         for path, level in json.loads(os.environ.get(_VARIABLE, "[]")):
             LogFile(Path(path), level)

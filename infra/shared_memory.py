@@ -43,7 +43,7 @@ def make_memory(size: int) -> int:
 
 
 def map_memory(fd: int) -> mmap.mmap:
-    """All bytes behind a file descriptor, which stays the caller's."""
+    """Map all bytes behind a file descriptor, which stays the caller's."""
     return mmap.mmap(fd, os.fstat(fd).st_size)
 
 
@@ -83,7 +83,7 @@ class Ring:
         return True
 
     def read_records(self) -> list[bytes]:
-        """All records that can be seen whole, oldest first; they are then out of the ring."""
+        """Take all records that can be seen whole out of the ring, oldest first."""
         written, position = self._cursors[_WRITTEN], self._cursors[_READ]
         if written == position:
             return []

@@ -138,7 +138,7 @@ class VehicleCondition:
     faults: tuple[str, ...] = ()
     """Sensors and other parts that it reports as failing now, in words."""
     arming: tuple[str, ...] = ()
-    """Why it cannot be armed now, in its own words: plain text from the air."""
+    """Reason why it cannot be armed now, in its own words: plain text from the air."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -170,7 +170,7 @@ class VehicleStatus:
     refusals: tuple[tuple[str, int], ...] = ()
     """Counts of what was left out, by reason: positions, and single values of positions that were used without them."""
     refused_for: str = ""
-    """Why the latest position was not used, empty when it was."""
+    """Reason why the latest position was not used, empty when it was."""
     copies: int = 0
     """Duplicates: packets that had come before, over another link or twice over one."""
     signed: int = 0
@@ -200,7 +200,7 @@ class VehicleStatus:
     clock_fault: str = ""
     """Fault of its clocks, in words; empty while nothing is. No position depends on it."""
     doubted_for: str = ""
-    """Why its positions may be wrong by its own report, empty without doubt; they are used, with a wide 1σ."""
+    """Reason why its positions may be wrong by its own report, empty without doubt; they are used, with a wide 1σ."""
     compass_doubted: bool = False
     """True if its compass contradicts its filter: its heading may be wrong."""
     condition: VehicleCondition = VehicleCondition()

@@ -254,9 +254,7 @@ def _fitted(
 def _seen_blocks(
     context: UpdateContext, blocks: Blocks, theta: FloatArray, vehicle: IntArray, half_view: tuple[float, float]
 ) -> tuple[int, int]:
-    """In how many blocks vehicles are matched of those in which they should be well inside the picture; and of how
-    many.
-    """
+    """Count the blocks in which vehicles are matched, and those in which they should be well inside the picture."""
     block_s, first = context.block_s, context.first_block
     count = context.last_block - first + 1
     samples = context.samples

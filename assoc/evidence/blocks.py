@@ -74,7 +74,7 @@ class Blocks:
 
 
 def _nearest_seen(seen: BoolArray) -> tuple[IntArray, IntArray]:
-    """For every row the last seen row at or before it (−1 none) and the first at or after it (F none)."""
+    """Return for every row the last seen row at or before it (−1 none) and the first at or after it (F none)."""
     rows = np.arange(len(seen))[:, None]
     before = np.maximum.accumulate(np.where(seen, rows, -1), axis=0)
     after = np.minimum.accumulate(np.where(seen, rows, len(seen))[::-1], axis=0)[::-1]

@@ -107,7 +107,7 @@ class _Past:
     state: _NullState
     """State after the newest sample."""
     earlier: _NullState
-    """Before it, where it is far aside; else the time is NaN."""
+    """State before that sample, where it is far aside; else the time is NaN."""
     score: FloatArray
     """(n, G) ln likelihood of the candidates."""
     t: FloatArray
@@ -171,7 +171,7 @@ class ReportLog:
         self.rejected_since = np.full(n, np.inf)
         """(n,) time, seconds, from which a vehicle's reports are rejected because they give another vehicle's place."""
         self._before, self._now = _no_past(n), _no_past(n)
-        """Without and with the newest sample."""
+        """Samples without and with the newest one."""
         self._outliers: dict[tuple[int, float], BoolArray] = {}
         """(G,) for which candidates a sample, by vehicle and time, is an outlier."""
         self.white_index: int
@@ -367,7 +367,7 @@ class ReportLog:
                 self.last_v[unknown] = to_east_north(self._now.state.speed[unknown, self.white_index])
 
     def _close(self, vehicle: IntArray) -> None:
-        """Nothing is added any more to the newest samples of some vehicles."""
+        """Close the newest samples of some vehicles: nothing is added to them any more."""
         some = vehicle[np.isfinite(self._open.t[vehicle])]
         if not len(some):
             return

@@ -92,7 +92,7 @@ class _Comparisons:
     """(m, n, 2, 3, 3) G."""
 
     def select(self, rows: IntArray) -> _Comparisons:
-        """Those of some tracks; −1: of one without comparisons."""
+        """Comparisons of some tracks; −1: of one without comparisons."""
         blank = _no_pairs(1, self.var.shape[1])
         return _Comparisons(
             np.concatenate([self.mean, blank.mean])[rows],
@@ -109,7 +109,7 @@ class _Comparisons:
 
 
 def _no_pairs(m: int, n: int) -> _Comparisons:
-    """Nothing compared yet."""
+    """Return comparisons in which nothing was compared yet."""
     return _Comparisons(np.zeros((m, n, 2, 3)), np.full((m, n, 2), np.inf), np.zeros((m, n, 2, 3, 3)))
 
 

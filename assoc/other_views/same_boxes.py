@@ -67,7 +67,7 @@ class Shift:
 
     @classmethod
     def unknown(cls, var: float) -> Shift:
-        """Nothing but how large it usually is, m² per axis."""
+        """Return a shift of which only its usual size is known, m² per axis."""
         return cls(np.zeros(2), var * np.eye(2))
 
     def after(self, t: float) -> Shift:

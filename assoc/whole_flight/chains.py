@@ -59,7 +59,7 @@ _COMMON_STD_M, _COMMON_TAU_S, _KNOT_S = 0.5, 30.0, 4.0
 _BIAS_STDS_M, _TAUS_S = (0.3, 0.5, 0.8, 1.2, 1.7, 2.4, 3.4), (6.0, 12.0, 25.0, 50.0, 100.0)
 """Candidates of σ_b, metres, and τ, seconds."""
 _USUAL_BIAS_M, _BIAS_SPREAD, _USUAL_TAU_S = 1.5, 0.8, 40.0
-"""Their log-normal priors: median and 1σ of the logarithm of σ_b; median of τ, whose logarithm has 1σ of 1."""
+"""Log-normal priors: median and 1σ of the logarithm of σ_b; median of τ, whose logarithm has 1σ of 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -31,7 +31,7 @@ class BatchOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Width and height of the frames, px, of recordings that do not know."""
 
     def text(self) -> str:
-        """All of it on one line, the same for the same options."""
+        """Options on one line, the same for the same options."""
         kept = {name: value for name, value in msgspec.structs.asdict(self).items() if value and name != "mission"}
         return json.dumps(kept | ({"mission": True} if self.mission else {}), sort_keys=True)
 
@@ -111,7 +111,7 @@ class FlightRecord(msgspec.Struct, frozen=True, kw_only=True):
     status: str
     """``done`` or ``failed``."""
     error: str | None = None
-    """Why it failed, on one line."""
+    """Reason why it failed, on one line."""
     source: str
     version: str
     versions: dict[str, str]

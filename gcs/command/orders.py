@@ -20,7 +20,7 @@ class Order:
     """Job that it takes over from an order before; empty: from none."""
 
     def words_with(self, uav: str, ugv: str) -> str:
-        """In words, with names."""
+        """Return the order in words, with names."""
         return self.words.replace("{uav}", uav).replace("{ugv}", ugv)
 
 

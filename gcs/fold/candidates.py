@@ -117,7 +117,7 @@ def _in_words(
 
 
 def missing_because(status: VehicleRow | VehicleStatus | None, age_s: float, *, contradicted: bool) -> str:
-    """Why a vehicle's reports do not tell where it is; empty: they do.
+    """Return why a vehicle's reports do not tell where it is; empty: they do.
 
     Args:
         status: the vehicle, None unknown.

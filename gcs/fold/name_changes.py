@@ -89,7 +89,7 @@ class NameChanges:
         state: FleetState,
         suspected: Collection[int],
     ) -> str:
-        """Why a track does not carry a vehicle's name any more."""
+        """Return why a track does not carry a vehicle's name any more."""
         status = {each.system_id: each for each in state.vehicles}[vehicle]
         if self.evidence_forgotten:
             return "names begin anew"

@@ -106,7 +106,7 @@ class FleetClock:
 
     @property
     def said(self) -> str:
-        """In words."""
+        """Sentence on how the offset was found."""
         text = f"{self.ahead_s:+.2f} s, found by how the fleet fits the film, evidence {self.evidence:.0f}"
         if not np.isfinite(self.runner_up_s):
             return text
@@ -166,7 +166,7 @@ def _told(best: OffsetFit, runner_up: OffsetFit | None) -> FleetClock:
 
 
 def _reason(found: ClockSearch | None, bounds_s: tuple[float, float]) -> str:
-    """Why there is no offset, and what to do."""
+    """Return why there is no offset, and what to do."""
     low, high = bounds_s
     within = "" if max(-low, high) > LONGEST_TEXT_S else f" between {low:+g} and {high:+g} s"
     if found is None or found.best is None:

@@ -378,7 +378,7 @@ def _uav_log(options: ImportOptions, *, coarse: bool) -> tuple[VehicleLog | None
 
 
 def _uav_clock(uav: VehicleLog | None, fleet: GroundVehicles) -> list[str]:
-    """In words, where the UAV is in the telemetry too, at other times."""
+    """Return sentences on where the UAV is in the telemetry too, at other times."""
     if uav is None or uav.clock != "utc" or fleet.tlog is None:
         return []
     return [words for i in fleet.aircraft for words in clock_words(uav, fleet.tlog.places(i))]

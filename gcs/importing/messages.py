@@ -131,7 +131,7 @@ def _gimbal(track: AngleTrack, boot_us: int) -> _Timed:
 
 
 def _view(track: ViewTrack, boot_us: int) -> _Timed:
-    """Only where it changes: the mission has the first one."""
+    """Write the field of view where it changes: the mission has the first one."""
     if not len(track) or np.ptp(track.hfov) < _MIN_CHANGE * track.hfov[0]:
         return
     for row in thinned(track.t_us, _VIEW_US).tolist():

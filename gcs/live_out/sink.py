@@ -42,7 +42,7 @@ class SinkReport(msgspec.Struct, kw_only=True, tag=True):
     clients: int = 0
     """Clients that are being served."""
     error: str = ""
-    """Why nothing leaves at the moment, empty while it does."""
+    """Reason why nothing leaves at the moment, empty while it does."""
 
 
 class Sink(ABC):

@@ -103,7 +103,8 @@ def parse_show(url: str) -> SinkUrl:
 
 
 def check_apart(sinks: Iterable[SinkUrl], links: Sequence[str]) -> None:
-    """Nothing but MAVLink goes where a telemetry link or an output is: a vehicle might take it for a command's start.
+    """Check that nothing but MAVLink goes where a telemetry link or an output is: a vehicle might take it for a
+    command's start.
 
     Args:
         links: URLs of the flight's links and outputs, as ``mavlink.links`` writes them.

@@ -146,7 +146,7 @@ class FlownReports:
         self._worked_out_us = max(t_us, self._worked_out_us)
 
     def finish(self) -> None:
-        """All of the recording is worked out."""
+        """Note that all of the recording is worked out."""
         self._shown, self._worked_out_us = None, math.inf
 
     def _add_event(self, event: Event) -> None:

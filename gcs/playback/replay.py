@@ -327,7 +327,7 @@ class Replay:
             insort(self._added, event, key=lambda other: other.t_us)
 
     def acknowledge(self, alarms: Sequence[Alarm]) -> None:
-        """Nothing is written into a recording."""
+        """Do nothing: nothing is written into a recording."""
 
     def state_name(self, track_id: int, system_id: int) -> None:
         """Leave what was stated in flight as it is."""

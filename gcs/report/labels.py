@@ -81,7 +81,7 @@ class Labelling:
 
     @property
     def texts(self) -> tuple[Place, ...]:
-        """All that is written."""
+        """Texts that are written."""
         return (*self.places, *self.counts, *self.legend)
 
 

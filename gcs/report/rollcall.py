@@ -102,9 +102,9 @@ class _Entry:
     heard: bool = False
     positioned: bool = False
     refused: str = ""
-    """Why the last thing that was refused was."""
+    """Reason of the last refusal."""
     waits_for: str = ""
-    """Why it has no position yet by its own word."""
+    """Reason why it has no position yet by its own word."""
     placed_s: float = 0.0
     """Time of its last position, since the flight's begin: before its first one it is silent from there."""
     silence_s: float = 0.0

@@ -33,7 +33,7 @@ class FoldTurn:
     record_us: int
     """Stamp of the one before it, 0 before any: shows whether the log still numbers its records alike."""
     heard_us: int
-    """Whatever came before this Unix time had been taken in; 0: not known."""
+    """Unix time before which all telemetry had been taken in, µs; 0: not known."""
     frame: int = NO_FRAME
     """Frame of the video, or ``NO_FRAME``."""
     boxes: int | None = None

@@ -231,7 +231,7 @@ class Interrupted:
     ended: datetime | None = None
     """Time at which its last file was written; None where that could not be found out."""
     trouble: str = ""
-    """Why it could not be sealed; empty: it was."""
+    """Reason why it could not be sealed; empty: it was."""
 
     @property
     def text(self) -> str:

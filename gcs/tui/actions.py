@@ -64,12 +64,12 @@ class ActionProvider(Provider):
     """The command palette's list: every action of the app and of the panes on screen, and every vehicle."""
 
     async def discover(self) -> Hits:
-        """All of them."""
+        """Offer all actions."""
         for action in self._offered():
             yield DiscoveryHit(_shown(action, Content(action.words)), self._runner(action), action.words)
 
     async def search(self, query: str) -> Hits:
-        """Those whose words are like the typed ones."""
+        """Offer the actions whose words are like the typed ones."""
         matcher = self.matcher(query)
         for action in self._offered():
             if (score := matcher.match(action.words)) > 0:

@@ -187,7 +187,7 @@ class RollcallApp(ReplayApp):
         self._offered = tell_newcomers(self, self._station.newcomers(), self._offered)
 
     def _count_names(self) -> None:
-        """For how long each vehicle was named; not at every poll, since it changes slowly."""
+        """Count for how long each vehicle was named; not at every poll, since it changes slowly."""
         if self._timeline is not None and self._station.timeline is not None and self.snapshot is not None:
             ours = [row.system_id for row in self.snapshot.vehicles if row.role == "ugv"]
             self._identity.named_for = playback.shares_named(self._station.timeline, ours)
@@ -379,7 +379,7 @@ class RollcallApp(ReplayApp):
         self.push_screen(ask, lambda words: None if words is None else setattr(self._events, "words", words))
 
     def action_help(self) -> None:
-        """All keys, marks and colours."""
+        """Show all keys, marks and colours."""
         self.push_screen(HelpScreen(actions(self._panes.panes, live=self._station.timeline is None)))
 
     def action_mark(self) -> None:

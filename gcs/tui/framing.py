@@ -36,7 +36,7 @@ class PictureRegion:
     """A part of the image."""
 
     rect: tuple[int, int, int, int]
-    """Left, top, width, height, wholly inside the image."""
+    """Rectangle of the region: left, top, width, height, wholly inside the image."""
     shape: float
     """Width over height of the field that it was chosen for."""
     loose_since_us: int = 0

@@ -36,7 +36,7 @@ class _InUse:
 
 
 def use_theme(name: str) -> None:
-    """All that is drawn from now on is in this theme; what is on screen must be drawn again.
+    """Set the theme of all that is drawn from now on; what is on screen must be drawn again.
 
     Args:
         name: One of ``THEMES``.
@@ -45,7 +45,7 @@ def use_theme(name: str) -> None:
 
 
 def use_depth(depth: Depth) -> None:
-    """All that is drawn from now on is in as many colours."""
+    """Set the number of colours of all that is drawn from now on."""
     _InUse.depth = depth
 
 

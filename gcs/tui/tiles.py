@@ -20,7 +20,8 @@ _USUAL_SIZE = 16, 9
 
 
 def tile_rects(tiles: Sequence[CameraPicture], columns: int, rows: int) -> list[Rect]:
-    """Left, top, columns and rows of each tile, a line for its name among them; as many in a row as makes them largest.
+    """Return left, top, columns and rows of each tile, a line for its name among them; as many in a row as makes them
+    largest.
 
     Tiles for which the field is too small are left out, from the last.
     """

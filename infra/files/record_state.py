@@ -20,7 +20,7 @@ class RecordState:
     failing_s: float = 0.0
     """Time for which writing has failed, s; 0: it is writing."""
     reason: str = ""
-    """Why it fails or last failed, in the system's words."""
+    """Reason why it fails or last failed, in the system's words."""
     faults: int = 0
     """Number of times that it began to fail, repaired since or not."""
     failed_ago_s: float = math.inf

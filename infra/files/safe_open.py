@@ -33,7 +33,7 @@ def open_to_read(path: Path | str, *, links: bool = True, folder: int | None = N
 
 
 def read_small(path: Path | str, most_bytes: int) -> bytes:
-    """All of a regular file.
+    """Read all of a regular file.
 
     Raises:
         OSError: it cannot be opened or waited for, or has more than ``most_bytes``.

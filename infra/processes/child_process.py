@@ -122,7 +122,8 @@ class ChildProcess(Generic[Report]):
         return ProcessorTime(used_s, waited_s)
 
     def able_s(self, silent_s: float, before: ProcessorTime) -> float:
-        """For how much of a silence it could have shown life: not while others had the processor, or the disk had it.
+        """Return for how much of a silence it could have shown life: not while others had the processor, or the disk
+        had it.
 
         Args:
             silent_s: for how long it has shown no life.

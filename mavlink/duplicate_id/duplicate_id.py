@@ -116,7 +116,7 @@ _NO_SENDER = SenderKey(-1, 0, 0)
 
 @dataclass(frozen=True, slots=True)
 class IdConflict:
-    """In what two senders of one system id contradict each other, and where they were received."""
+    """Contradiction of two senders of one system id, and where they were received."""
 
     kind: ConflictKind
     detail: str

@@ -34,7 +34,7 @@ class PositionRejections:
         self.last_us = 0
         """Arrival of the last of them, 0 never."""
         self.reason = ""
-        """Why, while no good position has come since."""
+        """Reason of the last rejection, while no good position has come since."""
         self.reports = Throttle(REPORT_AGAIN_US)
         self._counts: dict[str, int] = {}
 
@@ -220,7 +220,7 @@ _END = ("glitch cleared", "failsafe cleared", "variance cleared")
 
 
 class Doubt(NamedTuple):
-    """Why a position is doubtful, and its 1σ."""
+    """Reason to doubt a position, and its 1σ."""
 
     reason: str
     std_m: float

@@ -118,7 +118,7 @@ after as many right ones."""
 
 
 def place_error(position: GlobalPosition, gps: GpsRaw | None) -> str:
-    """Why a report is no place on Earth, in a word or two; empty when it may be one.
+    """Return why a report is no place on Earth, in a word or two; empty when it may be one.
 
     Args:
         gps: the same vehicle's receiver lately, None unknown.

@@ -221,7 +221,7 @@ class Vehicle:
         return ()
 
     def doubt(self, t_us: int) -> Doubt | None:
-        """Why its positions may be wrong by its own report; None without doubt, or without positions."""
+        """Return why its positions may be wrong by its own report; None without doubt, or without positions."""
         return self.doubts.at(t_us) if self.positions.known and not self.in_conflict(t_us) else None
 
     def add_gps(self, sample: GpsRaw, arrival: Arrival, frame: LocalFrame | None) -> Iterator[Notice]:

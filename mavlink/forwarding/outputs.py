@@ -40,7 +40,7 @@ class InboundFrames:
     target: int
     """System id that they were for, 0 for all."""
     refusal: str
-    """Why they went no further; empty: they were sent on."""
+    """Reason why they went no further; empty: they were sent on."""
     count: int = 0
 
 

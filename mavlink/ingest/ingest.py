@@ -139,7 +139,7 @@ class Ingest:
         return self.supervisor.process.pid
 
     def read(self, timeout_s: float) -> list[Packet]:
-        """All packets that have come since the last call, in order, each with what its signature is worth.
+        """Take all packets that have come since the last call, in order, each with what its signature is worth.
 
         Those with ``auth > Auth.GOOD`` are rejected.
 
@@ -186,7 +186,7 @@ class Ingest:
         self._request(AcceptHeld(system_id))
 
     def know(self, system_ids: Collection[int], uav: int) -> None:
-        """Only frames of these systems make a sender known from now on, and outputs may send to this UAV.
+        """Limit the senders that become known from now on to those of these systems, and let outputs send to this UAV.
 
         Raises:
             LinkError: the process does not take it; the one after it will.

@@ -107,7 +107,7 @@ class IngestMemory:
     # ---- the station
 
     def take_packets(self) -> list[Packet]:
-        """All packets that are in the ring, in order; they are then out of it."""
+        """Take all packets that are in the ring out of it, in order."""
         packets: list[Packet] = []
         unpack, head_bytes = _PACKET.unpack_from, _PACKET.size
         for batch in self._ring.read_records():

@@ -111,7 +111,7 @@ class Link(ABC):
         """Connect again, adapt filters; to be called every tenth of a second or so."""
 
     def know(self, system_ids: Collection[int]) -> None:  # noqa: B027 - as trust
-        """Only frames of these systems make a sender known from now on."""
+        """Limit the senders that become known from now on to those of these systems."""
 
     def trust(self, claims: set[Claim], t_us: int) -> None:  # noqa: B027 - a link to one other end trusts it anyway
         """Mark senders as known: their signatures are valid."""

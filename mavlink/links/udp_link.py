@@ -29,7 +29,7 @@ _CLOCK_GAP_US = 10_000_000
 SUDDEN = 1000
 """Unknown datagrams after which the shares are updated at once: a socket has room for some ten thousand."""
 _WAITED_S = 10.0
-"""Nothing lies longer in the socket, as far as rates are concerned."""
+"""Longest time that anything lies in the socket, as far as rates are concerned."""
 
 
 class UdpLink(Link):
@@ -202,7 +202,8 @@ class UdpLink(Link):
         )
 
     def know(self, system_ids: Collection[int]) -> None:
-        """Only frames of these systems make a sender known from now on; who is known already stays so for a minute."""
+        """Limit the senders that become known from now on to those of these systems; who is known already stays so for
+        a minute."""
         self._system_ids = frozenset(system_ids)
 
     def resume(self, before: LinkReport) -> None:

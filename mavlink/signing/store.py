@@ -106,7 +106,7 @@ class StreamStore:
         self.warning = ""
         """Fault of the files at the start; empty for nothing."""
         self.trouble = ""
-        """Why nothing can be saved now; empty where it can."""
+        """Reason why nothing can be saved now; empty where it can."""
         self._number = self._births = 0
         self._period_s, self._wall_ns = period_s, wall_ns
         self._run_id = os.urandom(RUN_BYTES)

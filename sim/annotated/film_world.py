@@ -134,7 +134,7 @@ MOVED_LENGTHS = 2.0
 CAR_LENGTH_M = 4.5
 """Length of an ordinary car."""
 END_SPEED_S = 0.5
-"""Before the first and after the last label a vehicle keeps its mean speed of this long."""
+"""Time at the first and last label over which a vehicle's speed before and after them is taken."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

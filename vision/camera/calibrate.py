@@ -106,7 +106,7 @@ def calibrate(views: Sequence[BoardView], board: Board, size: tuple[int, int]) -
 
 
 def doubts(calibration: Calibration) -> Iterator[str]:
-    """Why a calibration should not be used, and what to do about it; nothing when it is good."""
+    """Return why a calibration should not be used, and what to do about it; nothing when it is good."""
     camera = calibration.intrinsics
     if len(calibration.views) < FEWEST_VIEWS:
         yield f"only {len(calibration.views)} different sharp views of the whole board fit; {_more_views()}"

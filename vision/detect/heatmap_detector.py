@@ -31,7 +31,7 @@ DEFAULT_SCALE, DEFAULT_WIDTH = 0.5, 960
 """Scale of images in which nothing tells the scale: reduced by this much, but not made narrower than this many px, nor
 enlarged."""
 ENOUGH_M = 2.4
-"""In films in which vehicles alone tell the scale it is enough that they are seen as large as a vehicle of this length,
+"""Length of a vehicle at the size at which it suffices to see vehicles in films in which they alone tell the scale,
 where more would take longer than the scale above."""
 STILL_PX, FILM_PX = 1 << 20, 400_000
 """Pixels that are looked at at one scale to find the scale of an image, and of a film meanwhile."""

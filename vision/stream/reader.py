@@ -57,7 +57,7 @@ class NewestFrame:
             return frame
 
     def end(self) -> None:
-        """No more will come."""
+        """Note that no more frames will come."""
         with self._fresh:
             self.over = True
             self._fresh.notify_all()

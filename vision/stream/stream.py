@@ -205,7 +205,7 @@ class VideoStream:
 
     @property
     def recording_error(self) -> str:
-        """Why the recording broke off, empty while it is well."""
+        """Reason why the recording broke off, empty while it is well."""
         return self._conceal(self._progress.recording_error)
 
     @property

@@ -143,7 +143,7 @@ class FilmReader:
         self._next = 0
         """The frame that its decoder comes to next; -1 where that is not known."""
         self._ended = ""
-        """Why it answers no more, empty while it does."""
+        """Reason why it answers no more, empty while it does."""
         self._ask(_OpenFilm(os.fsencode(path), self._memory.fileno(), None if index is None else _packed(index, {})))
         self.tags: dict[str, str] = {}
         if index is None:

@@ -50,7 +50,7 @@ class _GuardedServer(Server):
         return f"{self.public_url}/{self._token}/"
 
     async def make_guarded_app(self) -> web.Application:
-        """All of it, below the token."""
+        """Make the application with all pages below the token."""
         app = web.Application(middlewares=[self._guard])
         app.add_subapp(f"/{self._token}/", await self._make_app())
         app.router.add_get(f"/{DOWNLOADS}/{{key}}", self.handle_download)

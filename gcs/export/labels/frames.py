@@ -119,7 +119,7 @@ class LabelFolder:
 
 
 def _missing(snapshot: Snapshot, least: float) -> str:
-    """Why the boxes of a frame may not be all; empty: there is no reason to think so."""
+    """Return why the boxes of a frame may not be all; empty: there is no reason to think so."""
     if snapshot.held or (not snapshot.seen_us and not snapshot.boxes):
         return "not looked at"
     for box in snapshot.boxes:

@@ -123,7 +123,7 @@ class Ways:
         return bool(seen and same) and abs(box.lon_deg - way.lon_deg[-1]) < 180.0
 
     def __iter__(self) -> Iterator[Way]:
-        """In the order in which they begin."""
+        """Iterate over the ways in the order in which they begin."""
         return iter(self._ways)
 
 

@@ -68,7 +68,7 @@ def pictures_of(path: Path, note: Callable[[str], None]) -> Iterator[tuple[int, 
 
 
 def _why_not(film: CodedFilm) -> str:
-    """Why a film cannot be copied, empty when it can."""
+    """Return why a film cannot be copied, empty when it can."""
     if film.stream.codec_context.name != "h264":
         return f"it is {film.stream.codec_context.name} and not H.264"
     if film.shown_as:
@@ -83,7 +83,7 @@ def _why_not(film: CodedFilm) -> str:
 
 
 def _copied(film: CodedFilm, note: Callable[[str], None]) -> Iterator[tuple[int, bytes]]:
-    """With the parameters of the first key frame at those that have none."""
+    """Return the pictures, with the parameters of the first key frame at those that have none."""
     annex_b = BitStreamFilterContext("h264_mp4toannexb", film.stream)
     parameters, damaged = b"", 0
     for frame in film.frames():

@@ -179,7 +179,7 @@ def _line(ends: tuple[float, float, float, float], ink: tuple[int, int, int]) ->
 
 
 def _scaled(snapshot: Snapshot, size: tuple[int, int]) -> Snapshot:
-    """With boxes in pixels of the film: the frames of a flight may have had several sizes."""
+    """Return the snapshot with boxes in pixels of the film: the frames of a flight may have had several sizes."""
     if (snapshot.width, snapshot.height) == size or not (snapshot.width and snapshot.height):
         return snapshot
     across, down = size[0] / snapshot.width, size[1] / snapshot.height

@@ -33,7 +33,7 @@ _MIN_ROWS = 8
 
 
 def several_paths(t_us: Ints, degrees: Floats, where: Where) -> str:
-    """In words, where a path is several that take turns; empty where it is one.
+    """Return sentences on where a path is several that take turns; empty where it is one.
 
     Args:
         t_us: (n,) increasing.

@@ -73,7 +73,8 @@ def plausible(log: VehicleLog) -> VehicleLog:
 
 
 def place_words(places: PlaceTrack, clock: LogClock) -> tuple[tuple[str, ...], Bools]:
-    """In words, steps that no vehicle makes, and which positions (n,) stay while the speed tells that it goes on."""
+    """Return sentences on steps that no vehicle makes, and which positions (n,) stay while the speed tells that it goes
+    on."""
 
     def at(row: int) -> str:
         t_us = int(places.t_us[row])
@@ -101,7 +102,7 @@ def _within_the_air(places: PlaceTrack) -> tuple[PlaceTrack, int]:
 
 
 def _of_old(log: VehicleLog) -> tuple[str, ...]:
-    """In words, where a date is older than what is read here: weeks of GPS begin again after 1024 of them."""
+    """Return sentences on where a date is older than what is read here: weeks of GPS begin again after 1024 of them."""
     first_us = log.zero_us if log.clock == "video" else int(log.places.t_us[0]) if len(log.places) else 0
     if log.clock not in ("video", "utc") or not 0 < first_us < _OLD_US:
         return ()
@@ -114,7 +115,7 @@ def _of_old(log: VehicleLog) -> tuple[str, ...]:
 
 
 def _at_sea(places: PlaceTrack) -> tuple[str, ...]:
-    """In words, where a path may be in radians: then it lies in the Gulf of Guinea, where nobody drives."""
+    """Return sentences on where a path may be in radians: then it lies in the Gulf of Guinea, where nobody drives."""
     if not len(places) or np.abs(places.lat_deg).max() > 0.5 * math.pi or np.abs(places.lon_deg).max() > math.pi:
         return ()
     return (f"it lies in the sea at {places.lat_deg[0]:.3f}, {places.lon_deg[0]:.3f}: are these radians?",)

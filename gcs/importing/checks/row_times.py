@@ -36,7 +36,7 @@ _MOST_OF_ALL = 0.9
 _NEAR_M, _STEPS = 2.0, 3.0
 """A row that comes late is nearer to the path at its time than this and this many usual steps."""
 _FAR_M, _FASTEST_MPS = 30.0, 40.0
-"""Nothing goes farther than this out of its path and back as fast as that."""
+"""Distance out of its path, and speed of the way back, that nothing exceeds."""
 _YEAR_FIRST = re.compile(r"^(\d{4})[/.](\d{2})[/.](\d{2})", re.ASCII)
 _MAX_TOLD = 3
 

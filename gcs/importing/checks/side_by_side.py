@@ -79,7 +79,7 @@ def _sides(place: tuple[float, float], other: tuple[float, float]) -> str:
 
 
 def fleet_words(fleet: GroundVehicles) -> Iterator[str]:
-    """In words, which vehicles are far from the others, above or below them, or do not go where they look.
+    """Return sentences on which vehicles are far from the others, above or below them, or do not go where they look.
 
     Raises:
         ImportFileError: a vehicle's own log is of another place.
@@ -173,7 +173,7 @@ def _courses(track: PlaceTrack) -> tuple[NDArray[np.int64], Floats]:
 
 
 def uav_words(uav: VehicleLog) -> Iterator[str]:
-    """In words, where angles of the UAV look as if they were radians under the name of degrees."""
+    """Return sentences on where angles of the UAV look as if they were radians under the name of degrees."""
     yaw = uav.attitudes.angles[:, 2] if len(uav.attitudes) else uav.places.heading[np.isfinite(uav.places.heading)]
     yaw = (yaw[np.isfinite(yaw)] + np.pi) % (2.0 * np.pi) - np.pi
     if len(yaw) and np.ptp(yaw) > _LEVEL and np.abs(yaw).max() <= _TURN:
@@ -192,7 +192,8 @@ def uav_words(uav: VehicleLog) -> Iterator[str]:
 
 
 def height_words(source: str, places: PlaceTrack, fleet: GroundVehicles) -> Iterator[str]:
-    """In words, what the UAV's altitudes and heights say against those of the fleet, and what is made of them.
+    """Return sentences on what the UAV's altitudes and heights say against those of the fleet, and what is made of
+    them.
 
     Raises:
         ImportFileError: the UAV would be deep below its fleet.

@@ -96,7 +96,7 @@ def _was_moving(t_s: Floats, path_m: Floats, begin: int, cell_m: float) -> bool:
 
 
 def altitude_words(t_us: Ints, alt_m: Floats, what: str, where: Where) -> tuple[str, ...]:
-    """In words, where an altitude counts from elsewhere, or in another unit, from one row on.
+    """Return sentences on where an altitude counts from elsewhere, or in another unit, from one row on.
 
     Args:
         t_us: (n,) increasing.

@@ -160,7 +160,7 @@ def _items(body: bytes) -> dict[int, float] | None:
 
 
 def _value(tag: int, raw: bytes) -> float | None:
-    """In degrees, metres or µs; None for tags that are not used, of another length, or unknown."""
+    """Return a value in degrees, metres or µs; None for tags that are not used, of another length, or unknown."""
     if tag in _ABOVE_ELLIPSOID:
         return 0.0  # that it is there is all that is used
     if tag == CHECKSUM and len(raw) == 2:

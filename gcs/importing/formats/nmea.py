@@ -110,7 +110,7 @@ class _NmeaReader:
         self._date = midnight, self._fix.time_s
 
     def end_fix(self) -> None:
-        """All sentences of a time were read."""
+        """Keep the fix once all sentences of a time were read."""
         fix = self._fix
         if not fix.heard & {"GGA", "GNS", "RMC"}:
             return

@@ -77,7 +77,7 @@ class Stills:
                 self._keep("least sure", snapshot, f"the least sure name: {name} ({certainty(least.confidence)})")
 
     def drawn(self, record: FlightSummary) -> str:
-        """All that were kept, in order of time."""
+        """Pictures that were kept, in order of time."""
         stills = sorted((still for kept in self._kept.values() for still in kept), key=lambda still: still.t_us)
         if not stills:
             return empty("No pictures: the recording has no video, or nothing happened in it.")

@@ -106,7 +106,7 @@ def _is_chatter(event: Event) -> bool:
 
 
 Numbers = tuple[tuple[float, str], ...]
-"""Those of a text in order, each with its letters."""
+"""Numbers in a text in order, each with its letters."""
 
 
 @lru_cache(maxsize=4096)

@@ -18,7 +18,8 @@ Freshness = Literal["fresh", "old", "gone"]
 """``fresh`` is shown as it is, ``old`` dimmed and with its age where there is room, ``gone`` not at all."""
 
 GONE_S: Final = 60.0
-"""At 1 m/s a vehicle has left the picture by then, and its mode may have changed: nothing of it holds any more."""
+"""Age beyond which a value is not shown: at 1 m/s a vehicle has left the picture by then, and its mode may have
+changed."""
 USABLE_M: Final = 100.0
 """A wider 1σ is larger than what most pictures show of the ground: no place is known."""
 UNKNOWN: Final = "–"

@@ -38,7 +38,7 @@ class Ruler:
     """None, one or two places."""
 
     def picked(self) -> Ruler:
-        """With the place under the cursor; a third one starts again."""
+        """Return the ruler with the place under the cursor; a third one starts again."""
         if self.cursor is None:
             return self
         return Ruler(cursor=self.cursor, picks=(*self.picks, self.cursor) if len(self.picks) < 2 else (self.cursor,))

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 Rect = tuple[int, int, int, int]
-"""Left, top, width, height in cells."""
+"""Rectangle of cells: left, top, width, height."""
 
 PANES = ("video", "map", "fleet", "identity", "events")
 FLEET_WIDTHS = (35, 40, 50, 59, 69, 78)

@@ -50,7 +50,7 @@ MIN_FIELD = (24, 8)
 """Columns and rows of a field that has room for an inset."""
 
 _packed = partial(pack, theme=DARK)
-"""Whatever the theme, the picture has the colours of the exported video: light ones on dark labels."""
+"""Pack a colour of the exported video, whatever the theme: light ones on dark labels."""
 
 
 def video_cells(

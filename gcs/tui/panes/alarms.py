@@ -25,13 +25,13 @@ ADVICE_INDENT: Final = "    "
 HANGING_FROM: Final = 60
 """Narrower panes have what is wrong over their whole width, below since when."""
 CUT: Final = "    … z: the whole screen"
-"""In place of the last row of an alarm that is longer than the pane is high."""
+"""Text in place of the last row of an alarm that is longer than the pane is high."""
 WORDS: Final = {"alarm": "!! ALARM", "warning": "!  WARN "}
 ALARMS_UNKNOWN: Final = "alarms of this place are not known yet"
-"""In place of ``no alarms`` where a replay's analysis has not come by."""
+"""Text in place of ``no alarms`` where a replay's analysis has not come by."""
 Group = tuple[Alarm, ...]
-"""At least one, the worst first: the same of several vehicles, or several troubles of one: a lost link is not twenty
-rows, a vehicle in trouble is not five."""
+"""Alarms shown as one, the worst first: the same of several vehicles, or several troubles of one: a lost link is not
+twenty rows, a vehicle in trouble is not five."""
 Seen = frozenset[tuple[str, int, str]]
 """Acknowledged alarms: key, since when, level. One that comes again, or gets worse, is a new one."""
 
@@ -113,7 +113,7 @@ class AlarmPane(Pane):
             self.post_message(VehiclePicked(group[0].system_id))
 
     def acknowledge(self, alarms: Iterable[Alarm]) -> None:
-        """These have been seen; the station is given those that had not."""
+        """Acknowledge alarms; the station is given those that had not been."""
         if fresh := unseen(alarms, self.seen):
             self.seen = self.seen | {token(alarm) for alarm in fresh}
             self.post_message(AlarmsSeen(tuple(fresh)))

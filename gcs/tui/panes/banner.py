@@ -21,7 +21,7 @@ from gcs.tui.panes.alarms import ALARMS_UNKNOWN, Seen, is_final, unseen
 from infra.plain_text import plain
 
 EVENT_SHOWN_US = 8_000_000
-"""For how long an alarm of the event log that is in no list of alarms is shown: time to read two lines."""
+"""Time for which an alarm of the event log that is in no list of alarms is shown: enough to read two lines."""
 HINTS = ("  a: what to do, A: seen ", "  a: what to do ")
 """The first that does not cut the words; the footer has the key, too."""
 
@@ -114,5 +114,5 @@ class Banner(Widget):
         return line([(text, style), *hint], width, paper)
 
     async def on_click(self) -> None:
-        """All alarms."""
+        """Show all alarms."""
         await self.run_action("app.pane('alarms')")

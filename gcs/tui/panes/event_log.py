@@ -117,7 +117,7 @@ class EventPane(Pane):
         return self._shown
 
     def next_filter(self) -> None:
-        """All, warnings and alarms, alarms only, all …"""
+        """Go on to the next filter: all, warnings and alarms, alarms only, all …"""
         self.least = FILTERS[(FILTERS.index(self.least) + 1) % len(FILTERS)]
 
     def action_scroll_by(self, rows: int) -> None:

@@ -67,7 +67,7 @@ class FindLine(Horizontal):
         self.post_message(VehiclePicked(*(self._before if row is None else (row.system_id, 0))))
 
     def on_input_submitted(self) -> None:
-        """It stays picked."""
+        """Keep what was found picked."""
         self.screen.set_focus(self._focused)
 
     def action_leave(self) -> None:

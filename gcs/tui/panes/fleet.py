@@ -54,7 +54,7 @@ from mavlink.transmit.message_rates import LOSSY
 IDENTITY, IDENTITY_CELLS = "IDENTITY", 15
 MARKS: Final = {"info": "  ", "warning": " !", "alarm": "!!"}
 GUTTER_CELLS: Final = 3
-"""Before each row: the mark of its worst alarm, and that of the picked row."""
+"""Cells before each row: the mark of its worst alarm, and that of the picked row."""
 NARROW: Final = 40
 """Narrower tables have a shorter identity and link."""
 Cell = tuple[str, Colour]
@@ -123,7 +123,7 @@ def _view(row: VehicleRow) -> Cell:
 
 
 def _link(row: VehicleRow) -> Cell:
-    """For how long it is silent, else how much arrives: ``▆ ok``, ``▄ 9%`` lost."""
+    """Format for how long a link is silent, else how much arrives: ``▆ ok``, ``▄ 9%`` lost."""
     if math.isinf(row.heartbeat_age_s):
         return UNKNOWN, FAINT
     if row.heartbeat_age_s > SILENT_S:
@@ -165,7 +165,7 @@ def _refusals(row: VehicleRow) -> Cell:
 
 
 def _many(count: int) -> str:
-    """At most four letters."""
+    """Format a count in at most four letters."""
     return str(count) if count < 10_000 else f"{count // 1000}k" if count < 1_000_000 else f"{count // 1_000_000}M"
 
 
@@ -178,7 +178,7 @@ def _identity(row: VehicleRow) -> Cell:
 
 
 def _height(row: VehicleRow, snapshot: Snapshot) -> Cell:
-    """In the UAV's row: how far above the ground it is, or without a camera above the middle of the fleet."""
+    """Format, in the UAV's row, how far above the ground it is, or without a camera above the middle of the fleet."""
     heights = [float(each.p_enu[2]) for each in snapshot.vehicles if each.role == "ugv"]
     below = [snapshot.camera.ground_z] if snapshot.camera is not None else [z for z in heights if math.isfinite(z)]
     up = float(row.p_enu[2]) - statistics.median(below) if below else math.nan
@@ -269,7 +269,8 @@ def columns_for(
 
 
 def _kept(columns: Sequence[Column], width: int) -> tuple[Column, ...]:
-    """Those that fit, in order; what is wrong with a position is told by its own column, else by the link's."""
+    """Return the columns that fit, in order; what is wrong with a position is shown by its own column, else by the
+    link's."""
     kept: list[Column] = []
     room = width - GUTTER_CELLS  # the first column has no gap before it, and the last one a margin behind it
     for column in sorted(columns, key=lambda column: column.rank):

@@ -58,7 +58,7 @@ from infra.plain_text import plain
 from mavlink.state import SILENT_S
 
 STANDINGS: Final[tuple[Standing, ...]] = get_args(Standing)
-"""In the order in which they are counted."""
+"""Standings in the order in which they are counted."""
 MARGIN = 1
 """Cells kept free at the right."""
 MAX_ROWS = 60
@@ -89,7 +89,7 @@ class IdentityPane(Pane):
     label: ClassVar[str] = "IDENTITY"
 
     named_for: reactive[Mapping[int, float]] = reactive({}, repaint=False)
-    """For which share of the time that it could be named each vehicle was, 0 for never; without those of which nothing
+    """Share of the time that it could be named for which each vehicle was, 0 for never; without those of which nothing
     is known. Of a flight by its roll call, of a replay over the whole recording."""
 
     def __init__(self, *, id: str) -> None:
@@ -329,7 +329,7 @@ def _covers(box: Box, x: float, y: float) -> bool:
 
 
 def _named_fact(share: float | None) -> list[Fact]:
-    """For how much of the time it was named so far."""
+    """Format for how much of the time it was named so far."""
     return [] if share is None else [("named", f"{percent(share)} of the time" if share else "never yet", INK)]
 
 

@@ -113,7 +113,7 @@ class MapPane(Pane):
         return self._view
 
     def zoom_by(self, steps: int) -> None:
-        """Closer (positive) or farther; 0 fits everything again."""
+        """Zoom closer (positive) or farther; 0 fits everything again."""
         if steps and self._free:
             self._look(replace(self._free, metres_per_dot=step_scale(self._free.metres_per_dot, -steps)))
             return
@@ -162,7 +162,7 @@ class MapPane(Pane):
         self.redraw()
 
     def _look(self, view: MapView | None) -> None:
-        """Somewhere else; labels find their places again."""
+        """Look somewhere else; labels find their places again."""
         self._free = view
         self._labelling = Labelling()
         self.redraw()
@@ -234,11 +234,11 @@ class MapPane(Pane):
         return None
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
-        """Closer to what is under the pointer."""
+        """Zoom closer to what is under the pointer."""
         self._zoom_at(event, 1)
 
     def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
-        """Farther from what is under the pointer."""
+        """Zoom farther from what is under the pointer."""
         self._zoom_at(event, -1)
 
     def _zoom_at(self, event: events.MouseEvent, steps: int) -> None:

@@ -111,7 +111,7 @@ class Pane(Widget, can_focus=True):
         self.redraw()
 
     def on_resize(self, event: events.Resize) -> None:
-        """All rows have another width."""
+        """Draw all rows again, in another width."""
         self._rows = []
         self.redraw()
 

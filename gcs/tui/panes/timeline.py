@@ -80,7 +80,7 @@ class TimelineBar(Widget):
         self._look = None
 
     def watch_picked(self, before: tuple[str, bytes], picked: tuple[str, bytes]) -> None:
-        """There is a second row while a vehicle is picked."""
+        """Show a second row while a vehicle is picked."""
         if bool(before[1]) != bool(picked[1]):
             self.styles.height = 2 if picked[1] else 1
 

@@ -106,7 +106,7 @@ class VideoPane(Pane):
         return f"zoom {snapshot.width / self._frame.rect[2]:.1f} " + f"{beyond} beyond " * (beyond > 0)
 
     def _inset_note(self) -> str:
-        """Why the picked vehicle is not seen enlarged."""
+        """Return why the picked vehicle is not seen enlarged."""
         if self._inset is not None:
             return "Z: where it should be "
         return "Z: not in the picture " if self.selected or self.picked_track else "Z: pick a vehicle "
@@ -129,7 +129,7 @@ class VideoPane(Pane):
         return video_cells(*field, self._labelling, self._mode, inset).strips()
 
     def _tiled(self, width: int, height: int) -> list[Strip]:
-        """All cameras in cells, whatever the terminal can show: a small picture has no more to see in pixels."""
+        """Draw all cameras in cells, whatever the terminal can show: a small picture has no more to see in pixels."""
         self._shown = self._frame = self._inset = None
         field = self.tiles, self.selected, width, height, self.picked_track
         cells, self._tile_labels = tiled_cells(*field, self._tile_labels, self._mode)

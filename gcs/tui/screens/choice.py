@@ -65,5 +65,5 @@ class ChoiceList(ModalScreen[str | None]):
         choices.action_cursor_up() if way == "up" else choices.action_cursor_down()
 
     def action_cancel(self) -> None:
-        """No choice."""
+        """Close without a choice."""
         self.dismiss(None)

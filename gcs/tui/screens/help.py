@@ -110,7 +110,7 @@ class HelpPage(Widget):
 
 
 class HelpScreen(ModalScreen[None]):
-    """All keys and marks; leave with ``esc``, ``q`` or ``enter``."""
+    """Screen with all keys and marks; leave with ``esc``, ``q`` or ``enter``."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("escape,q,enter", "dismiss", "Close", id="help.close", tooltip="Close the help"),

@@ -25,7 +25,7 @@ MAX_BYTES = 1 << 20
 CHUNKS = 8
 """A window goes in this many chunks: the line is never idle while the reply to one is on its way."""
 MIN_CHUNK_BYTES = 512
-"""Below this the question itself, and moves of the cursor, would cost too much."""
+"""Size below which the question itself, and moves of the cursor, would cost too much."""
 RATES_KEPT = 8
 """The line's rate is the most of this many: a pause of the terminal is no slow line, and a slow line is found soon."""
 MAX_CHUNKS = 64

@@ -33,7 +33,7 @@ class PendingCells:
         return any(map(_is_picture, self._pieces.values()))
 
     def clear(self) -> None:
-        """Nothing of it is wanted any more."""
+        """Drop all that is pending."""
         self._pieces.clear()
         self._rows.clear()
 

@@ -16,9 +16,9 @@ from gcs.tui.terminal.replies import Replies
 LAST_QUESTION: Final = b"\x1b[c"
 """The primary device attributes, to which all terminals reply, and in order: then no other reply will come."""
 WAIT_S: Final = 0.3
-"""For the replies: a slow line's way and back. Those that come later are no keys to the screens either."""
+"""Time for the replies: a slow line's way and back. Those that come later are no keys to the screens either."""
 REST_S: Final = 0.2
-"""For the rest of a reply that has begun."""
+"""Time for the rest of a reply that has begun."""
 
 
 def ask(reads: int, writes: int, questions: bytes) -> list[str]:

@@ -22,7 +22,7 @@ _BEGUN = re.compile(
 )
 """The end of what was read may be the beginning of one of these."""
 _NO_KEY = re.compile(r"\x1b(?:\[[?>=]|_G)")
-"""No key begins like this."""
+"""Beginning that no key has."""
 MAX_CHARACTERS = 4_096
 """A reply that is longer is none."""
 KEY_HOLD_S = 0.03

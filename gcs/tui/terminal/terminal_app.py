@@ -56,7 +56,8 @@ class EagerScreen(Screen[None]):
         self._drawn_s = 0.0
 
     def on_idle(self) -> None:
-        """After a rest the clock need not be waited for; Textual's own handler, which starts it, comes after this."""
+        """Draw at once after a rest, for which the clock need not be waited for; Textual's own handler, which starts
+        it, comes after this."""
         now_s = time.monotonic()
         if now_s - self._drawn_s >= UPDATE_PERIOD and (self._dirty_widgets or self._layout_required):
             self._drawn_s = now_s
@@ -90,7 +91,8 @@ class TerminalApp(App[None]):
         return self.console.color_system if has_terminal() else "truecolor"
 
     def get_line_filters(self) -> Sequence[LineFilter]:
-        """Without the palette filter: all colours here are the terminal's own, and it costs more than the video."""
+        """Return the filters without the one for the palette: all colours here are the terminal's own, and it costs
+        more than the video."""
         return [each for each in super().get_line_filters() if not isinstance(each, ANSIToTruecolor)]
 
     def action_next_theme(self) -> None:
