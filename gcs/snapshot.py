@@ -396,7 +396,7 @@ class Snapshot:
     footprint_enu: NDArray[np.float64] | None
     """(4, 2) corners of the image on the ground, image order from top left clockwise."""
     footprints_elsewhere: tuple[NDArray[np.float64], ...] = ()
-    """The same of the flight's other cameras."""
+    """Footprints of the flight's other cameras."""
     uav_enu: NDArray[np.float64]
     """(3,), NaN unknown."""
     uav_heading: float

@@ -34,7 +34,7 @@ class ClockWatch:
         self.offset_us = (wall_ns() - monotonic_ns()) // 1000
 
     def now_us(self) -> int:
-        """The monotonic clock, µs."""
+        """Time of the monotonic clock, µs."""
         return self._monotonic_ns() // 1000
 
     def stepped(self) -> int | None:

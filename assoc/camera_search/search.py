@@ -118,7 +118,7 @@ def find_camera(film: FilmedFleet) -> CameraSearch:
 
 
 def refined(film: FilmedFleet, before: CameraFit) -> CameraFit | None:
-    """The same camera by another look, None where that does not explain the film any more."""
+    """Refine a camera by another look, None where that does not explain the film any more."""
     fit = _fitted(film, _start_of(before), before.kind, _POLISH)
     return fit if fit is not None and _verdict(film, fit, None) is CameraVerdict.FOUND else None
 

@@ -34,7 +34,7 @@ for two, and the most where little is explained ..."""
 _MARGIN = 25.0
 """... and how much at least, nats."""
 _BESIDE_MARGIN = 10.0
-"""The same for offsets beside it, which share its errors; how wide it is tells its 1σ."""
+"""Least margin over offsets beside it, nats, which share its errors; how wide it is tells its 1σ."""
 _UNKNOWN_SHARE = 0.7
 """Share of what should be seen, where that is not known."""
 _WELL_EXPLAINED = 0.85

@@ -105,12 +105,12 @@ class UpdateContext:
         return start, None if self.sway is None else self.sway.at(self.history.t[start : self.history.n])
 
     def with_reports(self, log: ReportLog) -> UpdateContext:
-        """The same with other reports."""
+        """Return the context with other reports."""
         samples = samples_of_window(log, self.first_block, self.last_block, self.block_s)
         return replace(self, log=log, samples=samples)
 
     def without_memory(self) -> UpdateContext:
-        """The same from the window alone: no ended tracks, nothing remembered from before it, no sway."""
+        """Return the context of the window alone: no ended tracks, nothing remembered from before it, no sway."""
         return replace(
             self,
             columns=self.columns[: self.live],
@@ -122,7 +122,8 @@ class UpdateContext:
         )
 
     def moved(self, theta: FloatArray, origin: FloatArray) -> UpdateContext:
-        """The same as if the pose had always been another: what is remembered of residuals is a shift further.
+        """Return the context as if the pose had always been another: what is remembered of residuals is a shift
+        further.
 
         Else a fleet that was matched one place off would stay there, however much its window speaks for the other.
 

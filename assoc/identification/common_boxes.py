@@ -34,7 +34,7 @@ _PART = 0.72
 _MIN_BOXES = 3
 """Boxes from which their median tells the length of vehicles that were not learnt yet."""
 _LONGEST_STEP_S = 0.5
-"""Frames further apart count as so far apart, seconds."""
+"""Longest time between two frames that counts, seconds."""
 
 
 class CommonBoxes:

@@ -101,7 +101,7 @@ class _Comparisons:
         )
 
     def later(self, dt: float) -> _Comparisons:
-        """The same, with t counted from dt seconds later, and with less weight."""
+        """Return the comparisons with t counted from dt seconds later, and with less weight."""
         shift = np.eye(3)
         shift[2, 1] = -dt
         gram = shift @ self.gram @ shift.T * np.exp(-dt / _MEMORY_S)

@@ -84,12 +84,12 @@ def point_at_system(system_id: int) -> Command:
 
 
 def point_at_place(place: GeoPoint, ground_m: float) -> Command:
-    """The gimbal points at a place on the ground."""
+    """Point the gimbal at a place on the ground."""
     return Command(number=_ROI_LOCATION, place=place, alt_m=ground_m)
 
 
 def point_nowhere() -> Command:
-    """The gimbal goes back to what it did."""
+    """Let the gimbal go back to what it did."""
     return Command(number=_ROI_NONE)
 
 
@@ -111,7 +111,7 @@ def gimbal_neutral(component: int = AUTOPILOT) -> Command:
 
 
 def mount_neutral() -> Command:
-    """The older way to the neutral position."""
+    """Turn the mount to its neutral position, the older way."""
     return Command(number=_MOUNT_CONTROL, params=(0, 0, 0, 0, 0, 0, _MOUNT_NEUTRAL))
 
 
@@ -167,10 +167,10 @@ def photo(number: int, component: int = AUTOPILOT) -> Command:
 
 
 def record_start(component: int = AUTOPILOT) -> Command:
-    """The camera records on board."""
+    """Start the camera's recording on board."""
     return Command(number=_RECORD, component=component)
 
 
 def record_stop(component: int = AUTOPILOT) -> Command:
-    """The camera stops recording."""
+    """Stop the camera's recording."""
     return Command(number=_RECORD_STOP, component=component)

@@ -51,7 +51,7 @@ class Uav:
         self._gimbals = Gimbals(gimbal)
         self._axis: tuple[float, tuple[float, float, float]] | None = None
         self.camera_component = 1
-        """Component of the first camera that beats, the autopilot's without one."""
+        """Component of the first camera that sends heartbeats, the autopilot's without one."""
         self.gimbal_component = 1
         """Component of the newest gimbal manager that sent, the autopilot's without one."""
         self.gimbal_holder: tuple[int, int] | None = None

@@ -20,7 +20,7 @@ from vision.video.video import Frame
 AUTO = "auto"
 """Word in place of a video's URL for what the UAV offers."""
 IF_OFFERED = "auto if offered"
-"""The same where nobody asked for a video: none is waited for before the UAV offers one."""
+"""Word for a video that nobody asked for: none is waited for before the UAV offers one."""
 _BY_OFFER = (AUTO, IF_OFFERED)
 MANY_REFUSED = 20
 """Datagrams of others that are dropped before it is reported: some are the rest of an earlier flight."""

@@ -79,7 +79,7 @@ class _Look:
     detections: Detections
     """Boxes of the frame as the detector drew them: a vehicle in two parts has two."""
     joined: JoinedBoxes
-    """The same boxes, one for each vehicle."""
+    """Boxes with one for each vehicle."""
     tracks: Tracks
     found: Identities | None
     """None without a camera pose, and once names have started again."""

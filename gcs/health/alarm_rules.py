@@ -66,7 +66,7 @@ class ReportedAlarm:
 
     rule: AlarmRule[Any]
     key: str
-    """The same whenever it is reported: that of the alarm; by its words alone, pairs have their names in it."""
+    """Key of the alarm, the same whenever it is reported; by its words alone, pairs have their names in it."""
     worked_out: bool
     """True if packets and frames alone raise it: then a recording raises it again."""
 

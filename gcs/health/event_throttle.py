@@ -13,7 +13,7 @@ from gcs.snapshot import Event
 from infra.reporting import TokenBucket
 
 BURST, RATE_HZ = 20.0, 2.0
-"""Notices that one sender may make of one kind at once, and a second for ever after."""
+"""Notices of one kind that one sender may make at once, and each second from then on."""
 SUM_UP_US = 1_000_000
 MAX_SENDERS, MAX_TEXTS = 600, 16
 
@@ -39,7 +39,7 @@ class _SenderEvents:
             self.most[event] += 1
 
     def sum_up(self, t_us: int) -> Event:
-        """One event for all that were held."""
+        """Sum up all events that were held in one."""
         event, number = self.most.most_common(1)[0]
         text = f"{event.text} × {number}"
         if number < self.held:

@@ -57,13 +57,13 @@ class Faults:
             self._write_traceback(job, error)
 
     def turn_failed(self, job: str, error: Exception) -> None:
-        """A turn of a job that is repeated failed."""
+        """Note that a turn of a job that is repeated failed."""
         self.record(job, error)
         times, _ = self._failing.get(job, (0, ""))
         self._failing[job] = times + 1, self.last
 
     def turn_succeeded(self, job: str) -> None:
-        """A turn of a job succeeded."""
+        """Note that a turn of a job succeeded."""
         self._failing.pop(job, None)
 
     @property

@@ -19,7 +19,7 @@ class LinkRates:
         self._seen: deque[tuple[float, Health]] = deque()
 
     def with_rates(self, t_us: int, health: Health) -> Health:
-        """The same health with rates.
+        """Return the health with rates.
 
         Args:
             t_us: now, Unix µs.

@@ -102,7 +102,7 @@ class FleetClock:
     runner_up_s: float
     """The offset that comes next, NaN none."""
     runner_up_evidence: float
-    """Likewise, NaN none."""
+    """Evidence of the offset that comes next, nats, NaN none."""
 
     @property
     def said(self) -> str:

@@ -82,7 +82,7 @@ class ImportReport:
     ugv_ids: tuple[int, ...] = ()
 
     def with_view(self, number: int, other: ImportReport) -> ImportReport:
-        """The same with what was found of a further film, whose fleet is that of the first."""
+        """Return the report with what was found of a further film, whose fleet is that of the first."""
         own = [(subject, text) for subject, text in other.found if subject in _OF_A_FILM]
         accounts = [replace(each, role=f"{each.role} {number}", spans={}) for each in other.sources]
         return replace(
@@ -279,7 +279,7 @@ class _Filmed:
 
     @property
     def view(self) -> View:
-        """The same as a further camera."""
+        """View of the film as a further camera of the mission."""
         mission = self.mission
         system_id, name = (0, mission.uav.name) if mission.mast else (self.uav_id, "")
         return View(system_id=system_id, name=name, mast=mission.mast, camera=mission.camera, clock=mission.clock)
@@ -544,7 +544,7 @@ def _suffix(path: Path) -> str:
 
 
 def _link(source: Path, target: Path) -> None:
-    """The same file under another name; on another disk a copy."""
+    """Link the same file under another name; on another disk copy it."""
     try:
         os.link(source.resolve(), target)
     except OSError:

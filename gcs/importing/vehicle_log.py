@@ -83,7 +83,7 @@ class PlaceTrack:
         return len(self.t_us)
 
     def select(self, rows: NDArray[np.bool_] | Ints) -> PlaceTrack:
-        """Some of the samples."""
+        """Return some of the samples."""
         return PlaceTrack(
             t_us=self.t_us[rows],
             lat_deg=self.lat_deg[rows],
@@ -131,7 +131,7 @@ class ViewTrack:
 
     @classmethod
     def empty(cls) -> ViewTrack:
-        """Nothing known of it."""
+        """Return a track of which nothing is known."""
         return cls(t_us=np.empty(0, np.int64), hfov=np.empty(0))
 
 

@@ -1,5 +1,4 @@
-"""A sink's own process: takes the newest snapshot, publishes it, and takes the next that is newest then. Started by
-``gcs.live_out.live_out``. The end of the requests means stop.
+"""A sink's own process: takes the newest snapshot, publishes it, and takes the next that is newest then.
 
 Started by ``gcs.live_out.live_out``. The end of the requests means stop.
 """

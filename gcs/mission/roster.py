@@ -170,7 +170,7 @@ def proposed_roles(
     vehicles: Iterable[HeardVehicle], chosen: Mapping[int, Role], *, whole_fleet: bool = True
 ) -> dict[int, Role]:
     """Propose the role of each vehicle, by system id: as the operator chose, else by what a vehicle is; out where its
-    packets are refused. Of several aircraft the only one that reports a camera films.
+    packets are refused.
 
     Of several aircraft the only one that reports a camera films.
 

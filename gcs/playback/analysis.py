@@ -231,7 +231,8 @@ class Analysis:
         return np.sort(np.concatenate([self.opened.known_us, flown_us]))
 
     def with_images(self, moments: Iterator[tuple[int, Snapshot]]) -> Iterator[tuple[int, Snapshot]]:
-        """The same moments, those at which a frame came with its image, where there is one that can be decoded."""
+        """Return the same moments, those at which a frame came with its image, where there is one that can be
+        decoded."""
         frames = self.video.frames() if self.video is not None else iter(())
         frame, shown = next(frames, None), -1
         for at_us, snapshot in moments:

@@ -28,14 +28,14 @@ from infra.files.segment import segments
 from infra.session_format import EVENTS
 
 SAME_US: Final = 5_000_000
-"""A replay without the flight's order of packets and frames finds the same some seconds earlier or later."""
+"""Greatest time between the same event in flight and in a replay without the flight's order of packets and frames."""
 WORKED_OUT: Final = frozenset({"vehicle", "identity", "camera", "text"})
 """Kinds of events that a replay works out again; the others tell of links, disks and people."""
 HELD_S: Final = 50
-"""An alarm is over this long after its last sign, at most; its event says how long it lasted until that."""
+"""Longest time from an alarm's last sign to its end; its event says how long it lasted until that."""
 MAX_EVENTS: Final = 20_000
 OUTSIDE_US: Final = 86_400_000_000
-"""Events that are farther from all packets and frames are from a clock that was wrong."""
+"""Distance from all packets and frames beyond which events are from a clock that was wrong."""
 _NEVER_US: Final = 1 << 62
 _OVER: Final = re.compile(r"over after (\d+) s: (.*)")
 _SEEN: Final = "seen: "
@@ -238,7 +238,7 @@ class FlownReports:
         return replace(flown.alarm, acknowledged=seen, reported="then" if differs else "")
 
     def _key(self, alarm: Alarm) -> str:
-        """The same of an alarm of the flight and of one of the replay."""
+        """Key that an alarm of the flight and one of the replay have in common."""
         if self._has_keys:
             return alarm.key
         known = reported_alarm(alarm.text, alarm.kind, alarm.system_id)
@@ -288,7 +288,7 @@ def _alarms(events: Sequence[Event], end_us: int) -> list[FlownAlarm]:
 
 
 def _alarms_by_words(events: Sequence[Event], end_us: int) -> list[FlownAlarm]:
-    """The same of an older recording, whose events do not say of which alarm they are."""
+    """Return the alarms of an older recording, whose events do not say of which alarm they are."""
     alarms: list[FlownAlarm] = []
     on: dict[str, FlownAlarm] = {}
     over_at: dict[tuple[str, int, str], list[int]] = {}
@@ -315,7 +315,7 @@ def _alarms_by_words(events: Sequence[Event], end_us: int) -> list[FlownAlarm]:
 
 
 def _without_levels(alarms: Iterable[FlownAlarm]) -> list[FlownAlarm]:
-    """The same alarms, where each stays the same one when its level changes."""
+    """Join alarms, each of which stays the same one when its level changes."""
     joined: list[FlownAlarm] = []
     last: dict[str, FlownAlarm] = {}
     for flown in alarms:

@@ -119,7 +119,7 @@ class RecordedTurns:
     def placed_turns(
         self, frames_us: NDArray[np.int64]
     ) -> Iterator[tuple[int, FoldTurn, Iterator[Packet], Detections | None]]:
-        """The same as :meth:`turns`, each with its time on the recording's time line, Unix µs.
+        """Yield the turns as :meth:`turns` does, each with its time on the recording's time line, Unix µs.
 
         Args:
             frames_us: (n,) times of the frames on it.

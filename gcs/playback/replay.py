@@ -336,25 +336,25 @@ class Replay:
         """Leave what was stated in flight as it is."""
 
     def rates(self) -> Sequence[Rate]:
-        """A recording measures nothing."""
+        """Return nothing: a recording measures no rates."""
         return ()
 
     def newcomers(self) -> Sequence[Newcomer]:
-        """A recording hears nobody."""
+        """Return nobody: a recording hears nobody new."""
         return ()
 
     def change_fleet(self, change: FleetChange) -> None:
-        """The fleet of a recording is as it flew."""
+        """Do nothing: the fleet of a recording is as it flew."""
 
     def accept_held(self, system_ids: Sequence[int]) -> None:
         """Leave what was held in flight."""
 
     def save_mission(self) -> str:
-        """A recording has its own."""
+        """Say that a recording has a mission of its own."""
         return "a recording has its mission in its session.toml"
 
     def take_rival_video(self) -> None:
-        """The video of a flight stays as it was recorded."""
+        """Do nothing: the video of a flight stays as it was recorded."""
 
     def stop(self) -> None:
         """End both threads and close the video, of all cameras."""

@@ -62,7 +62,7 @@ class SnapshotStore:
             return bisect_right(self._at_us, t_us) - 1
 
     def snapshot(self, place: int) -> Snapshot:
-        """One by its number."""
+        """Return a snapshot by its number."""
         chunk, k = divmod(place, CHUNK)
         with self._lock:
             if chunk == len(self._packed):

@@ -39,10 +39,7 @@ STANDING_RGB: Final[Mapping[Standing, Rgb]] = MappingProxyType(
     }
 )
 """Colour of each standing: far enough apart to be distinguished without red, green or blue cones, and bright enough on
-the dark. The two of vehicles whose place nobody knows are one colour.
-
-The two of vehicles whose place nobody knows are one colour.
-"""
+the dark. The two of vehicles whose place nobody knows are one colour."""
 DARK: Final[Rgb] = (14, 18, 26)
 """Behind labels and where there is no image."""
 CROWD: Final = 16

@@ -239,7 +239,7 @@ class RollCall:
         return (self._stop_us - self._start_us) * 1e-6
 
     def rows(self) -> list[RollCallRow]:
-        """One a vehicle, in the mission's order."""
+        """Return a row for each vehicle, in the mission's order."""
         return [self._row(system_id, entry) for system_id, entry in self._entries.items()]
 
     def _row(self, system_id: int, entry: _Entry) -> RollCallRow:

@@ -229,7 +229,7 @@ class SessionLog:
             start += int(np.count_nonzero(keep))
 
     def _of_each(self, column: str) -> list[NDArray[Any]]:
-        """A column of the kept records of each segment."""
+        """Yield a column of the kept records of each segment."""
         return [getattr(log.index, column)[keep] for log, keep in zip(self._logs, self._keep, strict=True)]
 
     def _find_warnings(self) -> Iterator[str]:

@@ -221,7 +221,7 @@ class RollcallApp(ReplayApp):
         self._panes.toggle(pane)
 
     def action_acknowledge(self) -> None:
-        """Every alarm that is on now has been seen."""
+        """Acknowledge every alarm that is on now."""
         self._alarms.acknowledge(self._alarms.alarms)
 
     @property
@@ -262,7 +262,7 @@ class RollcallApp(ReplayApp):
         ask_for_rival_video(self, self._station, self.snapshot)
 
     def action_layout(self, layout: int) -> None:
-        """One of three layouts."""
+        """Choose one of three layouts."""
         self._panes.choose(layout)
 
     def action_maximise(self) -> None:
@@ -430,10 +430,10 @@ class RollcallApp(ReplayApp):
         self._station.acknowledge(message.alarms)
 
     def on_vehicle_picked(self, message: VehiclePicked) -> None:
-        """A pane was clicked."""
+        """Pick what was clicked in a pane."""
         self._pick(message.system_id, message.track_id)
 
     def on_seek_to(self, message: SeekTo) -> None:
-        """The timeline was clicked."""
+        """Seek to where the timeline was clicked."""
         if self._station.timeline is not None:
             self._station.timeline.seek(message.t_us)

@@ -22,13 +22,13 @@ MIN_SHARE: Final = 0.3
 AROUND: Final = 0.9
 """Lengths of the longest box that are kept free around what is to be seen; half of it once a part is chosen."""
 MIN_AROUND: Final = 0.04
-"""The same as a share of the image's width, where there are small boxes or none."""
+"""Least free space around what is to be seen, as a share of the image's width, where there are small boxes or none."""
 STRANGER: Final = 0.5
 """Probability of being none of ours up to which a tracked box without a name is to be seen too."""
 LOOSE: Final = 1.5
-"""A part that is this many times wider than needed is given up for a closer one,"""
+"""Factor by which a part may be wider than needed before it is given up for a closer one."""
 LOOSE_US: Final = 3_000_000
-"""once it has been that for this long."""
+"""Time for which a part must have been that wide."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -112,7 +112,7 @@ class StartApp(TerminalApp):
         self._table = _HeardTable(id="panes")
 
     def compose(self) -> ComposeResult:
-        """The table and the keys."""
+        """Yield the table and the keys."""
         yield self._table
         yield KeyHints(HINTS, id="hints")
 
@@ -141,7 +141,7 @@ class StartApp(TerminalApp):
         self.exit()
 
     def action_pick(self, steps: int) -> None:
-        """The vehicle above or below."""
+        """Pick the vehicle above or below."""
         ids = list(self.roles)
         if ids:
             place = ids.index(self._picked) if self._picked in ids else 0
@@ -149,7 +149,7 @@ class StartApp(TerminalApp):
         self._show_all()
 
     def action_pick_vehicle(self, system_id: int) -> None:
-        """One that was clicked."""
+        """Pick a vehicle that was clicked."""
         self._picked = system_id
         self._show_all()
 
@@ -161,7 +161,7 @@ class StartApp(TerminalApp):
             self._choose(self._picked, inside if roles[self._picked] == "out" else "out")
 
     def action_film(self) -> None:
-        """The picked one carries the camera."""
+        """Let the picked vehicle carry the camera."""
         if self._picked in self.roles:
             self._choose(self._picked, "films")
 

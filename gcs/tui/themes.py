@@ -197,7 +197,7 @@ def hex_of(rgb: Rgb) -> str:
 
 
 def textual_theme(theme: Theme) -> TextualTheme:
-    """The same for Textual's own widgets and style sheets."""
+    """Return the theme for Textual's own widgets and style sheets."""
     colours = {colour: hex_of(rgb) for colour, rgb in theme.colours.items()}
     return TextualTheme(
         name=theme.name,

@@ -48,7 +48,7 @@ from mavlink.reception.reception import Arrival, ChannelLag, Reception, SenderKe
 from mavlink.state import Level, Notice, PositionState, VehicleStatus
 
 _REPEATED_US = 5_000_000
-"""The same text within this is a repetition."""
+"""Time within which the same text is a repetition."""
 _PIECE_BYTES = 50
 """Length of STATUSTEXT's field: a shorter piece is the last of its text."""
 _MAX_CHARS, _MAX_OPEN = 1000, 8

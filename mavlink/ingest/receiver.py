@@ -202,7 +202,7 @@ class LastSenders:
     def __init__(self) -> None:
         self._senders: list[tuple[int, int] | None] = [None] * 256
         self._claims: dict[int, set[Claim]] = {}
-        """The same by link: who is received over it."""
+        """Claims of senders by link."""
 
     def changes(self, link: int, batch: Batch) -> Iterator[tuple[int, int]]:
         """Places in a batch, and system ids, of frames whose system id last came from another sender, or never."""

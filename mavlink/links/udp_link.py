@@ -224,7 +224,7 @@ class UdpLink(Link):
         }
 
     def _receive_many(self, batch: Batch) -> None:
-        """One system call's worth of datagrams."""
+        """Receive one system call's worth of datagrams."""
         datagrams = self._datagrams
         assert datagrams is not None
         count = datagrams.receive()

@@ -91,7 +91,7 @@ class _RegularMessage:
         """Messages that were sent meanwhile, by the usual interval between them."""
 
     def add(self, made_ms: int) -> None:
-        """One that was made at a time in ms."""
+        """Add a message that was made at a time in ms."""
         interval_ms = made_ms - self._last_ms
         if abs(interval_ms) > _SILENCE_MS:
             self._last_ms = made_ms  # a silence or a reboot

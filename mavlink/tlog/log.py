@@ -137,7 +137,7 @@ class Tlog:
         return cls(path, data, index)
 
     def packet(self, row: int) -> Packet:
-        """The record in one row of the index."""
+        """Return the record in one row of the index."""
         start = int(self.index.offset[row])
         return Packet(int(self.index.t_us[row]), self._data[start : start + int(self.index.length[row])].tobytes())
 

@@ -51,7 +51,7 @@ class Frames:
         return self.offset + self.length
 
     def select(self, index: NDArray[np.int64] | NDArray[np.bool_]) -> Frames:
-        """Some of the frames."""
+        """Return some of the frames."""
         return Frames(self.offset[index], self.length[index])
 
 
@@ -120,7 +120,7 @@ def _crc(data: Bytes, at: Ints, covered: int) -> tuple[NDArray[np.uint16], NDArr
 def _crcs(
     data: Bytes, at: Ints, payload: NDArray[np.uint8], magic: int
 ) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
-    """The same for frames of any length, in groups of equal length."""
+    """Return the checksums of frames of any length, worked on in groups of equal length."""
     covered = payload.astype(np.uint16) + np.uint16(9 if magic == MAGIC_V2 else 5)
     order = np.argsort(covered, kind="stable")
     states, sent = np.empty(at.size, dtype=np.uint16), np.empty(at.size, dtype=np.uint16)

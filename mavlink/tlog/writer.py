@@ -194,7 +194,7 @@ class TlogWriter:
 
 
 def _table(log: Path, form: TableFormat, disk: Disk) -> AppendFile:
-    """A table beside a log."""
+    """Make a table beside a log."""
     return AppendFile(
         log.with_name(form.name), header=form.header.encode(), ram_bytes=_TABLE_RAM_BYTES, lazy=True, disk=disk
     )

@@ -79,7 +79,7 @@ class Transmitter:
         self._addresses: dict[int, tuple[int, int]] = {}
         """Link → peer and time of the UAV's last packet."""
         self._held: dict[int, tuple[int, int]] = {}
-        """The same of its packets that are held."""
+        """Link → peer and time of the UAV's last held packet."""
         self._others: set[int] = set()
         self._rejected: Counter[str] = Counter()
         self.count = 0
@@ -172,7 +172,7 @@ def _recent(addresses: Mapping[int, tuple[int, int]]) -> dict[int, tuple[int, in
 
 
 def _with_sequence(raw: bytes, seq: int) -> bytes:
-    """The same frame with another sequence number."""
+    """Return the frame with another sequence number."""
     body = raw[:4] + bytes([seq]) + raw[5:]
     extra = DEFINITIONS[Packet(0, raw).message_id][1]
     return body[:-2] + checksum(body, extra).to_bytes(2, "little")

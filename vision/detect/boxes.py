@@ -19,7 +19,7 @@ _UNIT = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 
 
 def wrap(angle: ArrayLike) -> Floats:
-    """The same direction in [-π, π)."""
+    """Wrap a direction into [-π, π)."""
     return np.asarray((np.asarray(angle, dtype=np.float64) + np.pi) % (2 * np.pi) - np.pi)
 
 
@@ -41,7 +41,7 @@ def hull(boxes: ArrayLike) -> Floats:
 
 
 def canonical(boxes: ArrayLike) -> Floats:
-    """The same rectangles (..., 5) with w ≥ h and the angle in [-π/2, π/2): one row per rectangle, front forgotten."""
+    """Return rectangles (..., 5) with w ≥ h and the angle in [-π/2, π/2): one row per rectangle, front forgotten."""
     rows = np.array(boxes, dtype=np.float64)
     w, h, angle = rows[..., 2].copy(), rows[..., 3].copy(), rows[..., 4]
     turned = h > w

@@ -52,7 +52,6 @@ class Arrivals:
 
     def of(self, offset: int | None) -> float:
         """Return the time at which the byte at an offset came, which is asked for in order; of an unknown one the last.
-        A container hands a picture out when the next one came, and perhaps the one after that.
 
         A container hands a picture out when the next one came, and perhaps the one after that.
         """

@@ -123,8 +123,7 @@ class Port:
         self._control: socket.socket | None = None
 
     def wait(self) -> Trial | None:
-        """Return the sender that is listened to next, its first datagrams left to be read. None when it is time to end,
-        and when ``senders.undecodable`` has something to tell.
+        """Return the sender that is listened to next, its first datagrams left to be read.
 
         None when it is time to end, and when ``senders.undecodable`` has something to tell.
         """

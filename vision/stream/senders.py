@@ -28,13 +28,14 @@ BLIND_S = 3.0
 QUIET_S = 0.3
 """Silence of the present sender after which others are held, so that none of theirs is missing when they begin."""
 RIVAL_S = 2.0
-"""A rival that was not heard for this long is none any more."""
+"""Silence after which a rival is none any more."""
 PATIENCE_S = 6.0
 """Wait for a first picture before it is reported that none can be decoded."""
 MAX_TRIALS = 4
 MAX_PROVEN = 8
 SHARE = 9.0
-"""Trials beside a sender that is shown wait for this many times what they took: they must not cost its frames."""
+"""Factor on the time that a trial took for which the next one waits beside a sender that is shown: they must not cost
+its frames."""
 
 
 class Senders:
@@ -96,7 +97,7 @@ class Senders:
         return self.refused + sum(trial.count for trial in self._trials.values() if self._is_beside(trial))
 
     def shown(self) -> None:
-        """The present sender has shown a picture."""
+        """Note that the present sender has shown a picture."""
         self._shown_s = self._heard_s
 
     def successor(self) -> Sender | None:
@@ -126,7 +127,7 @@ class Senders:
         return trial
 
     def end(self) -> None:
-        """The present sender's connection is over; its right stays."""
+        """Note that the present sender's connection is over; its right stays."""
         self.present, self._unknown = None, None
 
     def prefer(self, sender: Sender) -> None:
@@ -146,8 +147,8 @@ class Senders:
         return self._unknown is not None and self._now_s - self._unknown[1] > PATIENCE_S
 
     def undecodable(self) -> tuple[Sender, bool] | None:
-        """Return who that is, and whether it is RTP with video; from then on the wait starts again. None if there is
-        nobody."""
+        """Return a sender of which nothing decodes, and whether it is RTP with video; None without one. From then on
+        the wait starts again."""
         if self._unknown is None:
             return None
         (sender, _), self._unknown = self._unknown, None

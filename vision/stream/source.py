@@ -188,7 +188,7 @@ def _camera(text: str) -> Source:
 
 def _network(text: str, scheme: str) -> Source:
     """Return the source with options that keep delay low, and the stream from sending FFmpeg to files of ours or to
-    other hosts. RTSP is not among the protocols that RTSP may open: a server that sends on is refused.
+    other hosts.
 
     RTSP is not among the protocols that RTSP may open: a server that sends on is refused.
     """

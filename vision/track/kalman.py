@@ -102,7 +102,7 @@ def jacobian(H: Floats, points: Floats) -> Floats:
 
 
 def warp(x: Floats, P: Floats, H: Floats) -> tuple[Floats, Floats, Floats]:
-    """The same states in a frame that H (3, 3) leads to; velocity turns and scales with its place.
+    """Move states into a frame that H (3, 3) leads to; velocity turns and scales with its place.
 
     Returns:
         x (k, 4), P (k, 4, 4) and the Jacobian J (k, 2, 2) of the map at each place.

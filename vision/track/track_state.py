@@ -228,7 +228,7 @@ class TrackState:
         self.table[EXPECTED] = self.table[:2]
 
     def copy(self) -> TrackState:
-        """The same tracks, to be moved otherwise."""
+        """Copy the tracks, to be moved otherwise."""
         return TrackState(self.table.copy())
 
     def take_motion(self, other: TrackState) -> None:
@@ -322,5 +322,5 @@ def _turn_back(change: Floats, table: Floats, seen: Floats) -> None:
 
 
 def _near_zero(angle: Floats, period: float) -> Floats:
-    """The same angle modulo ``period``, nearest to 0."""
+    """Return an angle modulo ``period``, nearest to 0."""
     return np.asarray((angle + period / 2) % period - period / 2)

@@ -72,7 +72,7 @@ class Tracker:
         self._next_id = 1
         self._t_us: int | None = None
         self._paced = self.params
-        """The same with patience for as long as a missed frame takes."""
+        """Parameters with patience for as long as a missed frame takes."""
         self._recent_s = self.params.known_s
         self._intervals_s: deque[float] = deque(maxlen=INTERVALS)
         self._unwarped: TrackState | None = None

@@ -34,7 +34,7 @@ _MIN_ASPECT = 0.1
 _AGREE = 3
 """Frames on either side of where time stamps begin again: those that are shown later than coded do not agree."""
 _MAX_TRIED = 64
-"""Packets until the first picture."""
+"""Most packets that are decoded to find the first picture."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,14 +44,14 @@ class FrameIndex:
     width: int
     height: int
     pts: list[int]
-    """Display order, in ticks."""
+    """Time stamps in display order, ticks."""
     order: dict[int, int]
-    """pts → index."""
+    """Index by time stamp."""
     key_pts: NDArray[np.int64]
     """Frames that decoding can begin at, ascending."""
     tick_us: float
     quarter_turns: int = 0
-    """Counterclockwise, that the container asks for."""
+    """Quarter turns counterclockwise that the container asks for."""
     aspect: float = 1.0
     """Width of a coded pixel by its height."""
     shown_as: str = ""
@@ -107,7 +107,8 @@ def coded_packets(container: InputContainer, stream: VideoStream) -> Iterator[tu
 
 
 def _decodable(container: InputContainer, stream: VideoStream) -> Iterator[tuple[int, Packet[VideoStream]]]:
-    """Likewise of every frame that can be decoded: the first ones of a trimmed film are hidden, and needed."""
+    """Yield time stamp and packet of every frame that can be decoded: the first ones of a trimmed film are hidden, and
+    needed."""
     return _from_key(_stamped(container, stream))
 
 
@@ -184,7 +185,7 @@ def first_picture(path: Path) -> VideoFrame | None:
 
 
 def _first_frame(container: InputContainer, stream: VideoStream) -> VideoFrame | None:
-    """None where it does not decode."""
+    """Decode the first frame; None where none does."""
     for _, packet in islice(_decodable(container, stream), _MAX_TRIED):
         try:
             for frame in stream.codec_context.decode(packet):

@@ -98,7 +98,7 @@ class AttachServer:
         threading.Thread(target=self._serve, name="attach", daemon=True).start()
 
     def take(self) -> LentTerminal | None:
-        """A terminal that waits for the screens, once."""
+        """Take the terminal that waits for the screens."""
         with self._lock:
             waiting, self._waiting = self._waiting, None
             return waiting

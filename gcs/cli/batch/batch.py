@@ -119,7 +119,7 @@ class _Shown:
         self._partial: dict[str, tuple[int, int]] = {}
 
     def result(self, record: Any, skipped: bool) -> None:  # noqa: ANN401 - its class is loaded later
-        """One flight is over."""
+        """Show that one flight is over."""
         self._partial.pop(record.flight, None)
         self._ended += 1
         self._failed += record.status == "failed"

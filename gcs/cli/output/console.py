@@ -109,7 +109,7 @@ def _without_nan(value: object) -> object:
 
 
 def print_note(text: str) -> None:
-    """A line beside the result, on stderr."""
+    """Print a line beside the result, on stderr."""
     sys.stderr.write(f"gcs: {conceal(plain(text))}\n")
     sys.stderr.flush()
 

@@ -24,7 +24,7 @@ class GpxExport(WaysExport):
     """Export of tracks to GPX; unknown values are left out."""
 
     def lines(self, name: str, owners: Owners) -> Iterator[str]:
-        """The whole file."""
+        """Yield the lines of the file."""
         yield _HEAD
         starts = [way.t_us[0] for _, ways in owners for way in ways]
         time = f"<time>{time_utc(min(starts))}</time>" if starts else ""

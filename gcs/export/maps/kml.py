@@ -30,7 +30,7 @@ class KmlExport(WaysExport):
     """Export to KML; an empty value is unknown."""
 
     def lines(self, name: str, owners: Owners) -> Iterator[str]:
-        """The whole file."""
+        """Yield the lines of the file."""
         yield f"{_HEAD}<name>{escape(name)}</name>\n"
         yield from map(_style_rule, dict.fromkeys(_style(ways[0]) for _, ways in owners))
         yield _SCHEMA

@@ -170,7 +170,7 @@ class McapExport:
         self._unfinished.finish()
 
     def _show(self, frame: int) -> None:
-        """The film's pictures up to a frame."""
+        """Write the film's pictures up to a frame."""
         while self._next or self._take():
             index, data = self._next[0]
             if index > frame:

@@ -107,7 +107,7 @@ class RosbagExport:
         self._unfinished.finish()
 
     def _show(self, snapshot: Snapshot) -> None:
-        """The picture of the frame, if there is one."""
+        """Write the picture of the frame, if there is one."""
         while self._picture is None or self._picture.index < snapshot.frame:
             self._picture = next(self._pictures, None)
             if self._picture is None:

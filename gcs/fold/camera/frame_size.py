@@ -148,5 +148,5 @@ def _fit(look: _SampledFrame, scale: float) -> float:
 
 
 def _strange(look: _SampledFrame, scale: float) -> float:
-    """The same if no box is a vehicle's that reports: they may be anywhere."""
+    """Return the score if no box is a vehicle's that reports: they may be anywhere."""
     return -float(np.log(look.size[1] / look.size[0]) + 2.0 * np.log(scale))

@@ -55,7 +55,7 @@ class _NmeaReader:
         """Unix seconds of midnight, and the time of day at which it was reported."""
 
     def take(self, line: str) -> None:
-        """The next line."""
+        """Read the next line."""
         found = _SENTENCE.search(line)
         if found is None:
             return

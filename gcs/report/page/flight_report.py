@@ -27,7 +27,7 @@ _REPORTED: Final[Mapping[Reported, str]] = {
     "then": "the flight alone",
     "now": "its replay alone",
 }
-"""Words for who tells it, where it is not both."""
+"""Words for whether the flight or its replay reported something, where it is not both."""
 _LEVELS: Final = MappingProxyType({"level": MappingProxyType({"alarm": "bad", "warning": "warn"}).get})
 
 
@@ -46,11 +46,11 @@ class Provenance:
     imported: Sequence[tuple[str, str]] = ()
     """Account of the files of others that the recording was made from."""
     spans: Sequence[tuple[str, Sequence[tuple[float, float]]]] = ()
-    """Vehicles that these tell of, each with the seconds of the film from which and to which."""
+    """Spans of the film, seconds from and to, in which each of these files tells of vehicles."""
 
 
 def flight_report(record: FlightSummary, stills: Stills, matched: Matched | None, about: Provenance) -> str:
-    """The page.
+    """Make the page of one flight.
 
     Args:
         matched: names beside the truth, None unknown.

@@ -80,7 +80,7 @@ class BrailleCanvas:
         return np.minimum(low, high).max(axis=1, initial=0.0), np.maximum(low, high).min(axis=1, initial=1.0)
 
     def polygon(self, corners: NDArray[np.float64], ink: int, every: float = 1.0) -> None:
-        """A closed outline through (k, 2) corners."""
+        """Draw a closed outline through (k, 2) corners."""
         self.lines(corners, np.roll(corners, -1, axis=0), ink, every)
 
     def circles(self, centres: NDArray[np.float64], radii: NDArray[np.float64], ink: int) -> None:

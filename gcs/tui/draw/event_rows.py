@@ -80,7 +80,7 @@ def rows_of(events: Sequence[Event]) -> list[EventRow]:
 
 
 def _as_a_fleet(rows: list[EventRow]) -> list[EventRow]:
-    """The same with one row, the newest, in place of those in which many vehicles reached waypoints."""
+    """Return the rows with one, the newest, in place of those in which many vehicles reached waypoints."""
     reached = [row for row in rows if _is_on_its_way(row.event) and REACHED.search(row.event.text)]
     reached = [row for row in reached if row.event.level == "info" and not row.event.reported]
     vehicles = {row.event.system_id for row in reached}

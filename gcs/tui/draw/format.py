@@ -50,7 +50,8 @@ def standing_word(standing: Standing) -> str:
 
 
 def as_far_as_known(snapshot: Snapshot, text: str) -> str:
-    """The same of a provisional place, of which the last seconds before it alone are known: nothing is never there."""
+    """Return the word for a provisional place, of which the last seconds before it alone are known: nothing is never
+    there."""
     if not snapshot.provisional:
         return text
     return (

@@ -238,7 +238,7 @@ def _frames(
     inks: NDArray[np.int64],
     dotted: Sequence[bool],
 ) -> None:
-    """The corners of frames alone; all of the sides, in dots, of those of which nothing new is known."""
+    """Draw the corners of frames alone; all of the sides, in dots, of those of which nothing new is known."""
     corners = middle[:, None] + (CORNERS * size[:, None]) @ turn
     reach, every = np.where(dotted, 0.5, BRACKET)[:, None, None], np.where(dotted, 2.0, 1.0)
     # from each corner towards the one before and the one after
@@ -251,7 +251,7 @@ def _frames(
 def _fronts(
     dots: BrailleCanvas, boxes: Sequence[Box], scale: float, origin: NDArray[np.float64], inks: NDArray[np.int64]
 ) -> None:
-    """A line ahead of each front that is known."""
+    """Draw a line ahead of each front that is known."""
     ticks = np.array([front_mark(box, reach=1.0) for box in boxes])
     way = ticks[:, 1] - ticks[:, 0]
     ahead = way / np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-6)[:, None]

@@ -90,15 +90,15 @@ class AlarmPane(Pane):
 
     @property
     def groups(self) -> tuple[Group, ...]:
-        """The same, put together where several vehicles have the same trouble, or one vehicle has several."""
+        """Alarms put together where several vehicles have the same trouble, or one vehicle has several."""
         return alike(self.alarms)
 
     def watch_seen(self) -> None:
-        """Some were acknowledged."""
+        """Draw again when some were acknowledged."""
         self.redraw()
 
     def action_move(self, steps: int) -> None:
-        """The alarm above or below."""
+        """Move to the alarm above or below."""
         self._at = min(max(self._at + steps, 0), max(0, len(self.groups) - 1))
         self.redraw()
 
@@ -133,7 +133,7 @@ class AlarmPane(Pane):
         return [(hint, ink(FAINT, HEAD)), *count_parts(loud, quiet)]
 
     def body(self, width: int, height: int) -> list[Strip]:
-        """The worst first; scrolled to the mark."""
+        """Draw the alarms, the worst first; scrolled to the mark."""
         if self.snapshot is None:
             return []
         groups = self.groups

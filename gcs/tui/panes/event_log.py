@@ -127,16 +127,16 @@ class EventPane(Pane):
         self.redraw()
 
     def watch_all_events(self) -> None:
-        """Something happened."""
+        """Draw again when something happened."""
         self.redraw()
 
     def watch_least(self) -> None:
-        """Another filter begins at the newest event."""
+        """Go to the newest event when the filter changes."""
         self._back = 0
         self.redraw()
 
     def watch_words(self) -> None:
-        """Another search begins at the newest event."""
+        """Go to the newest event when the search changes."""
         self._back = 0
         self.redraw()
 

@@ -135,7 +135,7 @@ def _link(row: VehicleRow) -> Cell:
 
 
 def _link_and_position(row: VehicleRow) -> Cell:
-    """The same, and what is wrong with its position, where that has no column: ``pos 46s`` old."""
+    """Format the link, and what is wrong with the position, where that has no column: ``pos 46s`` old."""
     if row.heartbeat_age_s > SILENT_S or row.position_state in ("ok", "never"):
         return _link(row)
     text, colour = _position(row)
@@ -157,7 +157,7 @@ def _auth(row: VehicleRow) -> Cell:
 
 
 def _refusals(row: VehicleRow) -> Cell:
-    """The most frequent reason, and all together."""
+    """Format the most frequent reason, and the number of all."""
     if not row.refusals:
         return UNKNOWN, FAINT
     reason = max(row.refusals, key=row.refusals.__getitem__)
@@ -291,7 +291,7 @@ def _name_cells(columns: Sequence[Column], width: int) -> int:
 
 
 def _narrowed(column: Column) -> Column:
-    """The same with what can be left out of it left out."""
+    """Return the columns without what can be left out."""
     if column.title == IDENTITY:
         return replace(
             column,
@@ -331,7 +331,7 @@ class FleetPane(Pane):
         return ordered(snapshot, by_trouble=self.by_trouble)
 
     def watch_by_trouble(self) -> None:
-        """Another order begins at the top."""
+        """Go to the top when the order changes."""
         self._first = 0
         self.redraw()
 

@@ -1,6 +1,7 @@
 """The identity pane: who the picked vehicle or box is, how sure, and what to do.
 
-It has since when, what speaks against that, where it should be, and who else it may be, too."""
+It also shows since when that is so, what speaks against it, where the vehicle should be, and who else the box may be.
+"""
 
 from __future__ import annotations
 
@@ -70,7 +71,7 @@ ROOMY_CELLS = 36
 WITHOUT_NAME: Final[tuple[Standing, ...]] = ("unidentified", "misplaced", "no position", "out of view")
 """Standings of vehicles that no box is while there is a picture, first those that should be in it."""
 MAX_WITHOUT_NAME: Final = 6
-"""Vehicles told of with the reason; the rest is counted."""
+"""Most vehicles that are listed with the reason; the rest is counted."""
 NEVER_HEARD: Final = "never heard"
 PLACES: Final = (("upper left", "top", "upper right"), ("left", "", "right"), ("lower left", "bottom", "lower right"))
 """Thirds of the picture, from its top left."""
@@ -97,11 +98,11 @@ class IdentityPane(Pane):
         self._evidence = False
 
     def watch_named_for(self) -> None:
-        """More is known."""
+        """Draw again when more is known."""
         self.redraw()
 
     def show_evidence(self) -> None:
-        """The view for analysts, or back."""
+        """Switch to the view for analysts, or back."""
         self._evidence = not self._evidence
         self.redraw()
 
@@ -407,7 +408,7 @@ def _vehicle_facts(snapshot: Snapshot, row: VehicleRow, box: Box | None) -> list
 
 
 def _dated(name: str, text: str, age_s: float) -> Fact:
-    """A fact as it looks at its age."""
+    """Format a fact by its age."""
     return (name, *aged(text or UNKNOWN, INK, age_s, FACT_CELLS))
 
 

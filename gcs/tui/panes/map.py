@@ -145,12 +145,12 @@ class MapPane(Pane):
             self._look(replace(self._view, east=float(HOME_ENU[0]), north=float(HOME_ENU[1])))
 
     def action_trails(self) -> None:
-        """The next length of trails."""
+        """Go on to the next length of trails."""
         self._span = (self._span + 1) % len(TRAILS_S)
         self.redraw()
 
     def action_ruler(self) -> None:
-        """A cursor in the middle, or none."""
+        """Put a cursor in the middle, or take it away."""
         if self._view is not None:
             on = self._ruler.cursor is None
             self._ruler = Ruler(cursor=(self._view.east, self._view.north)) if on else Ruler()
@@ -175,7 +175,7 @@ class MapPane(Pane):
         return [(f"{held}{zoom} · trail {age(span) if span else 'off'} ", ink(FAINT, HEAD))]
 
     def watch_snapshot(self) -> None:
-        """Something new to show, and to keep for trails."""
+        """Take in a new snapshot, and keep it for trails."""
         if self.snapshot is not None:
             if self.snapshot.origin != self._origin:
                 self._follow_origin(self.snapshot.origin)
@@ -195,12 +195,12 @@ class MapPane(Pane):
         self._free, self._ruler = None, Ruler()
 
     def on_unmount(self) -> None:
-        """The tiles are not needed any more."""
+        """Close the tiles."""
         if self._basemap is not None:
             self._basemap.tiles.close()
 
     def body(self, width: int, height: int) -> list[Strip]:
-        """The chart, or a word on what is awaited."""
+        """Draw the chart, or a word on what is awaited."""
         if height <= 0:
             return []
         if self.snapshot is None:
@@ -255,7 +255,7 @@ class MapPane(Pane):
         self.capture_mouse()
 
     def on_mouse_move(self, event: events.MouseMove) -> None:
-        """The ground follows the pointer."""
+        """Move the ground with the pointer."""
         if self._dragged_from is None or self._view is None:
             return
         columns, rows = self._dragged_from[0] - event.x, self._dragged_from[1] - event.y

@@ -72,7 +72,7 @@ class TimelineBar(Widget):
         self.picked = (plain(name), timeline.confidence(system_id).tobytes()) if strip else ("", b"")
 
     def watch_marks(self) -> None:
-        """Something happened."""
+        """Draw again when something happened."""
         self._look = None
 
     def watch_gaps(self) -> None:

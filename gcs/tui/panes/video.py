@@ -112,7 +112,7 @@ class VideoPane(Pane):
         return "Z: not in the picture " if self.selected or self.picked_track else "Z: pick a vehicle "
 
     def body(self, width: int, height: int) -> list[Strip]:
-        """The frame, or a word on what is awaited."""
+        """Draw the frame, or a word on what is awaited."""
         if self.snapshot is None:
             return [line([(" waiting for the first frame …", ink(FAINT))], width)]
         if height <= 0:
@@ -169,7 +169,7 @@ class VideoPane(Pane):
         self.call_after_refresh(self._rest, now)
 
     def watch_enlarged(self) -> None:
-        """The inset comes or goes."""
+        """Show the inset, or take it away."""
         self.redraw()
 
     def watch_tiles(self, before: tuple[CameraPicture, ...], tiles: tuple[CameraPicture, ...]) -> None:

@@ -47,7 +47,7 @@ class ChoiceList(ModalScreen[str | None]):
         self._title, self._choices, self._hint = title, tuple(choices), hint
 
     def compose(self) -> ComposeResult:
-        """A heading over the list."""
+        """Yield a heading and the list."""
         with Vertical():
             yield Static(Text(plain(self._title), ink(ACCENT, HEAD, bold=True)), markup=False)
             yield OptionList(

@@ -68,7 +68,7 @@ class FleetList(ChoiceList):
         super().__init__("Who is in the fleet?", choices, "enter takes in or leaves out; r renames; esc closes")
 
     def action_choose(self) -> None:
-        """The same as enter."""
+        """Choose, as enter does."""
         self.query_one(OptionList).action_select()
 
     def action_rename(self) -> None:

@@ -128,7 +128,7 @@ class HelpScreen(ModalScreen[None]):
         self._page = HelpPage(_blocks(actions))
 
     def compose(self) -> ComposeResult:
-        """The page."""
+        """Yield the page."""
         yield self._page
 
     def action_turn(self, steps: int) -> None:

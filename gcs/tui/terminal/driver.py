@@ -127,7 +127,7 @@ class TerminalDriver(LinuxDriver):
         return b""
 
     def _leave(self) -> None:
-        """The terminal is gone; for any thread."""
+        """End since the terminal is gone; for any thread."""
         with self._pacing_changed:
             self._gone = True
             self._pacing_changed.notify_all()

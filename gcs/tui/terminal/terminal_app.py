@@ -96,7 +96,7 @@ class TerminalApp(App[None]):
         return [each for each in super().get_line_filters() if not isinstance(each, ANSIToTruecolor)]
 
     def action_next_theme(self) -> None:
-        """The next one."""
+        """Change to the next theme."""
         self.theme = next_theme(self.theme)
         self.notify(f"theme: {self.theme}", timeout=2, markup=False)
 
@@ -107,7 +107,7 @@ class TerminalApp(App[None]):
             getattr(widget, "redraw", widget.refresh)()
 
     def get_default_screen(self) -> Screen[None]:
-        """One that does not wait for a clock."""
+        """Return a screen that does not wait for a clock."""
         return EagerScreen(id="_default")
 
     def get_driver_class(self) -> type[Driver]:
