@@ -61,8 +61,6 @@ class LockHolder(msgspec.Struct, frozen=True, kw_only=True):
 def held(files: Any, path: str, address: str) -> Iterator[None]:  # noqa: ANN401 - fsspec has no types
     """Hold a store while a block runs.
 
-    Args:
-        files: fsspec's file system.
 
     Raises:
         StoreError: another batch holds it, or it cannot be written.
@@ -269,8 +267,6 @@ class LocalResults:
 class RemoteResults:
     """A folder of whatever fsspec writes.
 
-    Args:
-        address: with its protocol.
 
     Raises:
         StoreError: what reads it is not installed.

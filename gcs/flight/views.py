@@ -164,13 +164,7 @@ class FlightViews:
 
 def beside(snapshot: Snapshot, view: FlightView, others: Sequence[FlightView]) -> Snapshot:
     """A camera's snapshot with what the others tell: alarms that it has not, their aircraft, what they see, and who is
-    named there.
-
-    Args:
-        snapshot: of the camera.
-        view: the camera.
-        others: the other cameras.
-    """
+    named there."""
     newest = [(other, other.loop.latest) for other in others]
     alarms = [view.told_alarm(alarm) for alarm in snapshot.alarms]
     known = {(alarm.key, alarm.system_id) for alarm in alarms}

@@ -73,14 +73,7 @@ class Statements:
             identifier.state(track, standing.made.system_id)
 
     def apply(self, t_us: int, frame: int, tracks: Tracks, identifier: Identifier) -> list[Event]:
-        """Let what waits count from this frame on.
-
-        Args:
-            t_us: the frame's time.
-            frame: its number.
-            tracks: after it.
-            identifier: takes the evidence.
-        """
+        """Let what waits count from this frame on."""
         events: list[Event] = []
         while self._waiting and self._waiting[0].frame <= frame:
             asked = self._waiting.popleft()

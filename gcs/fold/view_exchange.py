@@ -87,13 +87,7 @@ class ViewExchange:
 
 
 class ExchangeMember:
-    """One view in the exchange: it shares what it found and uses what others found.
-
-    Args:
-        exchange: with all views.
-        system_id: of the view's aircraft.
-        note: as of :meth:`ViewExchange.join`.
-    """
+    """One view in the exchange: it shares what it found and uses what others found."""
 
     def __init__(self, exchange: ViewExchange, system_id: int, note: Callable[[int, int, int], None]) -> None:
         self._exchange, self._system_id, self._note = exchange, system_id, note

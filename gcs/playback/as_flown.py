@@ -176,12 +176,7 @@ class FlownReports:
         return self._shown
 
     def alarms(self, t_us: int, found: Sequence[Alarm]) -> tuple[Alarm, ...]:
-        """Alarms on at a moment, the worst and newest first; where flight and replay differ, each says whose it is.
-
-        Args:
-            t_us: the moment.
-            found: what the replay finds then.
-        """
+        """Alarms on at a moment, the worst and newest first; where flight and replay differ, each says whose it is."""
         if not self._flown:
             return tuple(found)
         on = [flown for flown in self._alarms if flown.alarm.since_us <= t_us < flown.until_us]

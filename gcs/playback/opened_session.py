@@ -55,9 +55,6 @@ class OpenedSession:
     def open(cls, session: Session, *, redetect: bool = False) -> OpenedSession:
         """Open all files of a session.
 
-        Args:
-            session: What to open.
-            redetect: Leave aside what was detected.
 
         Raises:
             SessionError, TlogError, VideoError: a part that cannot be used.

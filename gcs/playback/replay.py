@@ -78,12 +78,7 @@ def _gaps(
 
 
 class ConfidenceHistory:
-    """History of confidences by snapshots; those worked out provisionally count for nothing.
-
-    Args:
-        start_us: first moment of the recording.
-        stop_us: last one.
-    """
+    """History of confidences by snapshots; those worked out provisionally count for nothing."""
 
     def __init__(self, start_us: int, stop_us: int) -> None:
         self._start_us, self._span_us = start_us, max(1, stop_us - start_us)

@@ -163,13 +163,7 @@ def box_keys(boxes: Sequence[Box]) -> list[int]:
 def image_inset(
     snapshot: Snapshot, *, scale: float, selected: int, track: int = 0, former: Inset | None = None
 ) -> Inset | None:
-    """Area in which ``draw`` shows the picked vehicle enlarged, below the header; None where that is not known.
-
-    Args:
-        scale: As for ``draw``.
-        selected: As for ``draw``.
-        track: As for ``draw``.
-    """
+    """Area in which ``draw`` shows the picked vehicle enlarged, below the header; None where that is not known."""
     width, height = _size(snapshot, scale)
     top = math.ceil(_text_size("0", _unit(height))[1])
     marks = []

@@ -202,9 +202,6 @@ def _replace(folder: int, text: str) -> int:
     """Put a new file in the place of the old one, in one step and locked from the start; returns it open.
 
     The new file has a random name, so that no link can have been put in its place.
-
-    Args:
-        folder: descriptor of the session's folder.
     """
     new = f"{METADATA}.{secrets.token_hex(8)}.new"
     fd = create(new, folder=folder)

@@ -36,11 +36,7 @@ class _InUse:
 
 
 def use_theme(name: str) -> None:
-    """Set the theme of all that is drawn from now on; what is on screen must be drawn again.
-
-    Args:
-        name: One of ``THEMES``.
-    """
+    """Set the theme of all that is drawn from now on; what is on screen must be drawn again."""
     _InUse.theme = THEMES[name]
 
 

@@ -49,8 +49,6 @@ class Piece:
 def make_journal(size: int = RAM_BYTES) -> int:
     """Allocate the memory of a new journal; return its file descriptor.
 
-    Args:
-        size: capacity in bytes.
 
     Raises:
         OSError: no memory is left.

@@ -221,11 +221,7 @@ class VehicleClock:
         return self._newest
 
     def boot_at(self, boot_ms: int, arrival_us: int) -> int | None:
-        """Boot time of a message that does not teach the clock; None where it is not one of this clock.
-
-        Args:
-            arrival_us: Unix µs.
-        """
+        """Boot time of a message that does not teach the clock; None where it is not one of this clock."""
         if not self._started or self._by_arrival:
             return None
         boot_us = self._unwrap(boot_ms * _MS, arrival_us)

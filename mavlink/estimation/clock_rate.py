@@ -36,11 +36,7 @@ class ClockRate:
         self._stop_us = self._newest = 0
 
     def add(self, boot_us: int, arrival_us: int) -> bool:
-        """Learn from a message; True when something new is known.
-
-        Args:
-            arrival_us: Unix µs.
-        """
+        """Learn from a message; True when something new is known."""
         if self._least is not None and not -BACK_US <= boot_us - self._newest <= LEAP_US:
             self.clear()
         self._newest = max(boot_us, self._newest)

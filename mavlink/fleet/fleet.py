@@ -126,12 +126,7 @@ MODEM_MESSAGES = (109, 166)
 
 
 def add_radio_status(packet: Packet, vehicles: Mapping[int, Vehicle]) -> None:
-    """Give a modem's report to the vehicles that it is about.
-
-    Args:
-        packet: one of ``MODEM_MESSAGES``.
-        vehicles: by system id.
-    """
+    """Give a modem's report to the vehicles that it is about."""
     sample = decode(packet)
     if packet.auth > Auth.GOOD or not isinstance(sample, RadioStatus):
         return

@@ -50,11 +50,7 @@ class _RefusedSender:
 
 
 class RefusedPacketLimiter:
-    """Drops refused packets beyond a rate for each sender.
-
-    Args:
-        clock_s: monotonic.
-    """
+    """Drops refused packets beyond a rate for each sender."""
 
     def __init__(self, clock_s: Callable[[], float] = time.monotonic) -> None:
         self._clock_s = clock_s
@@ -126,8 +122,6 @@ _SETUP_SIGNING = b"\x00\x01\x00"
 class Signatures:
     """Verifies packets, where there are keys.
 
-    Args:
-        signing: where they are.
 
     Raises:
         SigningError: they cannot be used.

@@ -112,11 +112,7 @@ class Verifier:
         return self.streams.admit(system_id, raw[6], raw[-13], timestamp, now, raw)
 
     def accept_held(self, system_id: int, t_us: int) -> int:
-        """Accept a system whose frames are held, on an operator's order; return how many of its streams were held.
-
-        Args:
-            t_us: Unix µs now.
-        """
+        """Accept a system whose frames are held, on an operator's order; return how many of its streams were held."""
         return self.streams.accept_held(system_id, self._now(t_us))
 
     def _now(self, t_us: int) -> int:

@@ -185,11 +185,7 @@ class MessageRates:
         self._low_rates: dict[tuple[int, int, str], Hysteresis] = {}
 
     def add_wanted(self, message_id: int, hz: float) -> None:
-        """Add a message that is wanted of the UAV from now on.
-
-        Args:
-            message_id: which.
-        """
+        """Add a message that is wanted of the UAV from now on."""
         with self._lock:
             self._wanted[self._uav] = {**self._wanted[self._uav], message_id: hz}
             for (system_id, _), peer in self._peers.items():
@@ -204,11 +200,7 @@ class MessageRates:
             self._peers = {key: peer for key, peer in self._peers.items() if key[0] in self._wanted}
 
     def add_packet(self, packet: Packet, now_s: float) -> None:
-        """Count a packet, and read the UAV's answers.
-
-        Args:
-            now_s: monotonic seconds.
-        """
+        """Count a packet, and read the UAV's answers."""
         wanted = self._wanted.get(packet.system_id)
         if wanted is None:
             return

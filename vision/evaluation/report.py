@@ -16,11 +16,7 @@ from vision.evaluation.shares import Share, range_name
 
 
 def as_json(result: Evaluation, about: Mapping[str, Any], beside: Comparison | None = None) -> str:
-    """Everything; unknown numbers are null.
-
-    Args:
-        beside: another detector's.
-    """
+    """Everything; unknown numbers are null."""
     figures = asdict(result)
     figures = {"pictures": figures.pop("images"), **figures}  # the key of earlier files
     if beside is not None:
@@ -38,11 +34,7 @@ def as_markdown(result: Evaluation, about: Mapping[str, Any], beside: Comparison
 def tables(
     result: Evaluation, about: Mapping[str, Any], beside: Comparison | None = None
 ) -> Iterator[tuple[Sequence[str], Sequence[Sequence[str]]]]:
-    """Names of the columns, and the rows, of each table; numbers are in all columns but the first.
-
-    Args:
-        beside: another detector's figures.
-    """
+    """Names of the columns, and the rows, of each table; numbers are in all columns but the first."""
     yield ("what", "which"), [(k, str(v)) for k, v in about.items()]
     yield ("figure", "value"), _figures(result)
     for title, shares, with_ap in (

@@ -190,11 +190,7 @@ def read_results(results: ResultStore) -> list[FlightRecord]:
 
 
 def batch_page(records: Sequence[FlightRecord], where: str) -> str:
-    """The whole page, one HTML file that needs nothing else.
-
-    Args:
-        where: address of the batch's results.
-    """
+    """The whole page, one HTML file that needs nothing else."""
     failed = [record for record in records if record.status == FAILED]
     done = [record for record in records if record.status != FAILED]
     judged = sorted(map(judge, done), key=lambda each: each.order)

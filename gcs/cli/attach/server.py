@@ -68,8 +68,6 @@ class LentTerminal:
 class AttachServer:
     """Waits for terminals; a flight without one goes on all the same.
 
-    Args:
-        folder: the flight's session.
 
     Attributes:
         trouble: why none can come, empty where they can.

@@ -58,11 +58,6 @@ class FoxgloveChannels:
                 self._fixes[row.system_id].log(fix, log_time=t_ns)
 
     def write_words(self, at_us: int, t_us: int, level: Level, kind: str, text: str) -> None:
-        """Send a line of the log.
-
-        Args:
-            at_us: when it happened, Unix µs.
-            kind: as an event's.
-        """
+        """Send a line of the log."""
         told = Log(timestamp=stamp_of(at_us), level=LEVELS[level], name=kind, message=plain(text))
         self._log.log(told, log_time=1000 * t_us)

@@ -79,12 +79,7 @@ class CameraDirection:
         return camera_rotation(mount, R_enu_body, _gimbal(uav) if self.follows_gimbal else None)
 
     def check(self, t_us: int, uav: UavState) -> Iterator[Event]:
-        """News for the operator about the direction, each once.
-
-        Args:
-            t_us: now.
-            uav: with what its gimbal reports.
-        """
+        """News for the operator about the direction, each once."""
         R_enu_gimbal = _gimbal(uav)
         if self.follows_gimbal and uav.attitude_valid:
             yield from self._check_lost(t_us, R_enu_gimbal is not None)

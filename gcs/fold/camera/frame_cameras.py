@@ -101,11 +101,6 @@ class FrameCameras:
     ) -> tuple[bool, Sequence[Event]]:
         """Search for the camera, where nothing describes its lens or its direction.
 
-        Args:
-            state: the fleet at a frame.
-            boxes: of the frame.
-            tracks: after them.
-            camera: of the frame, None unknown.
 
         Returns:
             Whether names have to start again, since another camera is used from the next frame on; and what an operator
@@ -181,9 +176,6 @@ class FrameCameras:
     def follow_steps(self, state: FleetState, *, sure: bool) -> tuple[bool, Sequence[Event]]:
         """Take out steps of the UAV's position that the video does not show.
 
-        Args:
-            state: the fleet at a frame.
-            sure: whether the names are.
 
         Returns:
             Whether names have to start again, since the step was not taken out, and what happened.

@@ -147,12 +147,7 @@ def listed(lines: Sequence[Line]) -> list[Line]:
 
 
 def section(title: str, *parts: str) -> Section:
-    """One part of a page.
-
-    Args:
-        title: plain words.
-        parts: HTML.
-    """
+    """One part of a page."""
     return Section(title, "".join(parts))
 
 

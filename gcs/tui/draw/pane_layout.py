@@ -64,13 +64,7 @@ def default_panes(layout: int, width: int, height: int) -> frozenset[str]:
 
 
 def arranged(width: int, height: int, state: LayoutState) -> Mapping[str, Rect]:
-    """Rectangles of the panes that find room.
-
-    Args:
-        width: Of the field, cells.
-        height: Of the field, cells.
-        state: Layout and switched panes.
-    """
+    """Rectangles of the panes that find room."""
     if width <= 0 or height <= 0:
         return {}
     if state.maximised:

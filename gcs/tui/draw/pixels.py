@@ -143,11 +143,7 @@ def _shows_inline(environ: Mapping[str, str]) -> bool:
 
 
 def inline_image(image: Any) -> str:  # noqa: ANN401  Pillow's
-    """An image as iTerm2's control sequence (OSC 1337), in its own size; the cursor may move by it.
-
-    Args:
-        image: of Pillow.
-    """
+    """An image as iTerm2's control sequence (OSC 1337), in its own size; the cursor may move by it."""
     file = io.BytesIO()
     image.convert("RGB").save(file, "JPEG", quality=QUALITY)
     data = file.getvalue()

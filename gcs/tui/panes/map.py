@@ -281,12 +281,7 @@ class MapPane(Pane):
 
 
 def map_pane(station: Station, trails: TrailSource) -> MapPane:
-    """The map of a station, with what the mission has to be under it; tiles that cannot be used are an event.
-
-    Args:
-        station: a flight or a replay.
-        trails: of a replay.
-    """
+    """The map of a station, with what the mission has to be under it; tiles that cannot be used are an event."""
     basemap = None
     if station.tiles is not None:
         try:

@@ -36,13 +36,7 @@ class ChoiceList(ModalScreen[str | None]):
     """
 
     def __init__(self, title: str, choices: Sequence[tuple[str, str]], hint: str) -> None:
-        """Make a list.
-
-        Args:
-            title: One line over it.
-            choices: Keys and words, plain text.
-            hint: One line below it.
-        """
+        """Make a list."""
         super().__init__()
         self._title, self._choices, self._hint = title, tuple(choices), hint
 

@@ -21,13 +21,7 @@ OFFER_S = 20.0
 
 
 def ask_for_fleet(app: App[Any], station: Station, snapshot: Snapshot | None) -> None:
-    """Let the operator change who is in the fleet.
-
-    Args:
-        app: to show the list.
-        station: takes the change.
-        snapshot: the newest.
-    """
+    """Let the operator change who is in the fleet."""
     if snapshot is None:
         return
     names = {row.system_id: row.name for row in snapshot.vehicles}

@@ -62,11 +62,7 @@ class HelpPage(Widget):
     """One page at a time, under a heading and over a row that says how to turn."""
 
     def __init__(self, blocks: Sequence[Block]) -> None:
-        """Show help.
-
-        Args:
-            blocks: All of it.
-        """
+        """Show help."""
         super().__init__(id="help")
         self._blocks = blocks
         self._pages: list[list[list[list[Part]]]] = []
@@ -119,11 +115,7 @@ class HelpScreen(ModalScreen[None]):
     ]
 
     def __init__(self, actions: Iterable[Action]) -> None:
-        """Show help.
-
-        Args:
-            actions: What the keys do.
-        """
+        """Show help."""
         super().__init__()
         self._page = HelpPage(_blocks(actions))
 

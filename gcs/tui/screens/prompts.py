@@ -98,13 +98,7 @@ class Confirm(ModalScreen[bool]):
 
 
 def ask_for_rival_video(app: App[Any], station: Station, snapshot: Snapshot | None) -> None:
-    """Let the operator take the other video where two senders contest its port; both addresses are asked about.
-
-    Args:
-        app: to show the question.
-        station: takes the answer.
-        snapshot: the newest.
-    """
+    """Let the operator take the other video where two senders contest its port; both addresses are asked about."""
     health = snapshot.health if snapshot else None
     if health is None or not health.video_rival:
         app.notify(NO_RIVAL, severity="warning", timeout=6, markup=False)

@@ -32,11 +32,7 @@ REPLY_HOLD_S = 1.0
 
 
 class Replies:
-    """Separates replies from keys over any number of reads.
-
-    Args:
-        on_reply: is called with each reply.
-    """
+    """Separates replies from keys over any number of reads."""
 
     def __init__(self, on_reply: Callable[[str], None]) -> None:
         self._on_reply = on_reply

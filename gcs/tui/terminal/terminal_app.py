@@ -65,12 +65,7 @@ class EagerScreen(Screen[None]):
 
 
 class TerminalApp(App[None]):
-    """Base of both apps: how they reach the terminal, and in which colours.
-
-    Args:
-        fps: most pictures a second.
-        theme: colours to begin with.
-    """
+    """Base of both apps: how they reach the terminal, and in which colours."""
 
     def __init__(self, fps: float = MAX_FPS, theme: ThemeName = "dark") -> None:
         super().__init__()
