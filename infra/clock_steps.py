@@ -22,12 +22,7 @@ _LEAD_IN, _AGREED = 3, 0.3
 
 
 def restarts(times: Ints, least: int, agree: int = _NEXT) -> list[int]:
-    """Places from which times (n,) begin again, by ``least`` or more: all of the next are less than all of the last.
-
-    Args:
-        times: in the order in which they were written.
-        agree: how many times on either side have to.
-    """
+    """Places from which times (n,) begin again, by ``least`` or more: all of the next are less than all of the last."""
     return [
         i
         for i in (np.flatnonzero(np.diff(times) <= -least) + 1).tolist()

@@ -29,11 +29,7 @@ class ReportOnce:
 
 
 class Throttle:
-    """Filter that lets the same thing be reported again only after a while.
-
-    Args:
-        every: least time between two reports with one key.
-    """
+    """Filter that lets the same thing be reported again only after a while."""
 
     __slots__ = ("_every", "_reported")
 

@@ -48,11 +48,7 @@ class _KnownTrack(NamedTuple):
 
 
 class FirstSeenTracks:
-    """Objects that the tracks of a view are.
-
-    Args:
-        view: its own.
-    """
+    """Objects that the tracks of a view are."""
 
     def __init__(self, view: int) -> None:
         self._view = view

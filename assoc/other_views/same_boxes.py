@@ -87,9 +87,6 @@ class SameBoxes:
     def update(self, mine: Sighting, theirs: Sequence[Sighting]) -> tuple[IntArray, FloatArray]:
         """Compare with what the other view saw about the same time.
 
-        Args:
-            mine: The tracks of one frame.
-            theirs: The other view's last frames, in order, in the same world.
 
         Returns:
             (k,) tracks of the other view that are somewhere at that time; (m, k) probability of each pair to be one.

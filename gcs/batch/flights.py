@@ -273,9 +273,6 @@ def remote_stamp(address: str) -> str:
 def fetch(address: str, place: Path) -> None:
     """Copy a recording out of a store.
 
-    Args:
-        address: of a session folder or a telemetry log.
-        place: path of this machine that the folder or the log gets.
 
     Raises:
         StoreError: it cannot be fetched, or is larger or slower than a flight.

@@ -50,12 +50,6 @@ def withhold_names(
     """Identities without contested and contradicted names; without any while it is the UAV's own id that is contested.
 
     Evidence from before a second sender came may be from either of the two.
-
-    Args:
-        identities: as found.
-        state: who is contested.
-        contradicted: vehicles that get no name until their reports fit the video again.
-        left: tracks that may be these: without a name they are no strangers.
     """
     kept_back = [*state.contested, *contradicted]
     if identities is None or not kept_back:

@@ -96,14 +96,7 @@ class ExchangeMember:
         self._moves: dict[LocalFrame, tuple[LocalFrame, FloatArray, FloatArray]] = {}
 
     def answers(self, frame: int, origin: LocalFrame, system_ids: tuple[int, ...], mine: Sighting) -> FloatArray:
-        """(m, n + 1) what the tracks of a frame are by all that views know; share with the others what this one has.
-
-        Args:
-            frame: its index.
-            origin: of the world in which its places are.
-            system_ids: who can be named.
-            mine: what the view has by itself.
-        """
+        """(m, n + 1) what the tracks of a frame are by all that views know; share with the others what this one has."""
         if system_ids != self._system_ids:  # what was heard is of the fleet as it was
             self._hearing, self._system_ids = Hearing(), system_ids
         theirs = self._exchange.frames_of_others(self._system_id, frame)

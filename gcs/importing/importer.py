@@ -231,9 +231,6 @@ class FurtherFilm:
 def import_flight(out: Path, options: ImportOptions) -> ImportReport:
     """Write a session from a flight's files.
 
-    Args:
-        out: session folder, which must not exist.
-        options: which files, and what is known.
 
     Raises:
         GcsError, MavlinkError, VisionError, SimError: a file cannot be used, or they do not belong together.

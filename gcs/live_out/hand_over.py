@@ -70,12 +70,7 @@ class SnapshotWriter:
 
 
 class SnapshotReader:
-    """A sink's end of the hand-over; it may begin at any time.
-
-    Args:
-        fd: of the writer's memory.
-        images: whether the writer hands over pictures.
-    """
+    """A sink's end of the hand-over; it may begin at any time."""
 
     def __init__(self, fd: int, *, images: bool = False) -> None:
         self._view = memoryview(map_memory(fd))

@@ -46,10 +46,6 @@ class TiffGrid(msgspec.Struct, tag=True):
 def read_tiff(path: Path, most_cells: int, tags: list[int]) -> TiffGrid:
     """Read a file.
 
-    Args:
-        path: of the file.
-        most_cells: a larger one is refused before it is decoded.
-        tags: those that are wanted.
 
     Raises:
         UnreadError: no TIFF that can be read.

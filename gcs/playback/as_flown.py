@@ -128,13 +128,7 @@ class FlownReports:
         return self._flown
 
     def add(self, t_us: int, events: Iterable[Event], alarms: Iterable[Alarm]) -> None:
-        """Take in what a replay finds at its next moment.
-
-        Args:
-            t_us: the moment; all before it is worked out.
-            events: new ones.
-            alarms: on at the moment.
-        """
+        """Take in what a replay finds at its next moment."""
         for event in events:
             self._add_event(event)
         known = len(self._found.spans)
@@ -263,12 +257,7 @@ def _is_about(t_us: int, since_us: int, until_us: int) -> bool:
 
 
 def _alarms(events: Sequence[Event], end_us: int) -> list[FlownAlarm]:
-    """Alarms by the events that tell of their coming and going; others of their level are events alone.
-
-    Args:
-        events: of the flight, in order.
-        end_us: of the flight: until then alarms last that no event ends.
-    """
+    """Alarms by the events that tell of their coming and going; others of their level are events alone."""
     alarms: list[FlownAlarm] = []
     on: dict[str, FlownAlarm] = {}
     for event in events:

@@ -136,9 +136,6 @@ def open_flight(
 def score_boxes(boxes: NamedBoxes | Path | str, truth: Path | str) -> Score:
     """The score of names against the truth.
 
-    Args:
-        boxes: A table of ``identify``, or an ``identity.csv``.
-        truth: A ``truth.csv``.
 
     Raises:
         GcsError: The two have nothing in common, or a file cannot be used.

@@ -112,9 +112,6 @@ class InStep:
     def join(self, analysis: Analysis, *, followed: bool) -> str:
         """Add a camera.
 
-        Args:
-            analysis: folds it.
-            followed: it is folded for others' sake, and not shown.
 
         Returns:
             What is wrong with what it heard in flight, empty for nothing.
@@ -123,11 +120,7 @@ class InStep:
         return camera.trouble
 
     def begin(self, uav_id: int) -> ExchangeMember | None:
-        """Join a fold that begins at the start to the others; those that are not shown start again, too.
-
-        Args:
-            uav_id: of the aircraft whose camera it is.
-        """
+        """Join a fold that begins at the start to the others; those that are not shown start again, too."""
         if len(self._cameras) == 1:
             return None
         followed = {other: camera for other, camera in self._cameras.items() if camera.followed}

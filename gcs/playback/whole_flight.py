@@ -53,10 +53,6 @@ class KnownFrame:
 def by_whole_flight(every: Iterable[KnownFrame], mission: Mission, evidence: FlightEvidence) -> Iterator[KnownFrame]:
     """Name boxes by the whole of a recording.
 
-    Args:
-        every: What is known of each snapshot, in the order of the fold.
-        mission: Who can be named.
-        evidence: What the fold has taken in so far, and goes on to.
 
     Yields:
         The same, with what is known then.

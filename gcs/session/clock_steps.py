@@ -82,11 +82,7 @@ class ClockSteps:
         return t_us
 
     def correct_frames(self, stamped_us: Ints, start_us: int) -> Ints:
-        """(n,) stamps of frames on the same time line.
-
-        Args:
-            stamped_us: in the order of the frames.
-        """
+        """(n,) stamps of frames on the same time line."""
         t_us = stamped_us.copy()
         for new_us, step_us in zip(self.t_us.tolist(), self.step_us.tolist(), strict=True):
             old_us = new_us - step_us

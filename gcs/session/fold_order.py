@@ -116,9 +116,6 @@ class FoldOrder:
         """(n,) how many records of a log come before each turn, and of how many turns the numbers are another log's.
 
         A log that lost records, on a failing disk, numbers them differently from the flight: then their times decide.
-
-        Args:
-            stamped_us: of the log's records.
         """
         records = np.array([turn.records for turn in self.turns], dtype=np.int64)
         record_us = np.array([turn.record_us for turn in self.turns], dtype=np.int64)

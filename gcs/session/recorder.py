@@ -255,11 +255,7 @@ class Recorder(ViewRecorder):
         return folder
 
     def check(self, telemetry: RecordState | None = None) -> tuple[Event, ...]:
-        """Events about files and disk since the last call; to be called once a second or more often.
-
-        Args:
-            telemetry: state of the log, which the process of the links writes.
-        """
+        """Events about files and disk since the last call; to be called once a second or more often."""
         self._session.restore()
         with contextlib.suppress(OSError):  # a folder that was deleted is being made again
             self._free_bytes = shutil.disk_usage(self.folder).free
@@ -290,11 +286,7 @@ class Recorder(ViewRecorder):
         return size
 
     def close(self, telemetry: RecordState | None = None, **notes: int) -> tuple[str, ...]:
-        """Write what still waits and seal the session; returns what was lost, a line each.
-
-        Args:
-            telemetry: state of the log after the process of the links has ended.
-        """
+        """Write what still waits and seal the session; returns what was lost, a line each."""
         self._flusher.stop()
         for file in self._files:
             file.close()

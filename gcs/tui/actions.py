@@ -42,12 +42,7 @@ def keys_of(binding: Binding) -> str:
 
 
 def actions(panes: Sequence[Pane], *, live: bool) -> Iterator[Action]:
-    """All actions of the app, then those of each pane on screen or not.
-
-    Args:
-        panes: Of the app.
-        live: A flight, without the actions of replays; else a replay, without those of flights.
-    """
+    """All actions of the app, then those of each pane on screen or not."""
     for title, bindings in GROUPS:
         if title != "Replay" or not live:
             for each in (each for each in bindings if live or each.action not in LIVE_ACTIONS):

@@ -115,8 +115,6 @@ class Journal:
     def put(self, file: int, data: bytes, rows: int) -> int | None:
         """Append whole rows to the queue.
 
-        Args:
-            file: index of the file; the rows of the first are numbered.
 
         Returns:
             The number of the first of them; None if there is no room: the rows are dropped and counted.

@@ -89,9 +89,6 @@ def connect_to_parent(
     """A child's end, in a program that :class:`infra.processes.child_process.ChildProcess` started.
 
     From here on it logs into its parent's files.
-
-    Args:
-        requests: the type of what the parent sends, or the union of such types.
     """
     log_as_parent()
     reading, writing = map(int, sys.argv[1:3])

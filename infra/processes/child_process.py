@@ -123,12 +123,7 @@ class ChildProcess(Generic[Report]):
 
     def able_s(self, silent_s: float, before: ProcessorTime) -> float:
         """Return for how much of a silence it could have shown life: not while others had the processor, or the disk
-        had it.
-
-        Args:
-            silent_s: for how long it has shown no life.
-            before: its processor time when it had.
-        """
+        had it."""
         now = self.processor_time
         with contextlib.suppress(psutil.Error):
             status = self._status.status()

@@ -63,12 +63,7 @@ _REPORTING_US = 1_000_000
 
 
 def uav_attitude(uav: Vehicle, gimbals: Gimbals, t_us: int, *, gimbal: bool) -> UavAttitude:
-    """The UAV's attitude at a Unix time, each sample by its own time.
-
-    Args:
-        t_us: when.
-        gimbal: whether the gimbal's is asked for, too.
-    """
+    """The UAV's attitude at a Unix time, each sample by its own time."""
     boot_us = uav.clock.boot_of(t_us)
     pose = uav.attitudes.at(boot_us)
     roll, pitch, yaw = pose[:3] if pose else (math.nan, math.nan, math.nan)
@@ -86,12 +81,7 @@ def uav_attitude(uav: Vehicle, gimbals: Gimbals, t_us: int, *, gimbal: bool) -> 
 def uav_state(
     uav: Vehicle, gimbals: Gimbals, camera: CameraReport | None, ground: GroundDistance, t_us: int
 ) -> UavState:
-    """The UAV at a Unix time, each sample by its own time.
-
-    Args:
-        ground: what it reports of the ground below it.
-        t_us: when.
-    """
+    """The UAV at a Unix time, each sample by its own time."""
     attitude, estimate = uav_attitude(uav, gimbals, t_us, gimbal=True), uav.estimate(t_us)
     fix = estimate.fix if estimate else NO_FIX
     return UavState(

@@ -196,12 +196,7 @@ class Ingest:
         self._request(KnownFleet(self._plan.system_ids, uav))
 
     def address(self, link: int, peer: int) -> str:
-        """Host and port of a sender, as packets of a link number them; empty where they are not known.
-
-        Args:
-            link: its place among the URLs.
-            peer: the sender's number on that link.
-        """
+        """Host and port of a sender, as packets of a link number them; empty where they are not known."""
         links = (self._published_health() or self._health).links
         if not 0 <= link < len(links):
             return ""

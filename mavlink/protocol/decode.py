@@ -319,11 +319,7 @@ _DECODERS = {message_id: _decoder(message_id) for message_id in _MAKERS}
 
 
 def decode(packet: Packet) -> Sample | None:
-    """The message in a packet in SI units, None for one that this program does not use.
-
-    Args:
-        packet: a frame that :mod:`mavlink.protocol.framing` or :mod:`mavlink.tlog.log` accepted.
-    """
+    """The message in a packet in SI units, None for one that this program does not use."""
     raw = packet.raw
     if raw[0] == MAGIC_V2:
         message_id, start = raw[7] | raw[8] << 8 | raw[9] << 16, 10

@@ -34,11 +34,7 @@ _SILENCE_MS = 10_000
 
 
 class SequenceLoss:
-    """Share of packets lost lately; every sender counts its packets per channel, modulo 256.
-
-    Args:
-        half_life: packets after which older ones count half.
-    """
+    """Share of packets lost lately; every sender counts its packets per channel, modulo 256."""
 
     __slots__ = ("_half_life", "_last", "expected", "received")
 

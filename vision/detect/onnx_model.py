@@ -36,8 +36,6 @@ MAX_NOTES = 1 << 20
 def open_session(path: Path, providers: Sequence[str], threads: int) -> ort.InferenceSession:
     """Load an ONNX file.
 
-    Args:
-        providers: onnxruntime execution providers in order of preference.
 
     Raises:
         ModelError: no such file, not an ONNX model, or a provider that is not installed.

@@ -56,11 +56,7 @@ def disagreements(
 
 
 def apart_sheet(images: Sequence[LabelledImage], kinds: Sequence[tuple[str, Sequence[Disagreement]]]) -> Image:
-    """Tiles under a title for each kind, (H, W, 3) BGR.
-
-    Args:
-        kinds: title and what belongs to it; the first ones are shown.
-    """
+    """Tiles under a title for each kind, (H, W, 3) BGR."""
     shown = {odd.image for _, odds in kinds for odd in odds[: COLUMNS * ROWS]}
     # one image in memory at a time: 4K images by the hundred are too many
     tiles: dict[tuple[int, int], Image] = {}

@@ -90,8 +90,6 @@ class CameraTurn:
 def rotation_of(motion: ImageMotion, intrinsics: Intrinsics, ground: GroundShift) -> CameraTurn | None:
     """Turn of the camera that explains a homography best, together with the displacement that is known.
 
-    Args:
-        motion: homography between two images of the same camera.
 
     Returns:
         None where too little of the image is ground.

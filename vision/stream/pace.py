@@ -20,8 +20,6 @@ PACE_FRAMES: Final = 6
 def stall_after_s(times_us: Sequence[int] | NDArray[np.int64], least_s: float = STALL_S) -> float:
     """Return the time without a frame after which a stream has stalled.
 
-    Args:
-        times_us: when the last frames were taken, in order.
 
     Example:
         >>> stall_after_s([0, 40_000, 80_000]), stall_after_s([0, 1_000_000, 2_000_000])

@@ -73,11 +73,7 @@ class LabelledFrame:
 
 
 class LabelFolder:
-    """Writes the images and what all formats have beside them.
-
-    Args:
-        images: the folder of images in the exported one.
-    """
+    """Writes the images and what all formats have beside them."""
 
     def __init__(self, job: ExportJob, images: str = "images") -> None:
         self._job = job

@@ -65,12 +65,7 @@ class CameraDirection:
         return CameraPose(R_enu_cam=self.rotation(uav, uav.camera), p_enu=p_enu)
 
     def rotation(self, uav: UavAttitude, report: CameraReport | None) -> NDArray[np.float64]:
-        """The rotation (3, 3) of the camera's pose alone.
-
-        Args:
-            uav: how it hangs in the air.
-            report: what its camera reports.
-        """
+        """The rotation (3, 3) of the camera's pose alone."""
         mount = self._mount
         if self._camera is None and report is not None:
             # an image turned clockwise is that of a camera rolled the other way

@@ -81,13 +81,7 @@ class SilentZoom:
         self._last = None
 
     def jump(self, t_us: int, view: FrameCamera, boxes: Detections) -> float:
-        """Factor by which the image was magnified at once since the last look, before its boxes have tracks; 1 not.
-
-        Args:
-            t_us: when the frame was taken.
-            view: its camera, as known so far.
-            boxes: the ones that count.
-        """
+        """Factor by which the image was magnified at once since the last look, before its boxes have tracks; 1 not."""
         if self._last is None or min(len(boxes), len(self._last[0])) < MIN_TRACKS:
             return 1.0
         boxes = boxes.select(_whole(view, boxes))

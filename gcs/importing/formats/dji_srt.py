@@ -38,9 +38,6 @@ _LARGEST_STD_M = 10_000.0
 def log_of_cues(source: str, cues: Iterable[SubtitleCue]) -> VehicleLog:
     """The UAV's log.
 
-    Args:
-        source: the file's name, for messages.
-        cues: subtitles in the order of the file.
 
     Raises:
         ImportFileError: not one of them has a position.

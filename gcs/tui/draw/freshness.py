@@ -38,14 +38,7 @@ def freshness(age_s: float, *, fresh_s: float = SILENT_S) -> Freshness:
 
 
 def aged(text: str, colour: Colour, age_s: float, width: int) -> tuple[str, Colour]:
-    """A value as it looks at its age.
-
-    Args:
-        text: The value, or ``–`` for none.
-        colour: While it is fresh.
-        age_s: Of the value.
-        width: Cells; an old value has its age behind it where both fit.
-    """
+    """A value as it looks at its age."""
     state = freshness(age_s)
     if state == "fresh":
         return text, colour

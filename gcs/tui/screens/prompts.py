@@ -31,14 +31,7 @@ class Prompt(ModalScreen[Answer | None]):
     ]
 
     def __init__(self, question: str, hint: str, parse: Callable[[str], Answer], *, value: str = "") -> None:
-        """Make a prompt.
-
-        Args:
-            question: One line, plain text.
-            hint: Shown below the input until an answer is refused.
-            parse: Converts the typed text to the answer; its ValueError or OSError is shown to the operator.
-            value: Initial text.
-        """
+        """Make a prompt."""
         super().__init__()
         self._question, self._hint, self._parse, self._value = question, hint, parse, value
 

@@ -25,11 +25,6 @@ def ask(reads: int, writes: int, questions: bytes) -> list[str]:
     """Reply of a terminal, ending with its device attributes; less where it is slow or does not know them.
 
     Keys pressed meanwhile are dropped: nobody has seen yet what they would act on.
-
-    Args:
-        reads: file descriptor of its input.
-        writes: of its output.
-        questions: control sequences that it may reply to.
     """
     found: list[str] = []
     replies = Replies(found.append)
