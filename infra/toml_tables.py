@@ -81,7 +81,6 @@ def build(kind: type[Kind], table: object, where: str) -> Kind:
 
     A whole number may be written as a float. A ValueError raised by a dataclass gets its place in the file in front.
 
-
     Raises:
         ValueError: not a table, an unknown or missing key, a value of another type or out of its limits.
     """

@@ -87,7 +87,6 @@ class SameBoxes:
     def update(self, mine: Sighting, theirs: Sequence[Sighting]) -> tuple[IntArray, FloatArray]:
         """Compare with what the other view saw about the same time.
 
-
         Returns:
             (k,) tracks of the other view that are somewhere at that time; (m, k) probability of each pair to be one.
         """

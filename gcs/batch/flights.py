@@ -273,7 +273,6 @@ def remote_stamp(address: str) -> str:
 def fetch(address: str, place: Path) -> None:
     """Copy a recording out of a store.
 
-
     Raises:
         StoreError: it cannot be fetched, or is larger or slower than a flight.
     """

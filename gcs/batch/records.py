@@ -63,7 +63,6 @@ def write_failure(results: ResultStore, record: FlightRecord) -> FlightRecord:
 def all_records(results: ResultStore, now: Mapping[str, FlightRecord]) -> list[FlightRecord]:
     """Return the records of all flights of which there are results.
 
-
     Raises:
         StoreError: the store does not answer.
     """

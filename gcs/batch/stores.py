@@ -20,9 +20,10 @@ import tempfile
 import threading
 import time
 import uuid
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import msgspec
 import psutil
@@ -60,7 +61,6 @@ class LockHolder(msgspec.Struct, frozen=True, kw_only=True):
 @contextlib.contextmanager
 def held(files: Any, path: str, address: str) -> Iterator[None]:  # noqa: ANN401 - fsspec has no types
     """Hold a store while a block runs.
-
 
     Raises:
         StoreError: another batch holds it, or it cannot be written.
@@ -136,56 +136,36 @@ def _read(files: Any, path: str) -> LockHolder | None:  # noqa: ANN401
     return None
 
 
-class ResultStore(Protocol):
-    """Files by name, whole or not there.
+class _Results(ABC):
+    """Files by name, complete or not there. Every function raises StoreError where the store does not answer or
+    refuses.
 
     Attributes:
         address: absolute path or address of the folder.
-
-    Every function raises StoreError where the store does not answer or refuses.
     """
 
     address: str
 
-    def claim(self, *, older_s: float) -> contextlib.AbstractContextManager[None]:
-        """Hold it while a block runs, so that no other batch writes into it.
-
-        Args:
-            older_s: what others left aside and has not been touched for this long is removed.
-        """
-
+    @abstractmethod
     def scratch(self, name: str) -> Path:
-        """A new folder of this machine to make a flight's results in; who asks removes it."""
+        """Make a new folder of this machine for a flight's results; the caller removes it."""
 
+    @abstractmethod
     def put(self, path: Path, name: str) -> None:
         """Put a file of a scratch folder into place; it may be gone from there afterwards."""
 
     def write(self, data: bytes, name: str) -> None:
         """Put bytes into place."""
-
-    def read(self, name: str) -> bytes | None:
-        """Content of a file, None where there is none."""
-
-    def size(self, name: str) -> int | None:
-        """Bytes of what is there, None for nothing."""
-
-    def remove(self, name: str) -> None:
-        """Remove what is there, if anything is."""
-
-    def names(self, folder: str) -> list[str]:
-        """Names of the files and folders in a folder, in order; none where there is no such folder."""
+        scratch = self.scratch("write")
+        try:
+            with store_errors(f"{self.address}/{name}"):
+                (scratch / "data").write_bytes(data)
+            self.put(scratch / "data", name)
+        finally:
+            shutil.rmtree(scratch, ignore_errors=True)
 
 
-def open_results(address: str) -> ResultStore:
-    """The store at an absolute path or address.
-
-    Raises:
-        StoreError: what reads it is not installed.
-    """
-    return RemoteResults(address) if is_remote(address) else LocalResults(local_path(address))
-
-
-class LocalResults:
+class LocalResults(_Results):
     """A folder of this machine, or of a disk that several share."""
 
     def __init__(self, folder: Path) -> None:
@@ -194,7 +174,8 @@ class LocalResults:
 
     @contextlib.contextmanager
     def claim(self, *, older_s: float) -> Iterator[None]:
-        """Implement the protocol."""
+        """Hold the folder while a block runs, so that no other batch writes into it; remove what others left aside
+        before."""
         with store_errors(self.address):
             self._folder.mkdir(parents=True, exist_ok=True)
             lock = open_to_append(self._folder / LOCK)
@@ -216,13 +197,13 @@ class LocalResults:
                         shutil.rmtree(path, ignore_errors=True)
 
     def scratch(self, name: str) -> Path:
-        """Implement the protocol."""
+        """Make a new folder of this machine for a flight's results; the caller removes it."""
         with store_errors(self.address):
             (self._folder / ASIDE).mkdir(parents=True, exist_ok=True)
             return Path(tempfile.mkdtemp(prefix=f"{name}-", dir=self._folder / ASIDE))
 
     def put(self, path: Path, name: str) -> None:
-        """Implement the protocol."""
+        """Put a file of a scratch folder into place; it may be gone from there afterwards."""
         with store_errors(f"{self.address}/{name}"):
             place = self._folder / name
             place.parent.mkdir(parents=True, exist_ok=True)
@@ -230,43 +211,32 @@ class LocalResults:
                 os.fsync(file.fileno())
             path.replace(place)
 
-    def write(self, data: bytes, name: str) -> None:
-        """Implement the protocol."""
-        scratch = self.scratch("write")
-        try:
-            with store_errors(f"{self.address}/{name}"):
-                (scratch / "data").write_bytes(data)
-            self.put(scratch / "data", name)
-        finally:
-            shutil.rmtree(scratch, ignore_errors=True)
-
     def read(self, name: str) -> bytes | None:
-        """Implement the protocol."""
+        """Return the content of a file, None where there is none."""
         with store_errors(f"{self.address}/{name}"), contextlib.suppress(FileNotFoundError):
             return (self._folder / name).read_bytes()
         return None
 
     def size(self, name: str) -> int | None:
-        """Implement the protocol."""
+        """Return the bytes of a file, None where there is none."""
         with store_errors(f"{self.address}/{name}"), contextlib.suppress(FileNotFoundError):
             return (self._folder / name).stat().st_size
         return None
 
     def remove(self, name: str) -> None:
-        """Implement the protocol."""
+        """Remove a file, if there is one."""
         with store_errors(f"{self.address}/{name}"):
             (self._folder / name).unlink(missing_ok=True)
 
     def names(self, folder: str) -> list[str]:
-        """Implement the protocol."""
+        """Return the names of the files and folders in a folder, in order; none where there is no such folder."""
         with store_errors(f"{self.address}/{folder}"), contextlib.suppress(FileNotFoundError):
             return sorted(path.name for path in (self._folder / folder).iterdir())
         return []
 
 
-class RemoteResults:
+class RemoteResults(_Results):
     """A folder of whatever fsspec writes.
-
 
     Raises:
         StoreError: what reads it is not installed.
@@ -278,15 +248,16 @@ class RemoteResults:
         self._whole = address.partition("://")[0] in _PUT_WHOLE
 
     def claim(self, *, older_s: float) -> contextlib.AbstractContextManager[None]:
-        """Implement the protocol, against batches of other machines too; a store has nothing that is left aside."""
+        """Hold the folder while a block runs, against batches of other machines too; nothing is left aside in a
+        store."""
         return held(self._files, f"{self._folder}/{LOCK}", self.address)
 
     def scratch(self, name: str) -> Path:
-        """Implement the protocol."""
+        """Make a new folder of this machine for a flight's results; the caller removes it."""
         return Path(tempfile.mkdtemp(prefix=f"gcs-batch-{name}-"))
 
     def put(self, path: Path, name: str) -> None:
-        """Implement the protocol."""
+        """Put a file of a scratch folder into place; it may be gone from there afterwards."""
         with store_errors(f"{self.address}/{name}"):
             place = f"{self._folder}/{name}"
             if self._whole:
@@ -298,17 +269,8 @@ class RemoteResults:
             self._files.put_file(str(path), written)
             self._files.mv(written, place)
 
-    def write(self, data: bytes, name: str) -> None:
-        """Implement the protocol."""
-        scratch = self.scratch("write")
-        try:
-            (scratch / "data").write_bytes(data)
-            self.put(scratch / "data", name)
-        finally:
-            shutil.rmtree(scratch, ignore_errors=True)
-
     def read(self, name: str) -> bytes | None:
-        """Implement the protocol."""
+        """Return the content of a file, None where there is none."""
         with store_errors(f"{self.address}/{name}"), contextlib.suppress(FileNotFoundError):
             data = self._files.cat_file(f"{self._folder}/{name}")
             if isinstance(data, bytes):
@@ -316,21 +278,33 @@ class RemoteResults:
         return None
 
     def size(self, name: str) -> int | None:
-        """Implement the protocol."""
+        """Return the bytes of a file, None where there is none."""
         with store_errors(f"{self.address}/{name}"), contextlib.suppress(FileNotFoundError):
             self._files.invalidate_cache()
             return int(self._files.size(f"{self._folder}/{name}"))
         return None
 
     def remove(self, name: str) -> None:
-        """Implement the protocol."""
+        """Remove a file, if there is one."""
         with store_errors(f"{self.address}/{name}"), contextlib.suppress(FileNotFoundError):
             self._files.rm_file(f"{self._folder}/{name}")
 
     def names(self, folder: str) -> list[str]:
-        """Implement the protocol."""
+        """Return the names of the files and folders in a folder, in order; none where there is no such folder."""
         with store_errors(f"{self.address}/{folder}"), contextlib.suppress(FileNotFoundError):
             self._files.invalidate_cache()
             found = self._files.ls(f"{self._folder}/{folder}".rstrip("/"), detail=False)
             return sorted(str(path).rstrip("/").rpartition("/")[2] for path in found)
         return []
+
+
+ResultStore = LocalResults | RemoteResults
+
+
+def open_results(address: str) -> ResultStore:
+    """The store at an absolute path or address.
+
+    Raises:
+        StoreError: what reads it is not installed.
+    """
+    return RemoteResults(address) if is_remote(address) else LocalResults(local_path(address))

@@ -57,7 +57,6 @@ class UserConfig:
 def screen_options(given: Sequence[str] | None) -> ScreenOptions:
     """Options of the screens by the user's file, if there is one, and the command line.
 
-
     Raises:
         ConfigError: the file cannot be read, or either has a key or a value that there is none of.
     """

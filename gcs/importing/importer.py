@@ -231,7 +231,6 @@ class FurtherFilm:
 def import_flight(out: Path, options: ImportOptions) -> ImportReport:
     """Write a session from a flight's files.
 
-
     Raises:
         GcsError, MavlinkError, VisionError, SimError: a file cannot be used, or they do not belong together.
     """

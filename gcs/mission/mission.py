@@ -490,7 +490,6 @@ def _check_pitch(table: object, where: str) -> None:
 def parse_mission(table: Mapping[str, Any], where: str) -> Mission:
     """Check a parsed TOML table and build the mission.
 
-
     Raises:
         ConfigError: an unknown key, a wrong or missing value, no vehicles.
     """

@@ -46,7 +46,6 @@ class TiffGrid(msgspec.Struct, tag=True):
 def read_tiff(path: Path, most_cells: int, tags: list[int]) -> TiffGrid:
     """Read a file.
 
-
     Raises:
         UnreadError: no TIFF that can be read.
         OSError: no process can be started for it.

@@ -77,7 +77,6 @@ def save_mission(mission: Mission, origins: Mapping[str, str], folder: Path) -> 
 
     An address in it may have a password: nobody but the user may read it.
 
-
     Returns:
         The file, and whether it is new: one that has this mission already is enough.
 

@@ -136,7 +136,6 @@ def open_flight(
 def score_boxes(boxes: NamedBoxes | Path | str, truth: Path | str) -> Score:
     """The score of names against the truth.
 
-
     Raises:
         GcsError: The two have nothing in common, or a file cannot be used.
     """

@@ -112,7 +112,6 @@ class InStep:
     def join(self, analysis: Analysis, *, followed: bool) -> str:
         """Add a camera.
 
-
         Returns:
             What is wrong with what it heard in flight, empty for nothing.
         """

@@ -55,7 +55,6 @@ class OpenedSession:
     def open(cls, session: Session, *, redetect: bool = False) -> OpenedSession:
         """Open all files of a session.
 
-
         Raises:
             SessionError, TlogError, VideoError: a part that cannot be used.
             CameraError: the mission's camera cannot have taken the video.

@@ -53,7 +53,6 @@ class KnownFrame:
 def by_whole_flight(every: Iterable[KnownFrame], mission: Mission, evidence: FlightEvidence) -> Iterator[KnownFrame]:
     """Name boxes by the whole of a recording.
 
-
     Yields:
         The same, with what is known then.
     """

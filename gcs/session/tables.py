@@ -101,7 +101,6 @@ def read_table(path: Path, form: TableFormat, *, without: Collection[str] = ()) 
     A row counts as bad when a required cell is empty or no number, an optional one is neither empty nor a number, when
     a number is none that its column can hold, or when its frame has a thousand boxes already.
 
-
     Raises:
         SessionError: no such file, no header, or a required column is missing.
     """

@@ -49,7 +49,6 @@ class Piece:
 def make_journal(size: int = RAM_BYTES) -> int:
     """Allocate the memory of a new journal; return its file descriptor.
 
-
     Raises:
         OSError: no memory is left.
     """
@@ -114,7 +113,6 @@ class Journal:
 
     def put(self, file: int, data: bytes, rows: int) -> int | None:
         """Append whole rows to the queue.
-
 
         Returns:
             The number of the first of them; None if there is no room: the rows are dropped and counted.

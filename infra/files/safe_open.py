@@ -19,7 +19,6 @@ _OPEN = os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY  # a pipe is not waited on, a
 def open_to_read(path: Path | str, *, links: bool = True, folder: int | None = None) -> int:
     """Open a regular file.
 
-
     Returns:
         The file descriptor.
 
@@ -48,7 +47,6 @@ def read_small(path: Path | str, most_bytes: int) -> bytes:
 def create(path: Path | str, *, folder: int | None = None) -> int:
     """Make a file, to write and to read back, where nothing is, not even a link.
 
-
     Returns:
         The file descriptor.
 
@@ -60,7 +58,6 @@ def create(path: Path | str, *, folder: int | None = None) -> int:
 
 def open_folder(path: Path | str, *, folder: int | None = None) -> int:
     """Descriptor of a folder that no link stands for, to open files relative to.
-
 
     Raises:
         OSError: no such folder, or a link in its place.

@@ -122,7 +122,6 @@ _SETUP_SIGNING = b"\x00\x01\x00"
 class Signatures:
     """Verifies packets, where there are keys.
 
-
     Raises:
         SigningError: they cannot be used.
     """

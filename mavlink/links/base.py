@@ -36,7 +36,6 @@ class Link(ABC):
 
     A new kind is a subclass in a file of its own, and its line in :data:`mavlink.links.kinds.KINDS`.
 
-
     Raises:
         LinkError: it cannot be opened; one line with what to do.
     """

@@ -29,7 +29,6 @@ _RECEIVERS = 8
 class UdpIn(UdpLink):
     """Listens on a port that is its own.
 
-
     Raises:
         LinkError: the port is in use, or the address is not one of this machine.
     """

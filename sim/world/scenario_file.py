@@ -37,7 +37,6 @@ def save_scenario(scenario: Scenario, path: Path) -> None:
 def parse_scenario(table: object, where: str) -> Scenario:
     """Check a parsed TOML table and build the scenario.
 
-
     Raises:
         ScenarioError: on an unknown key (with the nearest known one), a wrong type or a value out of range.
     """

@@ -36,7 +36,6 @@ MAX_NOTES = 1 << 20
 def open_session(path: Path, providers: Sequence[str], threads: int) -> ort.InferenceSession:
     """Load an ONNX file.
 
-
     Raises:
         ModelError: no such file, not an ONNX model, or a provider that is not installed.
     """

@@ -90,7 +90,6 @@ class CameraTurn:
 def rotation_of(motion: ImageMotion, intrinsics: Intrinsics, ground: GroundShift) -> CameraTurn | None:
     """Turn of the camera that explains a homography best, together with the displacement that is known.
 
-
     Returns:
         None where too little of the image is ground.
     """

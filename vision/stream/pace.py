@@ -20,7 +20,6 @@ PACE_FRAMES: Final = 6
 def stall_after_s(times_us: Sequence[int] | NDArray[np.int64], least_s: float = STALL_S) -> float:
     """Return the time without a frame after which a stream has stalled.
 
-
     Example:
         >>> stall_after_s([0, 40_000, 80_000]), stall_after_s([0, 1_000_000, 2_000_000])
         (1.0, 2.5)

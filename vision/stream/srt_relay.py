@@ -34,7 +34,6 @@ NO_PROGRAM = (
 def relayed_address(text: str, any_host: tuple[str, ...]) -> tuple[str, bool]:
     """The address as the program takes it, and whether others connect to it.
 
-
     Raises:
         VideoError: no port, or an option that is not passed on.
     """

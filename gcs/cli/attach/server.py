@@ -68,7 +68,6 @@ class LentTerminal:
 class AttachServer:
     """Waits for terminals; a flight without one goes on all the same.
 
-
     Attributes:
         trouble: why none can come, empty where they can.
     """

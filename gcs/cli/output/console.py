@@ -140,7 +140,6 @@ def start_log(level: LogLevel | None, path: Path | None) -> None:
 def check_terminal(instead: str) -> None:
     """See that the terminal can show screens.
 
-
     Raises:
         GcsError: it says itself that it cannot.
     """

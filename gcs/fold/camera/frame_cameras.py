@@ -101,7 +101,6 @@ class FrameCameras:
     ) -> tuple[bool, Sequence[Event]]:
         """Search for the camera, where nothing describes its lens or its direction.
 
-
         Returns:
             Whether names have to start again, since another camera is used from the next frame on; and what an operator
             should know.
@@ -175,7 +174,6 @@ class FrameCameras:
 
     def follow_steps(self, state: FleetState, *, sure: bool) -> tuple[bool, Sequence[Event]]:
         """Take out steps of the UAV's position that the video does not show.
-
 
         Returns:
             Whether names have to start again, since the step was not taken out, and what happened.

@@ -38,7 +38,6 @@ _LARGEST_STD_M = 10_000.0
 def log_of_cues(source: str, cues: Iterable[SubtitleCue]) -> VehicleLog:
     """The UAV's log.
 
-
     Raises:
         ImportFileError: not one of them has a position.
     """

@@ -110,7 +110,6 @@ class UlogTopics(msgspec.Struct, tag=True):
 def read_topics(path: str, size: int, topics: list[str], columns: list[str]) -> UlogTopics:
     """Read a log.
 
-
     Raises:
         UnreadError: it cannot be read, or asks for more than a log may.
     """
