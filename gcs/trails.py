@@ -47,7 +47,7 @@ class Trails:
         self._every_us = EVERY_US
 
     def add(self, snapshot: Snapshot) -> None:
-        """Take in where everybody is, unless a moment so near is known already."""
+        """Take in where everybody is, unless a moment close to it is known already."""
         t_us = snapshot.t_us
         at = bisect_left(self._times, t_us)
         near = self._times[max(0, at - 1) : at + 1]

@@ -34,8 +34,8 @@ _SIZE_NODES, _SIZE_WEIGHTS = np.exp(0.5 * np.sqrt(3.0) * np.array([-1.0, 0.0, 1.
 """Factors and weights that integrate over σ_b, log-normal with 1σ of 0.5: a dozen biases do not tell it better, and
 those of wrong names make it look small."""
 _USUAL_STD = 4.0
-"""Losses up to this many 1σ above the mean are those of place alone, of the likeliest of many namings and without a new
-pose for the others; what is beyond was shown by motion."""
+"""Number of 1σ above the mean up to which a loss is that of place alone, of the likeliest of many namings and without a
+new pose for the others; what is beyond was shown by motion."""
 _MIN_LIMIT = 0.88
 """Lowest limit: below it the alternatives are weighed by their own evidence, but no name is sure."""
 
@@ -131,7 +131,8 @@ def log_odds_among_strangers(
 
 
 class StrangerLimit:
-    """Limits names by those odds, the best ones of late: a report that goes wrong is no stranger's.
+    """Limit of names by their odds against a stranger, the best ones of late: a report that goes wrong is no
+    stranger's.
 
     A stranger would have had to stand where the vehicle reported to be all the time. So the odds that a name had once
     are forgotten slowly.

@@ -29,7 +29,7 @@ IntArray = NDArray[np.int64]
 _STEP_S = 0.25
 """Interval between two knots, seconds: what sways faster is seen by the boxes."""
 _AHEAD_S = 1.0
-"""The sway is predicted so far beyond the newest frame, seconds, for the frames until the next update."""
+"""Time beyond the newest frame, seconds, for which the sway is predicted, for the frames until the next update."""
 _JITTER = 1e-4
 """Part of σ² that is added to each knot's variance, so that the covariance can be inverted."""
 _MAX_SIGMAS = 5.0

@@ -29,7 +29,7 @@ class AnswerDoubt(IntEnum):
     DOUBLE = 2
     """Another vehicle reports the same place."""
     PLACE = 3
-    """A neighbour stands so near that receivers' errors exchange the two, or a stranger does."""
+    """A neighbour stands near enough for receivers' errors to exchange the two, or a stranger does."""
     UNPROVEN = 4
     """The vehicles have not driven like their boxes for long enough yet."""
     WANDERING = 5

@@ -51,13 +51,13 @@ _JITTER_PX, _JITTER_SHARE = 1.5, 0.02
 _SPEED_STD_MPS = 0.5
 """1σ of the speed with which a report is extrapolated, m/s."""
 _OLDEST_S = 90.0
-"""Older reports are not extrapolated, seconds."""
+"""Greatest age of a report that is extrapolated, seconds."""
 _APART_MPS = 4.0
 """1σ of how fast two unrelated things move against each other, m/s."""
 _MIN_DRIFT = 1e-4
 """Least 1σ of the drift of two unrelated things, rad/s."""
 _MIN_RANGE_M = 10.0
-"""Nearer vehicles are taken to be so far away, metres."""
+"""Least distance that is taken for a vehicle, metres."""
 _YAW_RAD = np.deg2rad(np.linspace(-15.0, 15.0, 61))
 _TILT_RAD = np.deg2rad(np.linspace(-6.0, 6.0, 17))
 """Grid of φ, radians: errors of the camera's heading and of its tilt that are tried."""

@@ -45,7 +45,7 @@ _MAX_SHIFTS, _NEGLIGIBLE = 4, 7.0
 _BY_NAME = (-1.0, 2.0)
 """Most nats that equal answers of both count: less against one object, so that a contradiction is found."""
 _SURE, _WANDER_M2_S = 0.9, 0.5
-"""A shift is remembered from this probability on, and its variance grows so fast then, m²/s."""
+"""Probability from which on a shift is remembered, and the growth of its variance then, m²/s."""
 _AGAIN_S = 0.2
 """Time between two comparisons while the tracks stay, seconds."""
 _MEAN_S = 1.0

@@ -31,7 +31,7 @@ Verdict = Literal["not yet", "done", "not moved", "unknown"]
 THERE_RAD = math.radians(15.0)
 """Angle to its goal below which the camera has it in view: most see 30° to either side, and gimbals lag behind."""
 PROGRESS_RAD = math.radians(2.0)
-"""A gimbal that turns at all turns so far within the patience."""
+"""Angle by which a gimbal that turns at all turns within the patience."""
 
 
 @dataclass(slots=True)
@@ -133,7 +133,7 @@ class CommandParams:
     speed_mps: float = 3.0
     """Speed along the circle, m/s."""
     moved_m: float = 5.0
-    """A vehicle that has gone so far is circled around again."""
+    """Way of a vehicle after which it is circled around again."""
     settle_s: float = 2.0
     """Time for the flight mode to become the one that an order asked for, s."""
     see_s: float = 5.0

@@ -79,7 +79,7 @@ class Command:
 
 
 def point_at_system(system_id: int) -> Command:
-    """The autopilot points its gimbal at another vehicle, by the positions that it receives itself."""
+    """Let the autopilot point its gimbal at another vehicle, by the positions that it receives itself."""
     return Command(number=_ROI_SYSTEM, params=(system_id,))
 
 
@@ -94,19 +94,19 @@ def point_nowhere() -> Command:
 
 
 def gimbal_angles(pitch_rad: float, yaw_rad: float, component: int = AUTOPILOT) -> Command:
-    """Gimbal protocol 2: the gimbal looks in a direction."""
+    """Let the gimbal look in a direction, by gimbal protocol 2."""
     angles = (math.degrees(pitch_rad), math.degrees(yaw_rad))
     return Command(number=_PITCHYAW, params=(*angles, NAN, NAN, _FLAGS_FROM_NORTH), component=component)
 
 
 def mount_angles(pitch_rad: float, yaw_rad: float) -> Command:
-    """The older way to look in a direction; yaw counts from the nose."""
+    """Let the gimbal look in a direction, by the older MAV_CMD_DO_MOUNT_CONTROL; yaw counts from the nose."""
     angles = (math.degrees(pitch_rad), 0.0, math.degrees(yaw_rad))
     return Command(number=_MOUNT_CONTROL, params=(*angles, 0, 0, 0, _MOUNT_TARGETING))
 
 
 def gimbal_neutral(component: int = AUTOPILOT) -> Command:
-    """Gimbal protocol 2: neutral position."""
+    """Return the gimbal to its neutral position, by gimbal protocol 2."""
     return Command(number=_PITCHYAW, params=(NAN, NAN, NAN, NAN, _FLAG_NEUTRAL), component=component)
 
 
@@ -158,7 +158,7 @@ def orbit(place: GeoPoint, alt_m: float, radius_m: float, speed_mps: float) -> C
 
 
 def photo(number: int, component: int = AUTOPILOT) -> Command:
-    """One photo.
+    """Take one photo.
 
     Args:
         number: counts up from 1, so that a repeated command takes no second photo.

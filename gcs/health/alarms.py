@@ -161,7 +161,7 @@ class _State:
     """Time at which it became one that comes and goes, 0 while it is none."""
 
     def note_coming(self, now_us: int) -> bool:
-        """Note that it lasts; return whether it has come, and so often lately that it comes and goes."""
+        """Note that it lasts; return whether it has come, and often enough lately to come and go."""
         if not self.coming:
             return False
         self.coming = False

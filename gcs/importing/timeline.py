@@ -15,7 +15,7 @@ from gcs.importing.vehicle_log import VehicleLog
 
 _MIN_OVERLAP_US = 1_000_000
 _MOST_OF_FILM = 0.9
-"""Reports of a smaller share of the film are reported."""
+"""Share of the film that a log has to cover, or its gap is reported."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -53,13 +53,13 @@ class OutputCounts:
     dropped: int = 0
     """Packets that were not accepted: no receiver, or one that is too slow."""
     withheld: int = 0
-    """Refused for their signature, a key, or a copy."""
+    """Frames that were not sent: their signature is wrong, they set a key, or they went out already."""
     returned: int = 0
-    """Came back and went on to a vehicle."""
+    """Frames from programs that went on to a vehicle."""
     stopped: int = 0
-    """Came back and went nowhere."""
+    """Frames from programs that went nowhere."""
     inbound: tuple[InboundFrames, ...] = ()
-    """Frames that came back, but for loops."""
+    """Frames from programs by kind, without loops."""
 
 
 class Output:
@@ -84,7 +84,7 @@ class Output:
         self._recently_tried = _RecentFrames(clock, REPEAT_S)
 
     def allow(self, uav: int) -> None:
-        """Programs behind it may send to this UAV, 0: to none, where the URL lets them send at all."""
+        """Let the programs behind it send to this UAV (0: to none), where the URL lets them send at all."""
         if self._named is not None:
             self.allowed = (self._named | {uav}) - {0}
 

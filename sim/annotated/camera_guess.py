@@ -26,7 +26,7 @@ FOV_DEG = 65.0
 CAR_M = (4.5, 1.8, 1.5)
 """Length, width and height of an ordinary car."""
 SHALLOWEST_DEG, STRAIGHT_DOWN_DEG = 12.0, 85.0
-"""A camera that is guessed looks down at least so far; from so far on, straight down."""
+"""Least pitch downwards of a camera that is guessed, and the one from which on it looks straight down."""
 LOWEST_M, HIGHEST_M = 3.0, 500.0
 """Heights that the simulator takes."""
 MAX_LABELS = 200

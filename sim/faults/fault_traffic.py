@@ -25,7 +25,7 @@ from sim.faults.fleet_faults import AGL_M, SimulatedFleet, SimulatedSender, plac
 BATCH_S = 0.1
 """Datagrams are computed in spans of this length: a choice between memory and calls of numpy."""
 REPLAY_AFTER_S = 10.0
-"""A recorded frame is sent again after this long; a choice, well above any delay of a link."""
+"""Time after which a recorded frame is sent again; a choice, well above any delay of a link."""
 COPTER_GUIDED, ROVER_AUTO, ARMED_CUSTOM, ACTIVE = 4, 10, 129, 4
 """HEARTBEAT: ArduPilot's custom modes Guided (Copter) and Auto (Rover), base mode armed with a custom mode,
 MAV_STATE_ACTIVE."""
@@ -135,7 +135,7 @@ class ScheduledDatagram:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultTraffic:
-    """Rates of each kind of packet."""
+    """What is to be sent: the fleet, and how much traffic of each kind."""
 
     fleet: SimulatedFleet
     rate_hz: float
@@ -152,7 +152,7 @@ class FaultTraffic:
 
 
 def traffic(plan: FaultTraffic, start_us: int) -> Iterator[ScheduledDatagram]:
-    """Everything, without end, by time since the start.
+    """Yield all datagrams in order of time since the start, without end.
 
     Args:
         start_us: Unix time of the start.
@@ -163,7 +163,7 @@ def traffic(plan: FaultTraffic, start_us: int) -> Iterator[ScheduledDatagram]:
 
 
 class _SenderCounters:
-    """The senders' counters."""
+    """Encoders, boot times and next packets of all senders, from which each span's datagrams are made."""
 
     def __init__(self, plan: FaultTraffic, start_us: int) -> None:
         self._plan, self._start_us = plan, start_us
@@ -179,7 +179,7 @@ class _SenderCounters:
         self._good = b"\xfd\x09"
 
     def batch(self, from_s: float, until_s: float) -> list[ScheduledDatagram]:
-        """Everything of a tenth of a second."""
+        """Return the datagrams of a span of time in their order."""
         due = self._vehicles(until_s) + self._extras(from_s, until_s)
         while self._later and self._later[0].t_s < until_s:
             due.append(heapq.heappop(self._later))

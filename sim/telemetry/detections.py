@@ -227,11 +227,11 @@ def _score(u: FloatArray, mean: float) -> FloatArray:
 
 
 _Span = tuple[int, float, float]
-"""A body, and from when until when something is so of it, seconds."""
+"""A body, and the seconds from and until which a state of it lasts."""
 
 
 def _during(spans: list[_Span], t: float, n: int) -> NDArray[np.bool_]:
-    """(n,) the bodies of which it is so at time t."""
+    """(n,) the bodies that are within one of their spans at time t."""
     now = np.zeros(n, dtype=bool)
     for body, start, stop in spans:
         now[body] |= start <= t < stop

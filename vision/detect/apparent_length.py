@@ -142,7 +142,7 @@ def common_length(length: Floats, weight: Floats, finest: float) -> ApparentLeng
 
 
 def _look_at_part(image: Image, look: Look, scale: float, share: float, coarse: Detections | None) -> Detections:
-    """Look at so large a share of an image's area, where most was found before."""
+    """Look at this share of an image's area, where most was found before."""
     if share >= 1.0:
         return look(image, scale)
     height, width = image.shape[:2]

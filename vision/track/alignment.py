@@ -39,7 +39,7 @@ REFINEMENTS = 2
 MAX_NEAR = 12
 """Boxes that are considered for each track, the nearest ones."""
 TURN_STD = 0.03
-"""1σ of the rotation in one frame, rad: a fixed camera that looks ahead rolls so fast in gusts."""
+"""1σ of the rotation in one frame, rad: as fast as a fixed camera that looks ahead rolls in gusts."""
 ZOOM_STD = 0.015
 """1σ of the change of scale in one frame: perspective that the model does not contain, and climbing."""
 COMPATIBLE = 12.0

@@ -22,7 +22,7 @@ MAX_VOTES = 5.0
 VOTES_A_LENGTH = 4.0
 """Well before two lengths it has to be more than all votes."""
 MAX_LENGTHS = 3.0
-"""Way that is remembered, lengths: so far may a vehicle back up, and its front still be where it was."""
+"""Way that is remembered, lengths: a vehicle may back up this far, and its front still be where it was."""
 MIN_LENGTHS = 1.0
 """A shorter way may be an error of the camera's motion."""
 MIN_SPEED = 0.2

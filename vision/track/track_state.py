@@ -19,7 +19,7 @@ SIZE_TIME_S = 0.5
 ENOUGH = 2.5
 """Evidence from which on a track is reported, nats. Raise → fewer tracks on nothing; lower → sooner ones."""
 MAX_SKIPPED_S = 1.0
-"""Time that nobody looks is no time out of sight, up to this much: by then a track may be anywhere."""
+"""Longest time without a look that does not count as out of sight: by then a track may be anywhere."""
 CONFIRM_HITS = 2
 """Fewest frames that confirm: what looks most like a vehicle may still be none."""
 AXIS_TIME_S = 0.12
@@ -232,7 +232,7 @@ class TrackState:
         return TrackState(self.table.copy())
 
     def take_motion(self, other: TrackState) -> None:
-        """Be where the same tracks of ``other`` are; where they are expected stays."""
+        """Copy the motion and the shape of the same tracks in ``other``; where they are expected stays."""
         self.table[: EXPECTED.start] = other.table[: EXPECTED.start]
 
     def warp(self, H: Floats) -> None:
@@ -248,7 +248,7 @@ class TrackState:
         _measure(table)
 
     def correct(self, rows: Indices, boxes: Detections, index: Indices, noise: Floats) -> None:
-        """Tracks ``rows`` (q,) are seen as the detections ``index`` (q,); ``noise`` (q,) px of their centres."""
+        """Correct the tracks ``rows`` (q,) by the detections ``index`` (q,); ``noise`` (q,) px of their centres."""
         known, seen = self.table.take(rows, axis=1), boxes.table.take(index, axis=1)
         _move(known, *kalman.correct(known[X].T, _square(known), seen[:2].T, noise))
         _reshape(known, seen)
@@ -256,7 +256,7 @@ class TrackState:
         self.table[:, rows] = known
 
     def restart(self, rows: Indices, boxes: Detections, index: Indices, noise: Floats, speed: Floats) -> None:
-        """Tracks ``rows`` (q,) are found again elsewhere: as new in motion, the same in id and age."""
+        """Restart the motion of the tracks ``rows`` (q,), which are found again elsewhere; id and age stay."""
         known, seen = self.table.take(rows, axis=1), boxes.table.take(index, axis=1)
         _place(known, seen, noise, speed)
         _mark_seen(known, seen, index)

@@ -16,7 +16,7 @@ from mavlink.state import CameraReport, UavAttitude, UavState
 from vision.camera.camera import CameraPose, Mount, camera_rotation
 
 MOUNT_DOUBT = np.deg2rad(20.0)
-"""The gimbal may report to look so far from where the mission's mount has the camera: mounts are set up by eye."""
+"""Largest angle between the gimbal's report and the mission's mount of the camera: mounts are set up by eye."""
 TURNED_US = 5_000_000
 """Time for a gimbal's reports to come that were asked for when an order turned the camera."""
 LOST_US = 3_000_000

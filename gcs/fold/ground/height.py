@@ -67,7 +67,8 @@ FIND_EVERY_US = 300_000
 SMOOTHING_S = 2.0
 """The ground follows what is found with this time constant: one vehicle more must not move it by a step."""
 OUTLIER_M = 15.0
-"""An altitude is left out where it is so far from the median, or ``OUTLIER_STDS`` from the plane of the others."""
+"""Distance from the median, metres, at which an altitude is left out; or ``OUTLIER_STDS`` from the plane of the
+others."""
 FLYING_M, MIN_HEIGHT_M = 10.0, 3.0
 """A UAV this far above its home is at least that far above the ground where it is, metres."""
 DATUMS_M = (36.0, -36.0)

@@ -27,7 +27,7 @@ IntArray = NDArray[np.int64]
 GAP_M, OUTLIER_STDS = 8.0, 3.5
 """Heights that differ by less than the first, metres, or by this many 1σ agree."""
 MIN_HEIGHT_M = 2.0
-"""A camera is at least so high above what it sees; nearer than that no line of sight is told from another."""
+"""Least height of a camera above what it sees, metres; nearer than that no line of sight is told from another."""
 SURE_SHARE = 1.4
 """A detector knows vehicles of one size: heights of a camera that differ by more than this factor are too different."""
 STEPS = 6

@@ -21,7 +21,7 @@ MEMORY_S = 20.0
 NOISE_LEFT = 0.3
 """Variance of the filter's answer over that of its innovations, for reports five times a second that are noise."""
 MIN_VAR = 0.15**2
-"""Relief of a decimetre or two, m², is none."""
+"""Variance of the relief, m², that counts as flat ground: a decimetre or two."""
 
 
 class VehicleRelief:
@@ -38,7 +38,7 @@ class VehicleRelief:
         self._noise_var = self._var = 0.0
 
     def update(self, above_m: FloatArray, dt_s: float) -> None:
-        """One moment.
+        """Take in the altitudes of one moment.
 
         Args:
             above_m: (n,) altitudes above the plane, NaN unknown.

@@ -17,11 +17,13 @@ _SECOND_US = 1_000_000
 _AROUND, _MAX_TOLD = 8, 3
 """Samples on either side that agree about a step, and how many steps are reported."""
 _STEP_US, _SPREAD = 80_000, 4.0
-"""A step is larger than this, and than this many times what one sample differs from the next."""
+"""Least size of a step: this, and this many times the usual difference between two samples."""
 _CUT_SHARE, _CUT_AROUND = 1.2, 3
-"""The same of dates of whole seconds, of which there are few: larger than this many times what samples are apart."""
+"""Dates of whole seconds, of which there are few: least size of a step in intervals of the samples, and samples that
+agree."""
 _RATE, _DRIFT_US = 5e-4, 50_000
-"""Crystals differ by a tenth of this; what drifts by less in all is lateness."""
+"""Least rate and least sum of a drift that is reported: crystals differ by a tenth of the rate, and less in all is
+delay."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

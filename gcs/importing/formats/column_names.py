@@ -74,7 +74,7 @@ _TURN_DEG, _TURN_RAD = 360.5, 2.0 * math.pi + 0.01
 _BULK_SHARE = 0.9
 """Share of numbers that are no larger: a few may be damaged, or say that nothing is known."""
 _LEVEL_RAD = 0.05
-"""Angles that are all smaller are so little that the unit does not matter."""
+"""Bound below which all angles are too small for their unit to matter."""
 _UNNAMED = {
     ("roll", "pitch", "yaw", "heading"): 0.6,
     ("gimbal_roll", "gimbal_pitch", "gimbal_yaw"): 0.5 * math.pi + 0.01,

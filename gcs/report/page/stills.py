@@ -26,7 +26,7 @@ SIZES: Final = ((880, 75), (880, 50), (640, 40), (320, 30))
 MAX_BYTES: Final = 100_000
 """Largest picture: thirteen of them and their base64 stay below 2 MB."""
 TOGETHER_US: Final = 1_000_000
-"""Moments of one kind that are so near are one."""
+"""Span within which moments of one kind are one."""
 SETTLED_US: Final = 5_000_000
 """Names are young before, and less sure."""
 SURER: Final = 0.02

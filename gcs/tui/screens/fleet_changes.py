@@ -41,7 +41,7 @@ def ask_for_fleet(app: App[Any], station: Station, snapshot: Snapshot | None) ->
 
 
 def tell_newcomers(app: App[Any], newcomers: Sequence[Newcomer], told: Collection[int]) -> frozenset[int]:
-    """Tell of vehicles that are offered and were not told of; returns all that were."""
+    """Notify once of each vehicle that is offered for the fleet; return the ids of all notified of."""
     offered = frozenset(each.system_id for each in newcomers if each.offered)
     for each in newcomers:
         if each.offered and each.system_id not in told:
