@@ -199,7 +199,7 @@ def session_from_film(
         ("left_out", f"{left or 'nothing'}; {int(fitting.hidden.sum())} mostly hidden are not in the truth"),
         ("film", f"{len(t)} images of {size[0]}×{size[1]} px, {t[-1]:.1f} s, {rate_said}"),
         *((("notes", ", ".join(attributes)),) if attributes else ()),
-        ("camera", ", ".join(camera.said)),
+        ("camera", ", ".join(camera.sources)),
         ("motion", "none (--static)" if told is None else f"from the pixels in {told} of {len(t) - 1} steps"),
         ("team", ", ".join(_member(made, index) for index in range(len(made.team)))),
         ("errors", options.errors),

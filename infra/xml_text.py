@@ -1,4 +1,5 @@
-"""XML of others, an element at a time: within bounds, and without entities, which may expand to any size."""
+"""Reader of XML from other programs, an element at a time: within bounds, and without entities, which may expand to any
+size."""
 
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ class XmlRefusedError(ValueError):
 
 
 class _Elements:
-    """Elements that are open."""
+    """Handler of the parser's events: it keeps the names, attributes and texts of the elements that are open."""
 
     def __init__(self, ended: ElementHandler, most_text: int, lines: LineKeeper | None) -> None:
         self._ended, self._most_text, self._lines = ended, most_text, lines

@@ -30,7 +30,7 @@ _UNLIKE_MPS, _UNLIKE_MPS2 = 0.6, 0.6
 
 
 def linked(history: TrackHistory, theta: FloatArray, names: IntArray) -> IntArray:
-    """(S,) first piece of the object that each of the S columns in use of a history is.
+    """First piece of the object to which each of the S columns in use of a history belongs, (S,).
 
     Args:
         history: Rays of the pieces.

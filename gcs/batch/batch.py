@@ -42,9 +42,9 @@ if TYPE_CHECKING:
 
 CONNECT_S = 10.0
 AHEAD = 4
-"""Flights for each thread of the cluster that the scheduler knows of, and ..."""
+"""Flights for each thread of the cluster that the scheduler knows of at a time."""
 MIN_AHEAD = 64
-"""... at least this many, so that a worker that joins late finds some."""
+"""Least number of flights that the scheduler knows of, so that a worker that joins late finds some."""
 
 
 def run_in_cluster(

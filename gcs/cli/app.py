@@ -114,7 +114,7 @@ _WORDS = {
 
 
 def _with_words(command: Any) -> Any:  # noqa: ANN401
-    """The same command, with words for the values of its options, and the arguments' names without their types."""
+    """Return a command with words for the values of its options, and the arguments' names without their types."""
     words = {option: word for word, options in _WORDS.items() for option in options.split()}
     for param in (param for each in (command, *getattr(command, "commands", {}).values()) for param in each.params):
         if param.param_type_name == "argument":

@@ -1,4 +1,4 @@
-"""Times since which something has been as it is."""
+"""Record of since when something has had the value that it has."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Since(Generic[Key, Value]):
         self._lasting: dict[Key, _Lasting[Value]] = {}
 
     def update(self, t_us: int, key: Key, value: Value) -> int:
-        """Take in a value; returns since when the key has had it, apart from brief interruptions."""
+        """Take in a value; return since when the key has had it, apart from brief interruptions."""
         known = self._lasting.pop(key, None) or _Lasting(value, t_us, value, t_us)
         if value != known.value:
             back = value == known.before and t_us - known.since_us < BRIEF_US

@@ -110,8 +110,8 @@ class FleetClock:
     """Evidence of the second best offset, nats, NaN none."""
 
     @property
-    def said(self) -> str:
-        """Sentence on how the offset was found."""
+    def clock_source(self) -> str:
+        """Words on how the offset was found."""
         text = f"{self.ahead_s:+.2f} s, found by how the fleet fits the film, evidence {self.evidence:.0f}"
         if not np.isfinite(self.runner_up_s):
             return text
@@ -377,11 +377,16 @@ def searched_times(
         logs, found = _found(spans, replace(logs, mission=last), bounds_s, where, either=either)
     ahead_us = round(found.ahead_s * 1e6)
     uav_us = times.uav_shift_us + (0 if logs.uav_with_fleet else ahead_us)
-    return replace(times, film_us=start_us + ahead_us, uav_shift_us=uav_us, said=f"{times.said}, {found.said}")
+    return replace(
+        times,
+        film_us=start_us + ahead_us,
+        uav_shift_us=uav_us,
+        clock_source=f"{times.clock_source}, {found.clock_source}",
+    )
 
 
 def _missions(mission: Mission, size: tuple[int, int]) -> list[Mission]:
-    """The mission as it is, and, where nothing describes its camera's lens, with each field of view that one may have.
+    """The mission; where nothing describes its camera's lens, also with each field of view that one may have.
 
     An offset is found with a focal length up to a quarter too short or a third too long.
     """

@@ -59,7 +59,7 @@ class FleetTlog:
     judged: Mapping[int, RowTimes] = field(default_factory=lambda: MappingProxyType({}))
     """Times and positions of the vehicles as checked, by system id; rows that are on no path stay in the log."""
 
-    def told(self, without: Collection[int] = ()) -> tuple[str, ...]:
+    def assumptions(self, without: Collection[int] = ()) -> tuple[str, ...]:
         """Return sentences on what was assumed of the log's clock and of all vehicles but some, with the file's
         name."""
         name = self.tlog.path.name
@@ -95,7 +95,7 @@ class FleetTlog:
         return rows[mine], wire[mine]
 
     def columns(self, message_id: int, system_id: int) -> tuple[Ints, NDArray[np.void]]:
-        """Times and columns of the same."""
+        """Times and columns of the rows of :meth:`rows`."""
         rows, wire = self.rows(message_id, system_id)
         return self.t_us[rows], wire
 

@@ -1,4 +1,4 @@
-"""The ground vehicles of a flight, from whichever files tell of them, on one time line."""
+"""The ground vehicles of a flight, from all files that have some, on one time line."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ class GroundVehicles:
     logs: Mapping[int, VehicleLog]
     """Logs of the vehicles that are in no telemetry log, by system id."""
 
-    told: tuple[str, ...] = ()
-    """Sentences on what one of them says against another."""
+    contradictions: tuple[str, ...] = ()
+    """Sentences on what one file says against another."""
 
     @property
     def span_us(self) -> tuple[int, int]:
@@ -58,9 +58,9 @@ class GroundVehicles:
     @property
     def assumed(self) -> tuple[str, ...]:
         """Assumptions about them, with the file where there is one for each."""
-        of_tlog = self.tlog.told(without=self.logs) if self.tlog is not None else ()
+        of_tlog = self.tlog.assumptions(without=self.logs) if self.tlog is not None else ()
         of_logs = (f"{log.source}: {words}" for log in self.logs.values() for words in log.notes.assumed)
-        return (*of_tlog, *of_logs, *self.told)
+        return (*of_tlog, *of_logs, *self.contradictions)
 
     @property
     def middle(self) -> tuple[float, float]:
@@ -119,8 +119,10 @@ def read_ground_vehicles(tlog: Path | None, ugv: Sequence[str]) -> GroundVehicle
     if not places:
         raise ImportFileError(f"{tlog}: no ground vehicle reports a position in it")
     tracks = {} if fleet is None else fleet.tracks
-    told = tuple(words for i, log in logs.items() if i in tracks for words in clock_words(log, tracks[i]))
-    return GroundVehicles(places=dict(sorted(places.items())), tlog=fleet, logs=dict(sorted(logs.items())), told=told)
+    contradictions = tuple(words for i, log in logs.items() if i in tracks for words in clock_words(log, tracks[i]))
+    return GroundVehicles(
+        places=dict(sorted(places.items())), tlog=fleet, logs=dict(sorted(logs.items())), contradictions=contradictions
+    )
 
 
 def clock_words(log: VehicleLog, telemetry: PlaceTrack) -> tuple[str, ...]:
@@ -168,7 +170,7 @@ class _Lead:
 
     @property
     def known(self) -> bool:
-        """True if they do, and with it alone where it is one."""
+        """True if the paths are on each other with that offset, and, where it is not 0, with it alone."""
         apart = abs(self.ahead_us) < _MIN_AHEAD_US or self.now_m >= _CLEARLY * self.then_m
         return self.then_m <= _ON_EACH_OTHER_M and apart
 
@@ -195,13 +197,13 @@ def _numbered(word: str) -> list[tuple[int, VehicleLog]]:
     """System ids and logs of one ``--ugv``."""
     number, _, name = word.partition("=")
     numbered = number.isascii() and number.isdecimal() and bool(name)
-    told = int(number) if numbered and len(number) <= 3 else 0
-    if told > LAST_ID or (numbered and not told):
+    given_id = int(number) if numbered and len(number) <= 3 else 0
+    if given_id > LAST_ID or (numbered and not given_id):
         raise ImportFileError(f"--ugv {word}: a system id is 1 to {LAST_ID}")
-    logs = read_vehicle_logs(Path(name if told else word))
-    if told and len(logs) > 1:
+    logs = read_vehicle_logs(Path(name if given_id else word))
+    if given_id and len(logs) > 1:
         raise ImportFileError(f"--ugv {word}: {len(logs)} vehicles are in it; give it without the id")
-    found = [(told or log.system_id, log) for log in logs]
+    found = [(given_id or log.system_id, log) for log in logs]
     for system_id, log in found:
         if not system_id:
             raise ImportFileError(f"--ugv {word}: {log.source} has no system id; give it as --ugv ID={Path(word).name}")

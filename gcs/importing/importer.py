@@ -130,7 +130,7 @@ def source_accounts(
     video = SourceAccount(
         role="video",
         name=film.path.name,
-        clock=f"its own time stamps, {length_s:.1f} s; begins {_when(timeline.film_us)} UTC by {timeline.said}",
+        clock=f"its own time stamps, {length_s:.1f} s; begins {_when(timeline.film_us)} UTC by {timeline.clock_source}",
         read=(f"{len(film.elapsed_us)} frames of {_size(film)}",),
         assumed=film.assumed,
         spans={"video": ((0.0, round(length_s, 3)),)},
@@ -144,7 +144,7 @@ def source_accounts(
         tlog = fleet.tlog
         tracks = {i: track for i, track in tlog.tracks.items() if len(track) and i not in fleet.logs}
         of_each = (f"system {i}: {_against_film(track, -timeline.film_us)}" for i, track in tracks.items())
-        notes = ImportNotes(assumed=tlog.told(without=fleet.logs), skipped=tlog.skipped(tracks))
+        notes = ImportNotes(assumed=tlog.assumptions(without=fleet.logs), skipped=tlog.skipped(tracks))
         account = _account("fleet", tlog.tlog.path.name, tlog.clock, tuple(of_each), notes)
         spans = {f"system {i}": _spans(track, -timeline.film_us) for i, track in tracks.items()}
         accounts.append(replace(account, spans=spans))
@@ -237,7 +237,7 @@ def import_flight(out: Path, options: ImportOptions) -> ImportReport:
     if out.exists():
         raise ImportFileError(f"{out}: exists already; recordings are never overwritten, give another name")
     fleet = read_ground_vehicles(options.tlog, options.ugv)
-    fleet = replace(fleet, told=(*fleet.told, *fleet_words(fleet)))
+    fleet = replace(fleet, contradictions=(*fleet.contradictions, *fleet_words(fleet)))
     filmed = [_import_film(options, fleet)]
     for further in options.views:
         filmed.append(_import_film(further.of(options), fleet, taken=[each.uav_id for each in filmed]))
@@ -481,7 +481,7 @@ def _report(
     assumed += fleet.assumed
     count = sum(map(len, fleet.places.values()))
     found.append(("ugv", f"{len(fleet.places)} vehicles, {count} positions"))
-    found += [("camera", chosen.optics), ("direction", chosen.direction), ("clock", timeline.said)]
+    found += [("camera", chosen.optics), ("direction", chosen.direction), ("clock", timeline.clock_source)]
     return ImportReport(
         found=tuple(found),
         assumed=tuple(dict.fromkeys(assumed)),

@@ -70,7 +70,7 @@ class Analysis:
         looking_threads: int = 2,
         video_offset_s: float | None = None,
         camera: Camera | None = None,
-        company: InStep | None = None,
+        in_step: InStep | None = None,
         followed: bool = False,
     ) -> None:
         """Open all files of a session.
@@ -82,7 +82,7 @@ class Analysis:
             looking_threads: which look at the next frames meanwhile; 0: the one that folds looks, too.
             video_offset_s: Video time minus telemetry time, s, instead of the mission's; None: as it says.
             camera: Instead of the mission's; None: as it says.
-            company: The flight's cameras that are folded in step, which this one joins; None: the others are opened
+            in_step: The flight's cameras that are folded in step, which this one joins; None: the others are opened
                 and folded for this one's sake.
             followed: It is such another one.
 
@@ -105,10 +105,10 @@ class Analysis:
         self._stall_s = stall_after_s(self._frames_order_us)
         self._awaited_us = video_awaited_us(session.folder)
         self.warnings = tuple(session_warnings(opened))
-        self._company = company or InStep(self._warn)
-        if trouble := self._company.join(self, followed=followed):
+        self._in_step = in_step or InStep(self._warn)
+        if trouble := self._in_step.join(self, followed=followed):
             self.warnings += (trouble,)
-        if company is None:
+        if in_step is None:
             self._open_others(redetect=redetect)
 
     def _warn(self, t_us: int, text: str) -> None:
@@ -124,7 +124,7 @@ class Analysis:
                 view = self.opened.session.opened_beside(folder)
                 if view.video or view.frames:
                     again = redetect and view.video is not None
-                    Analysis(view, **shared, redetect=again, company=self._company, followed=True)
+                    Analysis(view, **shared, redetect=again, in_step=self._in_step, followed=True)
             except (GcsError, MavlinkError, VisionError) as error:
                 self.warnings += (f"what another camera of the flight saw does not count here: {error}",)
 
@@ -161,7 +161,7 @@ class Analysis:
         Args:
             images: Put each frame's image into its snapshot; frames of a video that cannot be decoded are left out.
         """
-        pipeline = self._pipeline(self._company.begin(self.uav_id))
+        pipeline = self._pipeline(self._in_step.begin(self.uav_id))
         if self._turns is None:
             yield from self._by_time(pipeline, images)
             return
@@ -195,11 +195,11 @@ class Analysis:
         """
         if provisional_from_us is not None:
             return self._provisional(flown, provisional_from_us)
-        return self._company.shown(self.uav_id, self.folded(self._company.begin(self.uav_id), flown))
+        return self._in_step.shown(self.uav_id, self.folded(self._in_step.begin(self.uav_id), flown))
 
     def seen_elsewhere(self, snapshot: Snapshot) -> Snapshot:
         """The newest snapshot with what the flight's other cameras see, which are folded for this one's sake."""
-        others = self._company.followed()
+        others = self._in_step.followed()
         return with_elsewhere(snapshot, others) if others else snapshot
 
     def folded(self, exchange: ExchangeMember | None, flown: Sequence[Event] = ()) -> Iterator[tuple[int, Snapshot]]:
@@ -418,7 +418,7 @@ class Analysis:
     def close(self) -> None:
         """Close the video."""
         self.opened.close()
-        self._company.close()
+        self._in_step.close()
 
 
 def _without_boxes(near: Snapshot, index: int, t_us: int, image: Image | None) -> Snapshot:

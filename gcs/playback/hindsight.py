@@ -216,7 +216,7 @@ def _renamed(known: KnownFrame, mission: Mission, since: Since[int, int]) -> Sna
         return snapshot
     tracked = [box for box in snapshot.boxes if box.track_id]
     contested = frozenset(row.system_id for row in snapshot.vehicles if row.contested or snapshot.vehicles[0].contested)
-    boxes = {box.track_id: _told(box, known.p.get(box.track_id), mission, contested) for box in tracked}
+    boxes = {box.track_id: _with_known_name(box, known.p.get(box.track_id), mission, contested) for box in tracked}
     # of two boxes with one name the surer has it, and one that was seen before one that is only predicted
     holder: dict[int, Box] = {}
     for box in sorted(boxes.values(), key=lambda box: (not box.coasting, box.stated, box.confidence)):
@@ -238,7 +238,7 @@ def _renamed(known: KnownFrame, mission: Mission, since: Since[int, int]) -> Sna
     return replace(snapshot, boxes=new, vehicles=tuple(rows))
 
 
-def _told(box: Box, known: FloatArray | None, mission: Mission, contested: frozenset[int]) -> Box:
+def _with_known_name(box: Box, known: FloatArray | None, mission: Mission, contested: frozenset[int]) -> Box:
     """The box with what is known of it; as it was where nothing is, where it is stated, and where a name was withheld.
 
     Args:

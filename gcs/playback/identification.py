@@ -36,7 +36,7 @@ SURE_S, SURE_FIT = 0.1, 0.99
 """Largest 1σ of the offset, s, and least probability that film and telemetry belong together, with which it counts."""
 _ENDED_US = sys.maxsize
 """Time in place of that of the next frame where there is none."""
-_ALARMS_TOLD = 5
+_MAX_ALARMS = 5
 """Alarms that are reported one by one; the page about the flight has all."""
 _FILES = (IDENTITY.name, IDENTITY_EVIDENCE, EVENTS)
 _NEVER_OVERWRITTEN = "exists already and is never overwritten; choose another place"
@@ -135,7 +135,7 @@ def _identify_in_step(
     hindsight: bool | None,
 ) -> list[_NamedCamera]:
     """Name the boxes of all cameras once, side by side: that of the earliest frame goes on first."""
-    company = InStep() if len(opened) > 1 else None
+    in_step = InStep() if len(opened) > 1 else None
     with contextlib.ExitStack() as stack:
         views = list[_NamedCamera]()
 
@@ -143,7 +143,7 @@ def _identify_in_step(
             report(sum(view.done for view in views), sum(len(view.analysis.times_us) for view in views))
 
         for opening, folder in zip(opened, folders, strict=True):
-            view = _NamedCamera(opening(company=company), folder, hindsight, tell)
+            view = _NamedCamera(opening(in_step=in_step), folder, hindsight, tell)
             stack.callback(view.analysis.close)
             views.append(view)
         ways = [stack.enter_context(contextlib.closing(view.identify())) for view in views]
@@ -178,7 +178,7 @@ def _as_session_error(out: Path) -> Iterator[None]:
 
 
 class _NamedCamera:
-    """A camera whose boxes are named.
+    """One camera of a recording and the names of its boxes.
 
     Args:
         analysis: folds what it saw.
@@ -263,9 +263,9 @@ def _late(offset_s: float) -> str:
 
 def _alarms(spans: Iterable[AlarmSpan], start_us: int) -> list[str]:
     """Alarms in words, the first few; names are not to be read without them."""
-    told = [span.alarm for span in spans if span.alarm.level == "alarm"]
-    lines = [f"alarm at {1e-6 * (alarm.since_us - start_us):.0f} s: {alarm.text}" for alarm in told[:_ALARMS_TOLD]]
-    return lines if len(told) <= _ALARMS_TOLD else [*lines, f"and {len(told) - _ALARMS_TOLD} alarms more"]
+    raised = [span.alarm for span in spans if span.alarm.level == "alarm"]
+    lines = [f"alarm at {1e-6 * (alarm.since_us - start_us):.0f} s: {alarm.text}" for alarm in raised[:_MAX_ALARMS]]
+    return lines if len(raised) <= _MAX_ALARMS else [*lines, f"and {len(raised) - _MAX_ALARMS} alarms more"]
 
 
 def _frames(

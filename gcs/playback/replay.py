@@ -229,7 +229,7 @@ class Replay:
 
     @property
     def speed(self) -> float:
-        """Times real time."""
+        """Speed as a multiple of real time."""
         return self._speed
 
     @property

@@ -201,7 +201,7 @@ class RollCall:
         self._came, self._as_flown = frames, as_flown
 
     def tell(self, alarms: Iterable[AlarmSpan], events: Iterable[Event]) -> None:
-        """Take in what a recorded flight itself reported, with what its replay finds besides."""
+        """Take in the alarms and marks that a recorded flight itself reported, with what its replay finds besides."""
         self._told, self.marks = count_alarms(alarms), _marks(events)
 
     @property

@@ -99,7 +99,7 @@ class Segment:
             self._disk.close(self._fd)
 
     def _cut(self) -> None:
-        """Back to the last whole row."""
+        """Cut the file back to the last whole row."""
         try:
             self._disk.ftruncate(self._fd, self.size)
         except OSError:

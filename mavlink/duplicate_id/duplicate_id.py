@@ -96,7 +96,7 @@ _HOLD_US = 4_500_000
 """Time that a conflict lasts after the last contradiction: longer than the longest pause between contradictions of two
 senders that send heartbeats once a second and lose packets."""
 _HOLD_HARDWARE_US = 60_000_000
-"""The same after two hardware ids, which are sent rarely."""
+"""As ``_HOLD_US``, after two hardware ids, which are sent rarely."""
 
 _TOGETHER_US = 3_000_000
 """Senders seen within this are seen together: three heartbeats."""

@@ -39,7 +39,7 @@ class VehicleLimits:
     height_gap_m: float = 150.0
     """A ground vehicle this far above or below the UAV's home reports the wrong altitude: hills are lower."""
     sea_level_gap_m: float = 30.0
-    """The same for one that reports sea level, as autopilots do until their filter has started."""
+    """As ``height_gap_m``, for a vehicle that reports sea level, as autopilots do until their filter has started."""
     course_gap: float = math.radians(40.0)
     """Heading this far from the course, forward or backward, while driving: the heading is wrong."""
     course_speed: float = 1.0
@@ -47,7 +47,7 @@ class VehicleLimits:
     default_std_m: float = 2.0
     """1σ when the receiver reports none."""
     default_up_std_m: float = 3.0
-    """The same of the altitude, which a barometer carries on from a receiver's first fix."""
+    """1σ of the altitude when the receiver reports none: a barometer carries it on from the first fix."""
     max_acceleration: float = 4.0
     """m/s²; what two radios of one vehicle may differ by between their reports. Raise for agile vehicles."""
     max_climb: float = 20.0

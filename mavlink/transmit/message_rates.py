@@ -48,7 +48,7 @@ UAV_RATES: Mapping[int, float] = {
 }
 """message id → Hz that the UAV has to send for vehicles to be identified in the video."""
 UGV_RATES: Mapping[int, float] = {GLOBAL_POSITION_INT: 5.0}
-"""The same for a ground vehicle."""
+"""As ``UAV_RATES``, for a ground vehicle."""
 
 _DENIED, _UNSUPPORTED, _FAILED = 2, 3, 4
 """MAV_RESULT of a request that was rejected."""

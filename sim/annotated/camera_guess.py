@@ -37,14 +37,14 @@ ROUNDS = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuessedCamera:
-    """A camera over level ground, and in words where its numbers are from."""
+    """A camera over level ground."""
 
     height_m: float
     fov_deg: float
     pitch_deg: float
     """Pitch of the optical axis, −90 straight down."""
     focal_px: float
-    said: tuple[str, ...]
+    sources: tuple[str, ...]
 
 
 def guess_camera(
@@ -80,12 +80,12 @@ def guess_camera(
             f"by its vehicles' sizes the film was taken from {height:.0f} m, which no camera drone flies at; "
             "give --height, --fov and --pitch"
         )
-    said = (
+    sources = (
         f"height {height:.1f} m, {'from the size of vehicles' if height_m is None else 'as given'}",
         f"field of view {fov:g}°, {'assumed' if fov_deg is None else 'as given'}",
         f"pitch {pitch:.1f}°, {'from how sizes change down the picture' if pitch_deg is None else 'as given'}",
     )
-    return GuessedCamera(height_m=height, fov_deg=fov, pitch_deg=pitch, focal_px=float(focal), said=said)
+    return GuessedCamera(height_m=height, fov_deg=fov, pitch_deg=pitch, focal_px=float(focal), sources=sources)
 
 
 def _sizes(tracks: AnnotatedTracks, size: tuple[int, int]) -> tuple[FloatArray, FloatArray]:

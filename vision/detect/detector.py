@@ -20,7 +20,7 @@ from vision.errors import ModelError
 BUNDLED = Path(__file__).parents[1] / "models" / "rollcall-obb-s.onnx"
 """Rollcall's own detector."""
 BUNDLED_PARTS = BUNDLED.with_name("rollcall-obb-s-int8.onnx")
-"""The same with 8-bit arithmetic, for parts of pictures that are looked at in turns."""
+"""Rollcall's own detector with 8-bit arithmetic, for parts of pictures that are looked at in turns."""
 CPU = ("CPUExecutionProvider",)
 
 

@@ -3,10 +3,8 @@
 Datagrams come from a port of ours (``vision.stream.port``), all else is opened by FFmpeg, with limits to its patience.
 Where a stream has no time stamps its packets are dated by arrival (``vision.stream.byte_stream``).
 
-Where an HTTP server sends on to, which is followed to the same host alone.
-
-Whoever names an address names a host. Its server may move a stream there or begin to encrypt; that it has this computer
-ask another host, or open a file, is refused.
+A redirect of an HTTP server is followed to the same host alone: its server may move a stream there or begin to encrypt;
+that it has this computer ask another host, or open a file, is refused.
 """
 
 from __future__ import annotations
@@ -71,8 +69,8 @@ SCHEMES = ("http", "https")
 _MAX_SHOWN = 200
 
 
-def sent_on(source: Source, timeout_s: float) -> Source | None:
-    """The source at the address that its server names instead; None where it names none.
+def redirected(source: Source, timeout_s: float) -> Source | None:
+    """The source at the address to which its server redirects; None where it does not.
 
     The server is asked without a password.
 
@@ -162,7 +160,7 @@ def open_input(source: Source) -> Input | None:
             late = time.monotonic() - begin_s >= _patience_s(source)
             if late and source.waits:
                 return None
-            goal = None if late or not source.address.startswith(HTTP) else sent_on(source, OPEN_TIMEOUT_S)
+            goal = None if late or not source.address.startswith(HTTP) else redirected(source, OPEN_TIMEOUT_S)
             if goal is None:
                 why = f"no answer within {OPEN_TIMEOUT_S:g} s" if late else _why(error)
                 raise VideoError(f"video {source.text}: cannot be opened ({why}); is it being sent?") from error

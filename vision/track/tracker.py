@@ -37,7 +37,7 @@ INTERVALS, MISSED_FRAMES = 5, 2.2
 """Number of frame intervals whose median is the usual one, and how many usual ones a track may go without a box: one
 frame in which its vehicle is missed must not end it."""
 MIN_SHIFT = 0.1
-"""A smaller displacement of most tracks, in box sizes, is left to the filter."""
+"""Displacement of most tracks, in box sizes, below which it is left to the filter."""
 REACH = 4.0
 """Greatest displacement of a track by an unknown motion of the camera, sizes."""
 UNREST_S = 1.0
@@ -47,13 +47,13 @@ FIRST_UNREST_PX2 = 400.0
 VELOCITY_SHARE = 0.2
 """Share of a displacement that is taken for velocity: a camera that turns on is followed, one that shakes hardly."""
 REST = 0.25
-"""A displacement of this many sizes is never unusual."""
+"""Displacement in sizes that is never unusual."""
 REACH_SHARE = 0.05
-"""... or than this share of the frame's width, if that is more: small boxes jump as far as large ones."""
+"""Least reach as a share of the frame's width, for small boxes: they jump as far as large ones."""
 SURE_SHARE = 0.7
 """Share of all that could be explained from which on the warp is not doubted."""
 BETTER_START = 6.0
-"""The warp is left out only if that explains more by this much, in units of the squared distance."""
+"""Advantage, in units of the squared distance, with which leaving the warp out has to explain the boxes."""
 
 
 class Tracker:

@@ -73,7 +73,7 @@ def telling(
     folder: Path,
     latest: Callable[[], Snapshot | None] | None = None,
 ) -> Iterator[None]:
-    """While this lasts others are told of the station; trouble with that is an event, once.
+    """Send a station's snapshots to others while the context lasts; trouble with that is an event, once.
 
     Args:
         sinks: of :func:`parse_sinks`.

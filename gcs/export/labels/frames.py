@@ -45,15 +45,15 @@ class LabelledBox:
 
     def attributes(self) -> dict[str, int | float | str]:
         """Name of a box and its certainty; what is unknown is not in it."""
-        told: dict[str, int | float | str] = {}
+        found: dict[str, int | float | str] = {}
         if self.box.track_id:
-            told["track_id"] = self.box.track_id
+            found["track_id"] = self.box.track_id
         if self.box.system_id:
-            told |= {"system_id": self.box.system_id, "name": self.name}
+            found |= {"system_id": self.box.system_id, "name": self.name}
         for key, value in (("confidence", self.box.confidence), ("score", self.box.score)):
             if math.isfinite(value):
-                told[key] = round(value, 4)
-        return told
+                found[key] = round(value, 4)
+        return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

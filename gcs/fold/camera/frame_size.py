@@ -34,14 +34,14 @@ STRANGE = 0.3
 BEYOND = 1.02
 """Farthest place of a box's centre, in sizes of a frame: half a vehicle looks in."""
 EVERY_US = 2_000_000
-"""Frames closer to each other are not independent."""
+"""Interval of the frames that are compared: closer ones are not independent."""
 MAX_LOOKS = 40
 DESCRIBED = 3.0
 """Prior for the size that the camera is described for, nats: twenty streams have it for one that has not."""
 SURE = 5.0
-"""The best size is taken when it is better than any other by this much, nats: 150 to one."""
+"""Advantage of the best size over any other with which it is taken, nats: 150 to one."""
 ALIKE = 0.03
-"""Sizes that differ by less are one: names do not depend on it."""
+"""Relative difference below which two sizes are one: names do not depend on it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +58,7 @@ class FrameSize:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _SampledFrame:
-    """One frame, in units of the described image's width."""
+    """Boxes and reported places of a frame, in units of the described image's width."""
 
     size: tuple[int, int]
     """Size of the described image, px."""

@@ -38,11 +38,11 @@ this long after a change, s, the least by which it has gone on."""
 MIN_STDS, MIN_MORE_STDS = 3.0, 1.5
 """Either of them counts from this many 1σ of the tracks' median on: boxes of small vehicles vary by more."""
 MIN_JUMP = 0.2
-"""The same from one frame to the next, where tracks may have been lost by it."""
+"""ln of the least change from one frame to the next that counts, where tracks may have been lost by it."""
 LIKE_MOST, MOST_UNLIKE = 0.75, 0.5
-"""Share of the tracks that must have changed by the common factor, give or take this share of its ln."""
+"""Share of the tracks that must have changed by the common factor, and the share of its ln by which they may differ."""
 ALIKE = 0.03
-"""... and this, which boxes vary by."""
+"""Difference in ln, besides that share, by which boxes vary."""
 MIN_SPREAD = 0.5
 """Share of the change that their places must show: some drive towards one another meanwhile."""
 SAME_SIZE = 0.15

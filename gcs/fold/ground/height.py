@@ -37,13 +37,13 @@ UAV_ALTITUDE_STD_M = 4.0
 SLOPE_STD = 0.03
 """1σ of the slope per axis: what vehicles drive on in formation."""
 RELIEF_SLOPE_STD = 0.005
-"""The same about a terrain file, whose own error is a height that changes over kilometres."""
+"""As ``SLOPE_STD``, about a terrain file, whose own error is a height that changes over kilometres."""
 FILE_STD_M = 5.0
 """1σ of a terrain file's height against the UAV's altitude: a map's own error, and another sea level or none."""
 FILE = HeightSource(name="the terrain file", z=0.0, std_m=FILE_STD_M)
 TAKEOFF, FOOT, ALTITUDES, FILM = "the take-off", "the mission's height_m", "the vehicles' altitudes", "the film"
 FILM_STD_M = 2.0
-"""1σ of the ground by the film is never less: focal lengths are off by per cents."""
+"""Least 1σ of the ground by the film: focal lengths are off by per cents."""
 ON_FILE_STD_M = 2.0
 """1σ of the ground, above the relief, by the place of the take-off: a barometer's drift and a file's errors."""
 TAKEOFF_M = 2.0

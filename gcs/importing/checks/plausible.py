@@ -26,10 +26,11 @@ _FASTEST_MPS, _SLACK_M = 300.0, 200.0
 _DEG_M = 111_320.0
 _FAR_M, _CLIMB_MPS = 30.0, 40.0
 _FAR_RAD, _TURN_RAD_S, _TURN = 0.5, 2.0, 2.0 * math.pi + 0.01
-"""Heights and headings that are farther off than the first and back faster than the second are damaged."""
+"""Heights, metres and m/s, and headings, radians and rad/s, that are farther off than the first and back faster than
+the second are damaged; and the largest angle that is one."""
 _MIN_ROWS = 3
 _MAX_IN_A_ROW = 8
-"""Damaged samples; what is off for longer is where it is."""
+"""Most damaged samples in a row; what is off for longer is where it is."""
 _LEG_S, _OFF_MPS, _OFF_SHARE = 5.0, 2.0, 0.3
 """Time over which velocities that are off by more than this speed and this share are not those of the path."""
 _ZERO_M, _UNSET_M = 0.5, 5.0
@@ -40,7 +41,7 @@ MAX_M = 20_000.0
 _USUAL_STEPS = 3.0
 """Usual steps, and the way between those before and after, that a sample which stands alone may be off by as well."""
 _HOME_M = 1.0
-"""Heights whose home is off by more than this from that of the others are none."""
+"""Difference of a height's home from that of the others from which on it counts as none, m."""
 
 
 def plausible(log: VehicleLog) -> VehicleLog:
@@ -95,7 +96,7 @@ def place_words(places: PlaceTrack, clock: LogClock) -> tuple[tuple[str, ...], B
 
 
 def _within_the_air(places: PlaceTrack) -> tuple[PlaceTrack, int]:
-    """Altitudes and heights in another unit are unknown; and how many positions have such."""
+    """Return positions without altitudes and heights in another unit, and how many had such."""
     alt, height = (np.abs(np.nan_to_num(column)) > MAX_M for column in (places.alt_m, places.height_m))
     alt_m, height_m = np.where(alt, np.nan, places.alt_m), np.where(height, np.nan, places.height_m)
     return replace(places, alt_m=alt_m, height_m=height_m), int(np.count_nonzero(alt | height))
@@ -122,7 +123,8 @@ def _at_sea(places: PlaceTrack) -> tuple[str, ...]:
 
 
 def _moving_as_told(places: PlaceTrack) -> tuple[PlaceTrack, int]:
-    """Return the log without velocities in another unit, or of a filter that does not fly; and how many these were."""
+    """Return positions without velocities in another unit, or of a filter that does not fly; and how many these
+    were."""
     known = np.flatnonzero(np.isfinite(places.v_ned[:, :2]).all(axis=1))
     t_s = (places.t_us[known] - places.t_us[0]) * 1e-6 if len(known) else np.empty(0)
     path = np.column_stack([places.lat_deg, places.lon_deg])[known]
@@ -144,7 +146,8 @@ def _moving_as_told(places: PlaceTrack) -> tuple[PlaceTrack, int]:
 
 
 def _without_spikes(places: PlaceTrack) -> tuple[PlaceTrack, int]:
-    """Altitudes, heights and headings that nothing moves to and back are unknown; and how many positions have such."""
+    """Return positions without altitudes, heights and headings that nothing moves to and back, and how many had
+    such."""
 
     def known(column: Floats, off: Bools) -> Floats:
         return np.where(off, np.nan, column)
@@ -163,7 +166,7 @@ def _without_spikes(places: PlaceTrack) -> tuple[PlaceTrack, int]:
 
 
 def _still(track: AngleTrack) -> tuple[AngleTrack, int]:
-    """Return the log without attitudes in another unit, or that nothing turns to and back, and how many these are."""
+    """Return a track without attitudes in another unit, or that nothing turns to and back, and how many these are."""
     with np.errstate(invalid="ignore"):
         off = (np.abs(track.angles) > _TURN).any(axis=1)
     off |= alone(track.t_us, _axes(track.angles), _FAR_RAD, _TURN_RAD_S)
@@ -229,9 +232,9 @@ def _reached(places: PlaceTrack) -> Bools:
 
 
 def _with_heights(places: PlaceTrack) -> PlaceTrack:
-    """Altitudes and heights of 0 are written before there is a fix or a home: then they are none.
+    """Return positions without altitudes and heights of 0 that were written before there was a fix or a home.
 
-    Beside altitudes heights are so where the others have another home.
+    Beside altitudes a height of 0 counts as such where the other heights have another home.
     """
     alt_m, height_m = _known(places.alt_m), places.height_m
     zero = height_m == 0.0

@@ -210,7 +210,7 @@ def height_words(source: str, places: PlaceTrack, fleet: GroundVehicles) -> Iter
         raise ImportFileError(
             f"{source}: the UAV's altitude of {alt_m:.0f} m is {-above_m:.0f} m below the ground vehicles' median of "
             f"{ground_m:.0f} m: one of them is in another unit{unit}; give both in metres"
-            + "".join(f" ({words})" for words in fleet.told)
+            + "".join(f" ({words})" for words in fleet.contradictions)
         )
     if above_m < 0.0 or above_m > _HIGH_M:
         yield (

@@ -185,7 +185,7 @@ def _zero_us(tables: DataflashTables) -> tuple[int | None, tuple[str, ...]]:
     unix_us = (_GPS_EPOCH_S - _LEAP_S + fixes["GWk"].astype(np.int64) * _WEEK_S) * 1_000_000
     unix_us = unix_us + fixes["GMS"].astype(np.int64) * 1000
     lead = clock_lead("GPS time", "the log's own clock", unix_us, _times(fixes), latest_us=_LATEST_FIX_US)
-    return int(np.quantile(lead.longest_us, _LATEST, method="nearest")), lead.told
+    return int(np.quantile(lead.longest_us, _LATEST, method="nearest")), lead.notes
 
 
 def _angles(table: Rows | None, names: tuple[str, str, str]) -> AngleTrack:

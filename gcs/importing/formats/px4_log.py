@@ -309,7 +309,7 @@ def _zero_us(topics: Topics) -> tuple[int | None, tuple[str, ...]]:
     if not len(utc_us):
         return None, ()
     lead = clock_lead("GPS time", "the log's own clock", utc_us, t_us, latest_us=_LATEST_FIX_US)
-    return int(np.quantile(lead.longest_us, 0.5, method="lower")), lead.told
+    return int(np.quantile(lead.longest_us, 0.5, method="lower")), lead.notes
 
 
 def _attitudes(topic: Columns | None) -> AngleTrack:
