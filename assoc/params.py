@@ -28,10 +28,10 @@ class ScheduleParams:
     idle_factor: float = 3.0
     """Factor on that time while the search is locked: the answer hardly changes then."""
     residual_jump_m: float = 1.5
-    """A named track whose distance to its report grows by more than this between two frames, metres, makes an update
-    due at once ..."""
+    """Growth of a named track's distance to its report between two frames, metres, above which an update is due at
+    once."""
     residual_jump_stds: float = 5.0
-    """... while the search is locked only if that is this many 1σ of the reports' white noise too: two of them differ
+    """Growth, in 1σ of the reports' white noise, that is needed besides while the search is locked: two of them differ
     by it once in 500 times."""
     full_rate_s: float = 3.0
     """Time after such a jump during which ``idle_factor`` is not applied, seconds."""

@@ -61,7 +61,7 @@ _TURN = 2.4
 """Angle from the direction in which a vehicle is elsewhere to that of the next one, rad: no two are alike."""
 _DEGREES7_PER_M = 1e7 / 111_195.0
 _SAYS_EVERY = 10
-"""Heartbeats."""
+"""Heartbeats between two texts of a vehicle."""
 _MAX_BYTES = 64
 _GYRO, _ARMING = dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO, dialect.MAV_SYS_STATUS_PREARM_CHECK
 _SENSORS = _GYRO | dialect.MAV_SYS_STATUS_SENSOR_GPS | _ARMING

@@ -37,7 +37,7 @@ _STRIDE = 2
 """Grid points between two places of a track."""
 _LONGEST_STRIDE = 8
 _MAX_PLACES = 240
-"""Longer films are looked at more seldom."""
+"""Most moments at which a film is looked at; longer films are looked at more seldom."""
 _REPORT_GAP_S, _TRACK_GAP_S = 3.0, 0.8
 """Longest hole in a vehicle's reports, and in a track, that is bridged, seconds."""
 _MIN_PLACES = 4

@@ -30,9 +30,9 @@ _MIN_EVIDENCE = 45.0
 """Evidence, nats, that no unrelated fleet reaches but for a few in a hundred."""
 _SHARE, _FEW_SHARE, _MAX_SHARE = 0.3, 0.5, 0.8
 """Share of the best evidence by which it must surpass the runner-up's, what is added for a single vehicle, half of it
-for two, and the most where little is explained ..."""
+for two, and the most where little is explained."""
 _MARGIN = 25.0
-"""... and how much at least, nats."""
+"""Least advantage of the best evidence over the runner-up's, nats."""
 _BESIDE_MARGIN = 10.0
 """Least margin over offsets beside it, nats, which share its errors; how wide it is tells its 1σ."""
 _UNKNOWN_SHARE = 0.7

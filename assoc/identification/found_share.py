@@ -23,7 +23,7 @@ _REMEMBERED_S = 40.0
 _IN_VIEW = 0.97
 """Chance of being in view from which a vehicle should have a box: at the border some of it is cut."""
 _MIN_SHARE = 0.5
-"""Lower bound: below it the camera sees something else."""
+"""Least share that is estimated: below it the camera sees something else."""
 _COUNTED, _NO_TRUST = 1.4, 3.0
 """Factor on the nats that the share takes off the odds, more than 1 since misses come in runs; and the nats that leave
 no trust."""

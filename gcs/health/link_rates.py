@@ -9,7 +9,7 @@ from gcs.snapshot import Health, LinkHealth
 
 WINDOW_S = 5.0
 MIN_S = 1.0
-"""Shorter spans give no rate."""
+"""Shortest span that gives a rate, s."""
 
 
 class LinkRates:

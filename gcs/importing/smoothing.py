@@ -32,7 +32,7 @@ ROUNDS = 200
 _STEP_US = 90_000
 """Positions closer together are thinned: a receiver has ten a second."""
 _GAP_US = 10_000_000
-"""Longer holes are not bridged."""
+"""Longest hole that is bridged."""
 _SPARSE_US, _LOST_US = 250_000, 3_000_000
 """Positions farther apart than the first are filled in; than the second, nobody knows where it was in between."""
 _DEG_M = 111_320.0

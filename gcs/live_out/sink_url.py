@@ -2,9 +2,9 @@
 
 json+udp://192.168.1.20:5005       one JSON object a datagram
 json+tcp://127.0.0.1:5006          served to whoever connects: one JSON object a line
-    foxglove://127.0.0.1:8765          served to Foxglove's viewers
-    udp://192.168.1.20:5600            the picture with names, H.264 in MPEG-TS; ?width=1280
-    rtp://192.168.1.20:5600            the same by RTP
+foxglove://127.0.0.1:8765          served to Foxglove's viewers
+udp://192.168.1.20:5600            the picture with names, H.264 in MPEG-TS; ?width=1280
+rtp://192.168.1.20:5600            the same by RTP
 """
 
 from __future__ import annotations

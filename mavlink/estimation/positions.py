@@ -41,7 +41,7 @@ class VehicleLimits:
     sea_level_gap_m: float = 30.0
     """As ``height_gap_m``, for a vehicle that reports sea level, as autopilots do until their filter has started."""
     course_gap: float = math.radians(40.0)
-    """Heading this far from the course, forward or backward, while driving: the heading is wrong."""
+    """Difference of heading and course, forward or backward, while driving, above which the heading is wrong."""
     course_speed: float = 1.0
     """m/s; at less the course is not compared."""
     default_std_m: float = 2.0

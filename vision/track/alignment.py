@@ -47,9 +47,9 @@ COMPATIBLE = 12.0
 SIZE_STD = 0.2
 """1σ of the logarithm of a box's size relative to its track's."""
 AXIS_LIMIT = 0.6
-"""A box whose axis differs by more from a track's, rad, is not its, if both are longer than wide ..."""
+"""Largest difference of axes, rad, of a track and its box, if both are elongated."""
 ELONGATED = 1.25
-"""... by this factor."""
+"""Ratio of sides above which a box has an axis that counts."""
 TOLERANCE = 0.2
 """1σ of what a candidate leaves before it is refined, sizes."""
 MOTION_WEIGHT = 3.0

@@ -49,7 +49,7 @@ MAX_SMALL = 1.0
 BESIDE = 8.0
 """Tracks are at the same height of the picture within about as many of their sizes."""
 REPORTED_REACH = 3.0
-"""A track is where a vehicle reports to be within this many of its sizes ..."""
+"""Distance within which a track is where a vehicle reports to be, in sizes of the track."""
 
 
 class TrackEvidence:

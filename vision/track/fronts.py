@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 MAX_VOTES = 5.0
 """Most votes that are remembered: a turned front is accepted after about as many detections."""
 VOTES_A_LENGTH = 4.0
-"""Well before two lengths it has to be more than all votes."""
+"""Votes that one length of the way counts as: well before two lengths it has to outweigh all detections."""
 MAX_LENGTHS = 3.0
 """Way that is remembered, lengths: a vehicle may back up this far, and its front still be where it was."""
 MIN_LENGTHS = 1.0

@@ -41,9 +41,9 @@ class JoinedBoxes:
     boxes: Detections
     """(k,) in the order of their first parts."""
     first: Ints
-    """(k,) row of each among the boxes of the frame; of one that was put together, of its one part ..."""
+    """(k,) row of each among the boxes of the frame; of one that was put together, of its first part."""
     second: Ints
-    """(k,) ... and of its other part; −1 none."""
+    """(k,) row of the other part of each that was put together; −1 none."""
 
 
 class PartJoiner:

@@ -54,9 +54,9 @@ class TrackerParams:
     tentative_s: float = 0.35
     """A track that is not confirmed ends after this long unseen."""
     short_s: float = 1.0
-    """A confirmed track coasts as long as it was seen, but at least this long ..."""
+    """Shortest time for which a confirmed track coasts; else as long as it was seen."""
     coast_s: float = 2.5
-    """... and at most this long. Raise → longer occlusions are bridged; lower → fewer ghosts."""
+    """Longest time for which a confirmed track coasts. Raise → longer occlusions are bridged; lower → fewer ghosts."""
     known_s: float = 0.45
     """A track of a known vehicle that was out of sight for longer is continued by that vehicle's report only."""
     frame_size: tuple[int, int] | None = None

@@ -12,7 +12,7 @@ BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=
 LONGEST = 4096
 FARTHEST = 1e12
 MIN_STEP = 1e-9
-"""Shorter than this along an axis, in dots, a line is parallel to the edge."""
+"""Extent along an axis, in dots, below which a line is parallel to the edge."""
 
 Inks = int | NDArray[np.int64]
 """Packed 0xRRGGBB of all, or of each."""

@@ -196,7 +196,7 @@ BARS: Final = "▁▂▄▆"
 LOSSES: Final = (0.02, 0.10, 0.30)
 """Shares of packets lost from which a link has a bar less; the second is where operators are warned."""
 MIN_LOSS: Final = 0.005
-"""Less is shown as none."""
+"""Least loss that is shown."""
 NAME = Column(title="NAME", width=6, rank=0, cell=_name)
 POSITION: Final = "POS"
 LINK = Column(title="LINK", width=8, rank=1, cell=_link_and_position)
