@@ -22,7 +22,7 @@ class ScheduleParams:
     begun_factor: float = 0.25
     """Share of that time after which an update is due when a track begins: it should get a name quickly."""
     young_factor: float = 0.5
-    """The same while a track is younger than ``young_s``."""
+    """Share of that time while a track is younger than ``young_s``."""
     young_s: float = 0.5
     """Age up to which a track counts as young, seconds."""
     idle_factor: float = 3.0
@@ -55,11 +55,11 @@ class SearchParams:
     shifts: int = 8
     """Shifted starts that are tried."""
     shifts_many: int = 2
-    """The same among more pairs than ``MANY_PAIRS``."""
+    """Shifted starts that are tried among more pairs than ``MANY_PAIRS``."""
     swaps: int = 6
     """Exchanges of two vehicles that are tried on the best hypothesis."""
     swaps_locked: int = 2
-    """The same while the search is locked."""
+    """Exchanges of two vehicles that are tried while the search is locked."""
     extrapolated_max_s: float = 3.0
     """Reports older than this, seconds, are not extrapolated to a pair's first comparison."""
     heading_std: float = float(np.deg2rad(9.0))
@@ -119,7 +119,7 @@ class IdentifierParams:
     window_s: float = 20.0
     """Time over which the camera's pose is fitted, seconds. Raise → steadier pose, slower frames."""
     locked_window_s: float = 8.0
-    """The same while the search is locked: what is older is settled. Raise → slower frames."""
+    """As ``window_s``, while the search is locked: what is older is settled. Raise → slower frames."""
     block_s: float = 1.0
     """Residuals are summarised in blocks of this length, seconds."""
     frame_step_s: float = 0.09
@@ -145,7 +145,7 @@ class IdentifierParams:
     time_offset_std_s: float = 0.06
     """Prior 1σ of video time minus telemetry time, seconds; ``unknown_offset_std_s`` where the offset is unknown."""
     unknown_offset_std_s: float = 0.35
-    """The same for a stream whose offset is unknown or proved to be far from its prior."""
+    """As ``time_offset_std_s``, for a stream whose offset is unknown or proved to be far from its prior."""
     prior_log_odds: float = 2.5
     """ln odds, before any evidence, that a track close to a vehicle's report is that vehicle. Lower → more boxes stay
     unnamed at first."""
@@ -160,9 +160,9 @@ class IdentifierParams:
     switch_rate: float = 1e-10
     """Chance per second that an undisturbed track jumps to another vehicle."""
     switch_rate_close: float = 1e-8
-    """The same while another box is near or the track is not being seen."""
+    """As ``switch_rate``, while another box is near or the track is not being seen."""
     switch_rate_leap: float = 0.05
-    """The same in a second in which the track moved further than a vehicle can, or over a gap in it."""
+    """As ``switch_rate``, in a second in which the track moved further than a vehicle can, or over a gap in it."""
     close_m: float = 3.0
     """Boxes nearer than this, metres, may be swapped by a tracker."""
     stated: float = 40.0
@@ -173,7 +173,8 @@ class IdentifierParams:
     clutter: float = 0.003
     """Chance that a track which moves like one of our vehicles is none, while no more is seen than expected."""
     clutter_seen: float = 0.1
-    """The same for ``clutter_memory_s`` after a track was judged none of ours; else between both by surplus tracks."""
+    """As ``clutter``, for ``clutter_memory_s`` after a track was judged none of ours; else between both by surplus
+    tracks."""
     stitch_confidence: float = 0.8
     """Probability of its name from which a lost track may be continued by its vehicle's report."""
     predicted_floor_m2: float = 0.1

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-_LONGEST, _MAX_TOLD = 40, 60
+_LONGEST, _MAX_SHOWN = 40, 60
 
 
 def number(text: str) -> float:
@@ -22,7 +22,7 @@ def number(text: str) -> float:
     """
     value = number_or_nan(text)
     if math.isnan(value):
-        raise ValueError(f"{text[:_MAX_TOLD]!r} is no number")
+        raise ValueError(f"{text[:_MAX_SHOWN]!r} is no number")
     return value
 
 

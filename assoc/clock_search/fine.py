@@ -36,7 +36,7 @@ IntArray = NDArray[np.int64]
 _OFFSET_STD_S = 0.6
 """Prior 1σ of what the offset is off the grid of the coarse search, seconds."""
 _FIXED_STD_S = 0.01
-"""The same where the offset is not to be moved."""
+"""Prior 1σ of an offset that is not to be moved, seconds."""
 _LAG_STD_S = 1e-3
 """Prior 1σ of the age of the camera's positions, seconds: a path has none, or it is part of the offset."""
 _RECENTRE_S = 0.08

@@ -20,9 +20,9 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _STEP_S = 0.19
-"""Frames closer together than this, seconds, are thinned: a vehicle moves by little more than its own error."""
+"""Least time between two frames, seconds; others are thinned: a vehicle moves by little more than its own error."""
 _REPORT_STEP_S = 0.4
-"""The same of one vehicle's reports."""
+"""Least time between two reports of one vehicle, seconds; others are thinned."""
 _GAP_MAX_S = 0.8
 """Longest hole in a track that is bridged, seconds."""
 _NOWHERE = CameraState(

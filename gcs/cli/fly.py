@@ -36,7 +36,7 @@ from gcs.cli.output.console import (
 )
 from gcs.cli.rollcall import print_rollcall, rollcall_json
 from gcs.cli.screen_options import ScreenOptions, Ui, screen_options
-from gcs.cli.sharing.telling import Show, Tell, parse_sinks, telling
+from gcs.cli.sharing.publishing import Publish, Stream, parse_sinks, publishing
 from gcs.errors import GcsError
 from gcs.flight.flight import Flight
 from gcs.flight.plan import FlightPlan
@@ -136,8 +136,8 @@ def fly(
         bool, typer.Option("--take-over", help="With --attach: from the terminal that shows them now.")
     ] = False,
     as_json: AsJson = False,
-    tell: Tell = None,
-    show: Show = None,
+    publish: Publish = None,
+    stream: Stream = None,
     practise: Annotated[
         int,
         typer.Option(
@@ -176,7 +176,7 @@ def fly(
         ask = options.theme if screen and not as_json else None
         ready = prepare(mission, wanted, asked, ending, command=command, screen=screen, ask=ask)
         links, flown = ready.links, _with_model(ready.mission, model)
-        sinks = parse_sinks(tell, show, (*links, *ready.forward))
+        sinks = parse_sinks(publish, stream, (*links, *ready.forward))
         plan = FlightPlan(
             mission=flown,
             links=links,
@@ -204,7 +204,7 @@ def fly(
         ending.callback(door.close)
         if not screen:
             print_note(_gone_on(flight, "recording" if headless else "no terminal, so no screen; recording", door))
-        with telling(flight, sinks, SinkSource(name=flight.folder.name), sessions, flight.latest_of_first):
+        with publishing(flight, sinks, SinkSource(name=flight.folder.name), sessions, flight.latest_of_first):
             if not screen or not _screen(flight, calls, options, door, asked):
                 _wait(flight, calls, door, asked, duration)
     if asked.hung_up:

@@ -119,7 +119,7 @@ class FrameLoop:
         return Throughput(frames=self._frames, fps=fps, packets_dropped=self._packets_dropped)
 
     def run_once(self, frame: Frame | None) -> None:
-        """One turn: fold in the queued packets and events, and each frame whose telemetry has come or is late.
+        """Run one turn: fold in the queued packets and events, and each frame whose telemetry has come or is late.
 
         Args:
             frame: the newest, None if none came since the last turn.

@@ -92,7 +92,7 @@ class FlightViews:
                 view.loop.take_in_packets()
 
     def turn(self, stopped_within: Callable[[float], bool]) -> None:
-        """One turn: look at a frame, waited for, and fold whatever is due.
+        """Run one turn: look at a frame, waited for, and fold whatever is due.
 
         Args:
             stopped_within: waits for this many seconds, or until the flight ends.

@@ -23,7 +23,7 @@ ON_AND_OFF = " on and off"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """Finding of one rule for one vehicle, for two, for one link, or for the station."""
+    """What one rule finds for one vehicle, for two, for one link, or for the station."""
 
     rule: AlarmRule[Any]
     key: str
@@ -68,7 +68,7 @@ class ReportedAlarm:
     key: str
     """Key of the alarm, the same whenever it is reported; by its words alone, pairs have their names in it."""
     worked_out: bool
-    """True if packets and frames alone raise it: then a recording raises it again."""
+    """True if packets and frames alone raise it, so that a replay of a recording raises it again."""
 
 
 _WORKED_OUT = frozenset(
@@ -77,7 +77,7 @@ _WORKED_OUT = frozenset(
         *("no match", "match not known", "views differ"),
     }
 )
-"""Names of the station's alarms that are worked out."""
+"""Keys of the station's alarms that packets and frames alone raise."""
 
 
 def _tables(system_id: int) -> tuple[Rules, ...]:
@@ -104,7 +104,7 @@ def alarm_of_key(key: str, level: str, system_id: int) -> ReportedAlarm | None:
 
 @lru_cache(maxsize=4096)
 def reported_alarm(text: str, kind: str, system_id: int) -> ReportedAlarm | None:
-    """The alarm that an event of an older recording reports, by its words; None: this program words none like that."""
+    """The alarm that an event of an older recording reports, by its words; None: no rule has these words."""
     best: tuple[int, ReportedAlarm] | None = None
     for rules in _tables(system_id):
         for rule in rules:

@@ -33,7 +33,7 @@ class FoxgloveLive(Sink):
         self._video = channels.CompressedVideoChannel("/camera/video", context=context)
         self._encoder: LiveEncoder | None = None
         self._frame = -1
-        self._told: frozenset[str] = frozenset()
+        self._logged: frozenset[str] = frozenset()
         """Keys of the alarms that are in the log."""
         try:
             self._server = foxglove.start_server(
@@ -54,9 +54,9 @@ class FoxgloveLive(Sink):
         if not snapshot.provisional and snapshot.analysed:
             self._channels.write(snapshot)
             for alarm in snapshot.alarms:
-                if alarm.key not in self._told:
+                if alarm.key not in self._logged:
                     self._channels.write_words(alarm.since_us, snapshot.t_us, alarm.level, alarm.kind, alarm.text)
-            self._told = frozenset(alarm.key for alarm in snapshot.alarms)
+            self._logged = frozenset(alarm.key for alarm in snapshot.alarms)
         self.sent += 1
 
     def close(self) -> None:

@@ -60,7 +60,7 @@ class LiveOut:
         self._writer = SnapshotWriter(images=images)
         self.outlets: tuple[Outlet, ...] = ()
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._hand_over, name="telling others", daemon=True)
+        self._thread = threading.Thread(target=self._hand_over, name="publishing", daemon=True)
         try:
             for sink in sinks:
                 settings = SinkSettings(url=sink, source=source, memory=self._writer.fd, images=images)
@@ -117,7 +117,7 @@ class Outlet:
         self._troubled = False
         """True if trouble was reported that is not over."""
         self.supervisor: Supervisor[ChildProcess[SinkReport]] = Supervisor(
-            f"telling {settings.url.text}",
+            f"publishing {settings.url.text}",
             start=self._start,
             begin=self._begin,
             watch=self._watch,

@@ -135,7 +135,7 @@ class RollCall:
         self._as_flown = True
         self._last_frame = -1
         self._alarms = AlarmHistory()
-        self._told: AlarmCounts | None = None
+        self._reported_alarms: AlarmCounts | None = None
         self.frames = self.boxes = self.unnamed = self.attitude_frames = self.marks = 0
 
     def add(self, snapshot: Snapshot, at_us: int | None = None) -> None:
@@ -202,12 +202,12 @@ class RollCall:
 
     def tell(self, alarms: Iterable[AlarmSpan], events: Iterable[Event]) -> None:
         """Take in the alarms and marks that a recorded flight itself reported, with what its replay finds besides."""
-        self._told, self.marks = count_alarms(alarms), _marks(events)
+        self._reported_alarms, self.marks = count_alarms(alarms), _marks(events)
 
     @property
     def alarms(self) -> AlarmCounts:
         """Number of alarms that were raised."""
-        return self._told or count_alarms(self._alarms.spans)
+        return self._reported_alarms or count_alarms(self._alarms.spans)
 
     @property
     def reports(self) -> str:

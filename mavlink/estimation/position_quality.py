@@ -325,7 +325,8 @@ class PositionDoubts:
             self._evidence.pop(kind, None)
 
     def _update_settled(self, kind: str, t_us: int, healthy: bool | None, reason: str, std_m: float) -> None:
-        """The same of what is unhealthy in every vehicle just switched on, until it has settled; None: not in use."""
+        """As ``_update``, for what is unhealthy in every vehicle just switched on, until it has settled; None: not in
+        use."""
         if healthy:
             self._was_healthy.add(kind)
         self._update(kind, t_us, healthy is False and (self._armed or kind in self._was_healthy), reason, std_m)

@@ -181,7 +181,8 @@ def course_gap(v_east: float, v_north: float, heading: float) -> float:
 
 
 def in_frame(fixes: Sequence[Fix], before: LocalFrame, now: LocalFrame) -> list[Fix]:
-    """The same places in another local frame; velocities and headings stay, they refer to the north at the place."""
+    """Return the estimates in another local frame; velocities and headings stay, they refer to the north at the
+    place."""
     p_enu = np.array([fix[:3] for fix in fixes], dtype=np.float64).reshape(-1, 3)
     moved = now.to_enu(*before.to_geodetic(p_enu)).tolist()
     return [fix._replace(east=p[0], north=p[1], up=p[2]) for p, fix in zip(moved, fixes, strict=True)]

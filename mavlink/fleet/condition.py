@@ -35,9 +35,9 @@ _MAX_SATELLITES = 100
 """Most satellites above any horizon."""
 _UNKNOWN_RSSI = 255
 
-_Telling = BatteryStatus | SensorHealth | FilterStatus | GpsRaw | SecondGps | Heartbeat | StatusText
-_TELLING = get_args(_Telling)
-"""Samples that tell of the condition: most others are positions and attitudes."""
+_ConditionSample = BatteryStatus | SensorHealth | FilterStatus | GpsRaw | SecondGps | Heartbeat | StatusText
+_CONDITION_SAMPLES = get_args(_ConditionSample)
+"""Samples with a part of the condition: most others are positions and attitudes."""
 
 Power = TypeVar("Power", BatteryStatus, SensorHealth)
 Source = TypeVar("Source", BatteryStatus, SensorHealth, FilterStatus, GpsRaw | SecondGps)
@@ -66,10 +66,10 @@ class ConditionReports:
     def add(self, sample: Sample | None, channel: tuple[int, int]) -> None:
         """Take in one message, of whatever kind, that came over a channel."""
         self.channel = channel
-        if isinstance(sample, _TELLING):
+        if isinstance(sample, _CONDITION_SAMPLES):
             self._keep(sample)
 
-    def _keep(self, sample: _Telling) -> None:
+    def _keep(self, sample: _ConditionSample) -> None:
         if isinstance(sample, BatteryStatus):
             if sample.function != _PAYLOAD:
                 _keep(self._batteries, (sample.component_id, sample.battery_id), self._checked(sample))

@@ -64,7 +64,7 @@ class Key:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeyRing:
-    """The keys of those who sign."""
+    """The signing keys of a fleet."""
 
     keys: Mapping[int, Key] = field(default_factory=dict)
     """Keys by system id, 1..255."""

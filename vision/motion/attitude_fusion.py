@@ -97,9 +97,9 @@ SWAY, SWAY_S = np.deg2rad(3.0), 0.4
 TURN, MIN_TURN, MAX_TURN = np.deg2rad(0.3), np.deg2rad(0.01), np.deg2rad(6.0)
 """1σ of what is missed of a frame's rotation: to begin with, and the limits of what is learnt."""
 RATE, MIN_RATE, MAX_RATE, RATE_S = np.deg2rad(5.0), np.deg2rad(0.1), np.deg2rad(60.0), 0.12
-"""The same for β, rad/s, and its correlation time."""
+"""1σ of what is missed of β, rad/s: to begin with, and the limits of what is learnt; and its correlation time."""
 SAMPLE, MIN_SAMPLE, MAX_SAMPLE = np.deg2rad(0.3), np.deg2rad(0.05), np.deg2rad(3.0)
-"""The same for the noise of a sample."""
+"""1σ of the noise of a sample: to begin with, and the limits of what is learnt."""
 LAG_S, LAG_WANDER = 0.04, 1e-3
 """1σ of the lag, s, also of one that was searched for, and of its change in one second."""
 MEMORY = 40.0

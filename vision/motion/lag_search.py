@@ -45,7 +45,8 @@ PAUSE_S = 2.0
 CLEARER, ALONE = 3.0, 1.4
 """Ratio by which c has to be larger at the lag in use, and at the best one more than ``BESIDE_S`` away."""
 BESIDE_S, FAR_S, SAME_S = 0.35, 0.12, 0.15
-"""A lag nearer to the one in use is the filter's to find; two searches that agree."""
+"""Distances of lags, s: within the first two belong to one minimum; nearer than the second the filter finds it; within
+the third two searches agree."""
 LEVEL = 0.05
 """Sine of the least angle below the horizon at which a box tells a place."""
 

@@ -126,7 +126,7 @@ def _show(controller: int, connection: socket.socket) -> Answer | None:
 
 
 def _carry(source: int, goal: int) -> None:
-    """Keys to the flight; ends with either."""
+    """Carry keys to the flight and its screen back, until either ends."""
     with contextlib.suppress(OSError):
         while data := os.read(source, READ_BYTES):
             os.write(goal, data)

@@ -34,7 +34,7 @@ class CameraDirection:
         self._turned_us = 0
         """Time at which an order turned the camera: from then on the mission does not know where it looks."""
         self._turn_reported = False
-        self._reported_us, self._lost_told = 0, False
+        self._reported_us, self._lost_reported = 0, False
         """Time at which the gimbal's attitude was known last, and whether its loss was reported."""
 
     @property
@@ -91,12 +91,12 @@ class CameraDirection:
     def _check_lost(self, t_us: int, reported: bool) -> Iterator[Event]:
         """Events on a gimbal whose attitude is no longer known, or known again."""
         if reported:
-            if self._lost_told:
+            if self._lost_reported:
                 text = "the gimbal reports again where the camera looks"
                 yield Event(t_us=t_us, level="info", kind="camera", text=text)
-            self._reported_us, self._lost_told = t_us, False
-        elif self._reported_us and t_us - self._reported_us > LOST_US and not self._lost_told:
-            self._lost_told = True
+            self._reported_us, self._lost_reported = t_us, False
+        elif self._reported_us and t_us - self._reported_us > LOST_US and not self._lost_reported:
+            self._lost_reported = True
             text = "the gimbal's attitude is no longer known: the camera is taken to look where the mission says"
             yield Event(t_us=t_us, level="warning", kind="camera", text=text)
 

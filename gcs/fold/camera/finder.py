@@ -38,7 +38,7 @@ MIN_HEIGHT_M = 5.0
 """Least height above the ground, m; lower down nothing is level enough."""
 GUESSED_FOR_US = 30_000_000
 """Time for which a direction that nobody stated is no reason to doubt that video and telemetry belong together."""
-TOLD_AFTER_US = 10_000_000
+REPORT_AFTER_US = 10_000_000
 """Duration of a search after which it is reported why the camera is not found."""
 CORRECTED_FOCAL, CORRECTED_RAD, CORRECTED_STDS = 0.06, math.radians(4.0), 3.0
 """ln of a focal length, and a pitch, that a longer look must differ by to be used, and by how many σ. Names then
@@ -84,7 +84,7 @@ class CameraFinder:
         self._gimbal = False
         self._first_us = self._searched_us = self._found_us = 0
         self._again_us = float(AGAIN_US)
-        self._told: CameraVerdict | None = None
+        self._reported_verdict: CameraVerdict | None = None
         self._least_std = math.inf
         """1σ of ln φ of ``camera``."""
         self._size, self._focal = (0, 0), math.nan
@@ -215,9 +215,9 @@ class CameraFinder:
             return self.camera, [_event(t_us, "info", f"camera found from the film: {_described(found.best)}")]
         if found.verdict is not CameraVerdict.STANDING:
             self._again_us = min(RARER * self._again_us, MAX_AGAIN_US)
-        if found.verdict is self._told or t_us - self._first_us < TOLD_AFTER_US:
+        if found.verdict is self._reported_verdict or t_us - self._first_us < REPORT_AFTER_US:
             return None, []
-        self._told = found.verdict
+        self._reported_verdict = found.verdict
         return None, [_event(t_us, "warning", f"nothing describes the camera, and {_WHY_NOT[found.verdict]}")]
 
     def _refine(self, t_us: int, film: FilmedFleet, used: CameraFit) -> tuple[Camera | None, list[Event]]:

@@ -23,7 +23,7 @@ from vision.errors import CameraError
 _SIZELESS = "nothing can be named: the recording does not have the size of its frames; give --frame-size"
 REPORTED_ZOOM = 0.03
 """Change of the focal length that is reported."""
-TOLD_ZOOM, SETTLED_US = 0.1, 1_500_000
+REPORT_ZOOM, SETTLED_US = 0.1, 1_500_000
 """Least ln of a zoom found by the image that is reported, and the time for which it must have ended, µs."""
 
 
@@ -41,7 +41,7 @@ class Optics:
         self._base = self._camera.intrinsics
         self._size: tuple[int, int] | None = None
         self._first_fov = math.nan
-        self._found, self._told_found, self._found_us, self._known = 1.0, 1.0, 0, math.nan
+        self._found, self._reported_found, self._found_us, self._known = 1.0, 1.0, 0, math.nan
         """Magnification that nothing reports, the one last announced, the time of its change, and the one that is
         reported."""
         self._reported_source = ""
@@ -89,7 +89,7 @@ class Optics:
         zoom = self._zoom(report)
         if not math.isclose(zoom, self._known, rel_tol=REPORTED_ZOOM):
             # a report takes over
-            self._found, self._told_found, self._known = 1.0, 1.0, zoom
+            self._found, self._reported_found, self._known = 1.0, 1.0, zoom
         self._tell_found(t_us)
         intrinsics = zoomed(described, zoom * self._found)
         self._report_changes(t_us, intrinsics, source)
@@ -103,12 +103,12 @@ class Optics:
 
     def _tell_found(self, t_us: int) -> None:
         """Add an event once a zoom that nothing reports has ended."""
-        if self._found == self._told_found or t_us - self._found_us < SETTLED_US:
+        if self._found == self._reported_found or t_us - self._found_us < SETTLED_US:
             return
-        if abs(math.log(self._found / self._told_found)) > TOLD_ZOOM:
-            times = self._found / self._told_found
+        if abs(math.log(self._found / self._reported_found)) > REPORT_ZOOM:
+            times = self._found / self._reported_found
             self._add(t_us, "warning", f"the camera zoomed {times:.1f} times, which it does not report")
-        self._told_found = self._found
+        self._reported_found = self._found
 
     def _of_mission(self, t_us: int, size: tuple[int, int]) -> Intrinsics | None:
         assert self._base is not None

@@ -38,7 +38,7 @@ _NEAR_M, _STEPS = 2.0, 3.0
 _FAR_M, _FASTEST_MPS = 30.0, 40.0
 """Distance out of its path, and speed of the way back, that nothing exceeds."""
 _YEAR_FIRST = re.compile(r"^(\d{4})[/.](\d{2})[/.](\d{2})", re.ASCII)
-_MAX_TOLD = 3
+_MAX_SHOWN = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -241,9 +241,9 @@ def _leap_words(times: Ints, moved_us: Ints, path_m: Floats, where: Where) -> li
     told = [
         f"its clock leaps by {by_us * 1e-6:+.2f} s after {where(row)}: the path goes on as if no time had passed; cut "
         "it there"
-        for row, by_us in found[:_MAX_TOLD]
+        for row, by_us in found[:_MAX_SHOWN]
     ]
-    if len(found) > _MAX_TOLD:
+    if len(found) > _MAX_SHOWN:
         return [f"{told[0]}; and so it does {len(found) - 1} times more: times that were cut, or of another clock?"]
     return told
 

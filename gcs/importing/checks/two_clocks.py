@@ -14,7 +14,7 @@ Ints = NDArray[np.int64]
 
 DATE_IN_UTC = "the date in its subtitles is UTC"
 _SECOND_US = 1_000_000
-_AROUND, _MAX_TOLD = 8, 3
+_AROUND, _MAX_SHOWN = 8, 3
 """Samples on either side that agree about a step, and how many steps are reported."""
 _STEP_US, _SPREAD = 80_000, 4.0
 """Least size of a step: this, and this many times the usual difference between two samples."""
@@ -69,7 +69,7 @@ def clock_lead(
     set_at = [row for row, by_us in steps if abs(by_us) > latest_us]
     first, last = max(pairwise([0, *set_at, len(ahead_us)]), key=lambda part: part[1] - part[0])
     if steps:
-        where = ", ".join(f"{by_us * 1e-6:+.2f} s at {t_us[row] * 1e-6:.1f} s" for row, by_us in steps[:_MAX_TOLD])
+        where = ", ".join(f"{by_us * 1e-6:+.2f} s at {t_us[row] * 1e-6:.1f} s" for row, by_us in steps[:_MAX_SHOWN])
         notes.append(f"{what} steps by {where}: {'what holds longest counts' if set_at else 'it may have come late'}")
     rate, drift_us = _drift(ahead_us[first:last], t_us[first:last])
     if abs(rate) > _RATE and abs(drift_us) > max(_DRIFT_US, noise_us):

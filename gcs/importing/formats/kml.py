@@ -121,7 +121,7 @@ class _KmlReader:
         self._begin_placemark()
 
     def _end_loose(self) -> None:
-        """Points and lines that follow each other in a folder are one track."""
+        """End a track of points and lines that follow each other in a folder."""
         self._tracks.name(self._folder())
         self._tracks.end()
         self._last = (math.nan, (math.nan, math.nan))

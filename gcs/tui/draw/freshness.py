@@ -38,7 +38,7 @@ def freshness(age_s: float, *, fresh_s: float = SILENT_S) -> Freshness:
 
 
 def aged(text: str, colour: Colour, age_s: float, width: int) -> tuple[str, Colour]:
-    """A value as it looks at its age."""
+    """Return a value and its colour as they are drawn at its age."""
     state = freshness(age_s)
     if state == "fresh":
         return text, colour

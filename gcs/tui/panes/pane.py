@@ -25,7 +25,7 @@ class Pane(Widget, can_focus=True):
     ALLOW_SELECT: ClassVar[bool] = False
     label: ClassVar[str] = ""
     is_picture: ClassVar[bool] = False
-    """Takes most of what goes to the terminal, and waits until the terminal has the last one."""
+    """True of a pane that takes most of what goes to the terminal, and waits until the terminal has the last one."""
 
     snapshot: reactive[Snapshot | None] = reactive(None, always_update=True, repaint=False)
     selected: reactive[int] = reactive(0, repaint=False)
@@ -103,11 +103,11 @@ class Pane(Widget, can_focus=True):
         self.redraw()
 
     def watch_selected(self) -> None:
-        """Draw again when another vehicle is stressed."""
+        """Draw again when another vehicle is picked."""
         self.redraw()
 
     def watch_picked_track(self) -> None:
-        """Draw again when another box is stressed."""
+        """Draw again when another box is picked."""
         self.redraw()
 
     def on_resize(self, event: events.Resize) -> None:
