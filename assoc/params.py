@@ -119,7 +119,7 @@ class IdentifierParams:
     window_s: float = 20.0
     """Time over which the camera's pose is fitted, seconds. Raise → steadier pose, slower frames."""
     locked_window_s: float = 8.0
-    """As ``window_s``, while the search is locked: what is older is settled. Raise → slower frames."""
+    """Equivalent of ``window_s`` while the search is locked: what is older is settled. Raise → slower frames."""
     block_s: float = 1.0
     """Residuals are summarised in blocks of this length, seconds."""
     frame_step_s: float = 0.09
@@ -145,7 +145,7 @@ class IdentifierParams:
     time_offset_std_s: float = 0.06
     """Prior 1σ of video time minus telemetry time, seconds; ``unknown_offset_std_s`` where the offset is unknown."""
     unknown_offset_std_s: float = 0.35
-    """As ``time_offset_std_s``, for a stream whose offset is unknown or proved to be far from its prior."""
+    """Equivalent of ``time_offset_std_s`` for a stream whose offset is unknown or proved to be far from its prior."""
     prior_log_odds: float = 2.5
     """ln odds, before any evidence, that a track close to a vehicle's report is that vehicle. Lower → more boxes stay
     unnamed at first."""
@@ -160,9 +160,10 @@ class IdentifierParams:
     switch_rate: float = 1e-10
     """Chance per second that an undisturbed track jumps to another vehicle."""
     switch_rate_close: float = 1e-8
-    """As ``switch_rate``, while another box is near or the track is not being seen."""
+    """Equivalent of ``switch_rate`` while another box is near or the track is not being seen."""
     switch_rate_leap: float = 0.05
-    """As ``switch_rate``, in a second in which the track moved further than a vehicle can, or over a gap in it."""
+    """Equivalent of ``switch_rate`` in a second in which the track moved further than a vehicle can, or over a gap in
+    it."""
     close_m: float = 3.0
     """Boxes nearer than this, metres, may be swapped by a tracker."""
     stated: float = 40.0
@@ -173,8 +174,8 @@ class IdentifierParams:
     clutter: float = 0.003
     """Chance that a track which moves like one of our vehicles is none, while no more is seen than expected."""
     clutter_seen: float = 0.1
-    """As ``clutter``, for ``clutter_memory_s`` after a track was judged none of ours; else between both by surplus
-    tracks."""
+    """Equivalent of ``clutter`` for ``clutter_memory_s`` after a track was judged none of ours; else between both by
+    surplus tracks."""
     stitch_confidence: float = 0.8
     """Probability of its name from which a lost track may be continued by its vehicle's report."""
     predicted_floor_m2: float = 0.1

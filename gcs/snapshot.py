@@ -36,6 +36,8 @@ NAMED: Final[frozenset[Standing]] = frozenset({"confirmed", "tentative", "coasti
 Reported = Literal["", "then", "now"]
 """Origin of something in a replay: only the flight reported it (``then``), or only the replay does (``now``); empty:
 both, or no replay."""
+OF_A_CAMERA: Final = frozenset({"camera", "identity", "video"})
+"""Kinds of alarms and events that are about one camera, and not about the fleet that all of them see."""
 
 
 def _nowhere() -> NDArray[np.float64]:
@@ -70,10 +72,6 @@ class FleetChange:
     """Time of the turn of the fold from which on it counts, Unix µs, 0 not yet."""
     frame: int = -1
     """The newest frame then, -1 none."""
-
-
-OF_A_CAMERA: Final = frozenset({"camera", "identity", "video"})
-"""Kinds of alarms and events that are about one camera, and not about the fleet that all of them see."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

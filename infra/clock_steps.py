@@ -16,7 +16,8 @@ _MAX_STEPS = 1000
 _DAMAGED = 2
 """Offsets that may be damaged among those of a level."""
 _JITTER, _UNEVEN = 10_000, 10.0
-"""Steps are usual within this, and within this many times by what most of them differ from the usual one."""
+"""Difference from the usual step, µs, within which a step is usual, and how many times the usual difference it may
+be."""
 _LEAD_IN, _AGREED = 3, 0.3
 """Usual steps on either side of one that goes back, and share to which all that follows does: else rows are late."""
 

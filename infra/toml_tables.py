@@ -32,6 +32,19 @@ _PLACE = re.compile(r"\.(\w+)|\[(\d+)\]")
 """Pattern of one step of the path in a msgspec error message, such as ``$.ugv[0].system_id``."""
 _WHOLE_FLOAT = 2.0**53
 """Bound below which every whole number is exact as a float."""
+_INSPECTED: dict[type, inspect.Type] = {}
+_SINGULAR: Mapping[type, str] = {
+    inspect.BoolType: "true or false",
+    inspect.IntType: "a whole number",
+    inspect.FloatType: "a number",
+    inspect.StrType: "text in quotes",
+}
+_PLURAL: Mapping[type, str] = {
+    inspect.IntType: "whole numbers",
+    inspect.FloatType: "numbers",
+    inspect.StrType: "texts",
+    inspect.TupleType: "lists",
+}
 
 
 def parse_toml(data: bytes, where: str) -> dict[str, Any]:
@@ -90,9 +103,6 @@ def build(kind: type[Kind], table: object, where: str) -> Kind:
         return msgspec.convert(values, kind)
     except msgspec.ValidationError as error:
         raise ValueError(_explained(error, form, values, where)) from None
-
-
-_INSPECTED: dict[type, inspect.Type] = {}
 
 
 def _type_info(kind: type) -> inspect.Type:
@@ -228,20 +238,6 @@ def _needed(kind: inspect.Type) -> str:
 
 def _count(number: int | None) -> str:
     return f"{number} " if number else ""
-
-
-_SINGULAR: Mapping[type, str] = {
-    inspect.BoolType: "true or false",
-    inspect.IntType: "a whole number",
-    inspect.FloatType: "a number",
-    inspect.StrType: "text in quotes",
-}
-_PLURAL: Mapping[type, str] = {
-    inspect.IntType: "whole numbers",
-    inspect.FloatType: "numbers",
-    inspect.StrType: "texts",
-    inspect.TupleType: "lists",
-}
 
 
 def _shown(value: object) -> str:

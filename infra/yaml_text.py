@@ -1,4 +1,5 @@
-"""YAML of others, of which a value has one place: repeated by reference, some lines would grow beyond all memory."""
+"""YAML from other programs, in which a value has one place: repeated by reference, some lines would grow beyond all
+memory."""
 
 from __future__ import annotations
 

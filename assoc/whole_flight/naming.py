@@ -42,7 +42,7 @@ _MOVED = np.array([0.01, np.inf, 0.01, 0.01, np.inf, np.inf, 1.0, 0.05, 0.1])
 _MAX_PAIRS = 6000
 """Pairs of segment and vehicle beyond which a stretch is not looked at as a whole: it would take minutes."""
 _ANEW_NATS = 10.0
-"""Nats by which a naming that is found from no name at all has to be worth more: known names are evidence, too."""
+"""Advantage in nats that a naming found from no name at all needs: known names are evidence, too."""
 _MISSED_PER_S, _PIECE = 0.5, 2.0
 """Cost of a second without a box, and of each segment, nats: a vehicle is missed for some seconds, not for
 many, and is not one object after another.

@@ -287,7 +287,7 @@ def _calls(flown: TrueFlight) -> RollCall:
     calls = RollCall(mission)
     for moment in flown.moments:
         calls.add(moment.snapshot, moment.now_us)
-    calls.end(len(read_times(flown.folder / "frames.csv").times_us))
+    calls.set_frame_count(len(read_times(flown.folder / "frames.csv").times_us))
     return calls
 
 

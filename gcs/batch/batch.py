@@ -45,6 +45,13 @@ AHEAD = 4
 """Flights for each thread of the cluster that the scheduler knows of at a time."""
 MIN_AHEAD = 64
 """Least number of flights that the scheduler knows of, so that a worker that joins late finds some."""
+_own = threading.local()
+_runners: dict[FlightRunner, threading.Lock] = {}
+_changing = threading.Lock()
+LEFT_ASIDE_S = 86_400.0
+"""Age beyond which no other machine is still working on what it claimed."""
+Note = Callable[[str], None]
+Results = Generator[FlightResult, None, None]
 
 
 def run_in_cluster(
@@ -121,10 +128,6 @@ def _outcome(future: Future) -> FlightDone | FlightFailed:
 
 # What follows runs in the Dask workers.
 
-_own = threading.local()
-_runners: dict[FlightRunner, threading.Lock] = {}
-_changing = threading.Lock()
-
 
 def run_on_worker(job: FlightJob, limits: RunLimits) -> FlightDone | FlightFailed:
     """Work on a flight in a child of this Dask worker; each of its threads has one, which is kept."""
@@ -157,12 +160,6 @@ def _share() -> int:
     threads = worker.state.nthreads
     given = worker.memory_manager.memory_limit
     return int(given / threads) if given else share_of_memory(threads)
-
-
-LEFT_ASIDE_S = 86_400.0
-"""Age beyond which no other machine is still working on what it claimed."""
-Note = Callable[[str], None]
-Results = Generator[FlightResult, None, None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -36,6 +36,10 @@ MAX_LIST_BYTES = 64 << 20
 """Maximum bytes of a list: a hundred thousand signed addresses."""
 LOG_SUFFIX = ".tlog"
 _MAX_SHOWN = 200
+_NOT_READ = frozenset((IDENTITY.name, IDENTITY_EVIDENCE, MARKS, PROGRAM_LOG, "faults.txt"))
+"""Files of a session that no identification reads: what it wrote itself, and what was made later."""
+MAX_FETCH_BYTES, MAX_FETCH_S = 64 << 30, 7200.0
+"""Limits of fetching one flight out of a store: eighteen hours of video at 8 Mbit/s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,14 +192,6 @@ def _remote_addresses(word: str, note: Callable[[str], None]) -> Iterator[str]:
             note(f"{path}: neither a folder nor a {LOG_SUFFIX}; left out")
     if not found:
         note(f"{word}: nothing there is called so")
-
-
-_NOT_READ = frozenset((IDENTITY.name, IDENTITY_EVIDENCE, MARKS, PROGRAM_LOG, "faults.txt"))
-"""Files of a session that no identification reads: what it wrote itself, and what was made later."""
-
-
-MAX_FETCH_BYTES, MAX_FETCH_S = 64 << 30, 7200.0
-"""Limits of fetching one flight out of a store: eighteen hours of video at 8 Mbit/s."""
 
 
 def _is_read(name: str) -> bool:

@@ -18,7 +18,7 @@ from gcs.flight.devices import cameras, serial_links
 from gcs.flight.listening import HEARD_VIDEO, USUAL_LINKS, Listening, usual_links
 from gcs.flight.video import AUTO, IF_OFFERED
 from gcs.mission.mission import Links, Mission, SigningChoice, keys_folder, load_mission
-from gcs.mission.roster import Found, HeardVehicle, Role, mission_of, proposed_roles
+from gcs.mission.roster import FleetChoice, HeardVehicle, Role, mission_of, proposed_roles
 from gcs.mission.terrain_file import TerrainFile
 from gcs.mission.tile_file import TileFile
 from gcs.mission.written import MISSION_FILE
@@ -210,7 +210,7 @@ def _listen(wanted: Wanted, *, command: bool) -> Listening:
     return listening
 
 
-def _ask_who_flies(listening: Listening, wanted: Wanted, asked: AskedBySignals, theme: ThemeName) -> Found | None:
+def _ask_who_flies(listening: Listening, wanted: Wanted, asked: AskedBySignals, theme: ThemeName) -> FleetChoice | None:
     """The start screen; None where it was left without a flight."""
     # The screens are slow to import, and headless flights do without.
     from gcs.tui import run_start
@@ -227,7 +227,7 @@ def _ask_who_flies(listening: Listening, wanted: Wanted, asked: AskedBySignals, 
         )
 
 
-def _find_fleet(listening: Listening, wanted: Wanted, asked: AskedBySignals) -> Found | None:
+def _find_fleet(listening: Listening, wanted: Wanted, asked: AskedBySignals) -> FleetChoice | None:
     """Listen without a screen until an aircraft and a fleet report their positions and nothing new comes.
 
     What is heard is reported once a second at most. None: a signal asks to end.
@@ -261,7 +261,7 @@ def _find_fleet(listening: Listening, wanted: Wanted, asked: AskedBySignals) -> 
     silent = [str(i) for i, role in roles.items() if role != "out" and i not in _reporting(listening)]
     if silent and not wanted.complete:
         print_note(f"no position yet of {', '.join(silent)}")
-    return Found(roles=roles, chosen=frozenset(wanted.chosen), video=wanted.video)
+    return FleetChoice(roles=roles, chosen=frozenset(wanted.chosen), video=wanted.video)
 
 
 def _heard_text(listening: Listening) -> str:
@@ -275,7 +275,7 @@ def _heard_text(listening: Listening) -> str:
     return f"heard: {', '.join(vehicles) or 'nobody'}; {video}"
 
 
-def _ready(found: Found, listening: Listening, wanted: Wanted) -> Ready:
+def _ready(found: FleetChoice, listening: Listening, wanted: Wanted) -> Ready:
     """The flight of those who were found.
 
     Raises:
@@ -301,7 +301,7 @@ def _ready(found: Found, listening: Listening, wanted: Wanted) -> Ready:
     )
 
 
-def _video(listening: Listening, found: Found) -> tuple[str, str]:
+def _video(listening: Listening, found: FleetChoice) -> tuple[str, str]:
     """Address that video comes from, and why from there; told."""
     if found.video is not None:
         return found.video, "as given"
@@ -323,7 +323,7 @@ def _plugged_in() -> str:
     return next((f"{device} ({plain(name)})" for device, name in cameras().items()), "/dev/video0")
 
 
-def _origins(mission: Mission, found: Found, listening: Listening) -> dict[str, str]:
+def _origins(mission: Mission, found: FleetChoice, listening: Listening) -> dict[str, str]:
     heard = {each.system_id: each for each in listening.roster.vehicles}
     origins = {
         "": f"Made by gcs fly at {datetime.now(UTC):%Y-%m-%d %H:%M}Z; docs/mission.md has every key.",

@@ -63,6 +63,7 @@ LOOK_S = 0.2
 """A flight without a screen looks this often whether it is to end or to be shown."""
 MIN_FILES = 128
 """Open files and sockets: a flight with video has some fifty, and as many for clients, terminals and replacements."""
+TAKEN_OVER = "another terminal has taken the screens over"
 
 
 def fly(
@@ -354,9 +355,6 @@ def _check(duration: float | None, *, screen: bool) -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
         if wanted < MIN_FILES:
             raise GcsError(f"only {hard} files may be open, and a flight needs {MIN_FILES}: see ulimit -n")
-
-
-TAKEN_OVER = "another terminal has taken the screens over"
 
 
 def _gone_on(flight: Flight, why: str, door: AttachServer) -> str:

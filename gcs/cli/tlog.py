@@ -24,6 +24,11 @@ from mavlink.tlog.summary import info as summarise
 
 _MAX_STEPS = 5
 _SPEED = (0.8, 1.25)  # outside, the stamps are not the time of a flight
+# Damaged places listed one by one; a badly damaged log has thousands.
+MAX_DAMAGE = 20
+_OF_A_LOG = check_range(-FAR_S, FAR_S)
+DAMAGED = 5
+"""Exit code of a log that is not whole."""
 
 
 def check_lines(path: Path, found: TlogCheck, most: int) -> list[str]:
@@ -141,11 +146,6 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,
 )
-# Damaged places listed one by one; a badly damaged log has thousands.
-MAX_DAMAGE = 20
-_OF_A_LOG = check_range(-FAR_S, FAR_S)
-DAMAGED = 5
-"""Exit code of a log that is not whole."""
 
 
 @app.command("info")

@@ -32,6 +32,10 @@ THERE_RAD = math.radians(15.0)
 """Angle to its goal below which the camera has it in view: most see 30° to either side, and gimbals lag behind."""
 PROGRESS_RAD = math.radians(2.0)
 """Angle by which a gimbal that turns at all turns within the patience."""
+Report = Callable[[Level, str], None]
+_SEE_PERIOD_S = 0.1
+"""Seconds between checks that the camera turns."""
+_NO_HEIGHT = "not sent: its own height is not known"
 
 
 @dataclass(slots=True)
@@ -141,9 +145,6 @@ class CommandParams:
     first."""
     text_s: float = 0.3
     """Time after a refusal for the reason to come as text, s."""
-
-
-Report = Callable[[Level, str], None]
 
 
 class CommandExecutor:
@@ -418,9 +419,3 @@ def _seen(verdict: Verdict, monitor: PointingMonitor) -> tuple[Level, str]:
     if verdict == "unknown":
         return "warning", f"accepted, but {_words(monitor)}"
     return "warning", f"the camera does not follow: {_off(monitor)}"
-
-
-_SEE_PERIOD_S = 0.1
-"""Seconds between checks that the camera turns."""
-
-_NO_HEIGHT = "not sent: its own height is not known"

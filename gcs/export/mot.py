@@ -34,6 +34,7 @@ from vision.detect.boxes import hull
 BENCHMARK: Final = "rollcall-all"
 """Benchmark and split, as TrackEval has it."""
 TRACKERS: Final = ("names", "tracks")
+_BOX: Final = ("cx", "cy", "w", "h", "angle")
 
 
 class MotExport:
@@ -122,9 +123,6 @@ def _truth_rows(truth: Table, frames: list[int]) -> str:
                 seen.add(number)
                 rows.append(f"{count},{number},{_upright([truth[key][row] for key in _BOX])},1,1,1\n")
     return "".join(rows)
-
-
-_BOX: Final = ("cx", "cy", "w", "h", "angle")
 
 
 def _upright(box: object) -> str:

@@ -21,7 +21,7 @@ from vision.video.video import Frame
 IDLE_S = 0.2
 """Time without a new frame after which the fleet is shown all the same, s."""
 IDLE_OF_MANY_S = 0.4
-"""As ``IDLE_S``, for each of several cameras."""
+"""Equivalent of ``IDLE_S`` for each of several cameras."""
 WAITING_S = 0.02
 """Poll interval in seconds while frames wait for telemetry, and where several cameras have to be asked."""
 OVERDUE_S = 0.35

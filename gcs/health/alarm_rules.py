@@ -19,11 +19,18 @@ Rules = Iterable[AlarmRule[Any]]
 AGAIN = "again and again:"
 ON_AND_OFF = " on and off"
 """Ending of the key of an alarm that keeps coming back."""
+_WORKED_OUT = frozenset(
+    {
+        *("unheard", "video", "video clock", "camera heading", "camera pitch", "camera mirrored"),
+        *("no match", "match not known", "views differ"),
+    }
+)
+"""Keys of the station's alarms that packets and frames alone raise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """What one rule finds for one vehicle, for two, for one link, or for the station."""
+    """Result of one rule for one vehicle, for two, for one link, or for the station."""
 
     rule: AlarmRule[Any]
     key: str
@@ -69,15 +76,6 @@ class ReportedAlarm:
     """Key of the alarm, the same whenever it is reported; by its words alone, pairs have their names in it."""
     worked_out: bool
     """True if packets and frames alone raise it, so that a replay of a recording raises it again."""
-
-
-_WORKED_OUT = frozenset(
-    {
-        *("unheard", "video", "video clock", "camera heading", "camera pitch", "camera mirrored"),
-        *("no match", "match not known", "views differ"),
-    }
-)
-"""Keys of the station's alarms that packets and frames alone raise."""
 
 
 def _tables(system_id: int) -> tuple[Rules, ...]:

@@ -28,6 +28,21 @@ GONE_US = 60_000_000
 """An acknowledged text is over when it was not repeated for this long: autopilots repeat what still holds every 30
 s."""
 ADVICE = "these are the vehicle's own words, not this program's: check the vehicle; acknowledged, it goes"
+WORST_US = round(CLEARS_AFTER_S * 1e6)
+"""An alarm has its higher level for this long after that was last found."""
+GROWING_US = round(GROWING_S * 1e6)
+LATELY_US = 300_000_000
+"""Time over which the returns of a trouble are counted, µs."""
+BREAK_US = 500_000
+"""Shortest break: what was gone for less has not come again."""
+FLAPS, MAX_COUNTED = 3, 1_000
+"""Number of times from which on an alarm counts as coming and going, and the most that are counted."""
+STAYS_US = 10_000_000
+"""Time after which coming and going is an alarm of its own as well."""
+MINUTES_FROM_S = 90.0
+MAX_DOUBLINGS = 4
+"""Most doublings of the time that what comes and goes must be gone, one for every time it came."""
+_RANK: Final[dict[Level, int]] = {"info": 0, "warning": 1, "alarm": 2}
 
 
 @dataclass(slots=True)
@@ -103,23 +118,6 @@ class TextAlarms:
         if oldest is not None:
             del self._texts[oldest]
         return oldest is not None
-
-
-WORST_US = round(CLEARS_AFTER_S * 1e6)
-"""An alarm has its higher level for this long after that was last found."""
-GROWING_US = round(GROWING_S * 1e6)
-LATELY_US = 300_000_000
-"""Time over which the returns of a trouble are counted, µs."""
-BREAK_US = 500_000
-"""Shortest break: what was gone for less has not come again."""
-FLAPS, MAX_COUNTED = 3, 1_000
-"""Number of times from which on an alarm counts as coming and going, and the most that are counted."""
-STAYS_US = 10_000_000
-"""Time after which coming and going is an alarm of its own as well."""
-MINUTES_FROM_S = 90.0
-MAX_DOUBLINGS = 4
-"""Most doublings of the time that what comes and goes must be gone, one for every time it came."""
-_RANK: Final[dict[Level, int]] = {"info": 0, "warning": 1, "alarm": 2}
 
 
 def rank(level: Level) -> int:

@@ -45,6 +45,9 @@ _CLOCKS = {
     "utc": "Unix time as it stands in the file",
     "own": "one of its own, of which no date is known",
 }
+_TIME = struct.Struct(">Q")
+_OTHER_NAMES = {".m2ts": ".ts", ".mts": ".ts", ".m4v": ".mp4", ".lrf": ".mp4"}
+"""Suffixes of containers that are the same under another name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -189,11 +192,6 @@ def _against_film(places: PlaceTrack, shift_us: int) -> str:
 
 def _when(t_us: int) -> str:
     return f"{datetime.fromtimestamp(t_us * 1e-6, UTC):%Y-%m-%d %H:%M:%S}"
-
-
-_TIME = struct.Struct(">Q")
-_OTHER_NAMES = {".m2ts": ".ts", ".mts": ".ts", ".m4v": ".mp4", ".lrf": ".mp4"}
-"""Suffixes of containers that are the same under another name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

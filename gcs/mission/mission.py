@@ -43,6 +43,9 @@ Share = Annotated[float, Meta(ge=0.0, le=1.0)]
 DeviceId = Annotated[int, Meta(ge=0, le=255)]
 MessageId = Annotated[int, Meta(ge=0, le=0xFFFFFF)]
 """MAVLink 2 has three bytes for it."""
+_NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")
+_NOTES = "session"
+"""The table that the recorder adds to session.toml; it describes, it does not steer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,9 +109,6 @@ class Camera:
         if width is None:
             return None
         return Intrinsics(width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy, distortion=np.array(self.distortion))
-
-
-_NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -327,10 +327,6 @@ def usual_name(system_id: int, *, films: bool) -> str:
     if system_id >= MAST_ID:
         return f"Mast-{system_id - MAST_ID + 1}" if system_id > MAST_ID else "Mast"
     return "UAV" if films else f"UGV-{system_id}"
-
-
-_NOTES = "session"
-"""The table that the recorder adds to session.toml; it describes, it does not steer."""
 
 
 def load_table(path: Path) -> dict[str, Any]:

@@ -153,8 +153,8 @@ def _is_of_a_vehicle(sample: Heartbeat) -> bool:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
-    """Fleet by what was heard and chosen."""
+class FleetChoice:
+    """The fleet that is to fly, by what was heard and by the operator's choice."""
 
     roles: Mapping[int, Role]
     """Vehicles by system id."""

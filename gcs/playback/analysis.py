@@ -134,7 +134,7 @@ class Analysis:
         return self.mission.uav.system_id
 
     @property
-    def films(self) -> str:
+    def uav_name(self) -> str:
         """Name of that aircraft."""
         return self.mission.name_of(self.uav_id)
 

@@ -95,7 +95,7 @@ def identify_session(
         views = _identify_views([partial(opening, view) for view in sessions], folders, report, hindsight)
     for view in views:
         for text in view.notes:
-            note(f"{view.calls.films}: {text}" if len(views) > 1 else text)
+            note(f"{view.calls.uav_name}: {text}" if len(views) > 1 else text)
     first, *others = (view.calls for view in views)
     first.other_views = tuple(others)
     return first
@@ -213,15 +213,15 @@ class _NamedCamera:
                 snapshots = by_hindsight(snapshots, analysis.mission, evidence)
             for last in snapshots:
                 log.write(last)
-                calls.look(last)
+                calls.add_boxes(last)
                 blind |= last.pose == "no attitude"
                 self._last = last
                 yield last.t_us
         if self._last is None:
             raise SessionError(f"{analysis.opened.session.path}: not one frame in it")
-        calls.end(analysis.frames, as_flown=analysis.as_flown)
+        calls.set_frame_count(analysis.frames, as_flown=analysis.as_flown)
         marks = read_marks(analysis.opened.session.path, reports.start_us)
-        calls.tell(reports.spans(), (*reports.flown, *marks))
+        calls.set_reports(reports.spans(), (*reports.flown, *marks))
         seen = analysis.opened.video is not None or analysis.opened.looks is not None
         self.notes += _alarms(reports.spans(), int(analysis.times_us[0]))
         self.notes += _doubts(self._last, calls, blind=blind, seen=seen)
@@ -279,7 +279,7 @@ def _frames(
     frame = -1
     for at_us, snapshot in moments:
         reports.add(at_us, snapshot.events, snapshot.alarms)
-        calls.watch(snapshot, at_us)
+        calls.add_fleet(snapshot, at_us)
         events.write(snapshot.events)
         for event in snapshot.events:
             if event.kind == "video" and event.level == "info" and not event.over:

@@ -303,7 +303,8 @@ class Replay:
                 view.seek(self.now_us)
         in_order = sorted(self._views, key=lambda view: view._analysis.opened.session.folder)
         return [
-            CameraPicture(name=view._analysis.films, snapshot=view.latest(), on_show=view is self) for view in in_order
+            CameraPicture(name=view._analysis.uav_name, snapshot=view.latest(), on_show=view is self)
+            for view in in_order
         ]
 
     def set_speed(self, speed: float) -> None:

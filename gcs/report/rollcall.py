@@ -119,14 +119,14 @@ class RollCall:
         unnamed: of these, those without a name.
         attitude_frames: in which the camera's pose was known.
         marks: that the operator made.
-        films: name of the aircraft that filmed.
+        uav_name: name of the aircraft that filmed.
         uav_id: its system id.
         other_views: the same of the flight's further cameras.
     """
 
     def __init__(self, mission: Mission) -> None:
         self.uav_id = mission.uav.system_id
-        self.films = mission.name_of(self.uav_id)
+        self.uav_name = mission.name_of(self.uav_id)
         self.other_views: tuple[RollCall, ...] = ()
         self._names = {i: mission.name_of(i) for i in mission.ugv_ids}
         self._entries = {i: _Entry() for i in mission.ugv_ids}
@@ -139,11 +139,11 @@ class RollCall:
         self.frames = self.boxes = self.unnamed = self.attitude_frames = self.marks = 0
 
     def add(self, snapshot: Snapshot, at_us: int | None = None) -> None:
-        """Take in the next snapshot, with a new frame or without; at_us: see ``watch``."""
-        self.watch(snapshot, at_us)
-        self.look(snapshot)
+        """Take in the next snapshot, with a new frame or without; at_us: see :meth:`add_fleet`."""
+        self.add_fleet(snapshot, at_us)
+        self.add_boxes(snapshot)
 
-    def watch(self, snapshot: Snapshot, at_us: int | None = None) -> None:
+    def add_fleet(self, snapshot: Snapshot, at_us: int | None = None) -> None:
         """Take in how the fleet is: who is heard and has a position, alarms, marks.
 
         Args:
@@ -154,7 +154,7 @@ class RollCall:
             self._begin_us = at_us
         for row in snapshot.vehicles:
             if row.role == "uav":
-                self.films = row.name
+                self.uav_name = row.name
             else:
                 entry = self._entries.setdefault(row.system_id, _Entry())
                 self._names[row.system_id] = row.name
@@ -162,7 +162,7 @@ class RollCall:
         self._alarms.add(at_us, snapshot.alarms)
         self.marks += _marks(snapshot.events)
 
-    def look(self, snapshot: Snapshot) -> None:
+    def add_boxes(self, snapshot: Snapshot) -> None:
         """Take in what is seen, where the snapshot is of a frame that was looked at and did not come before."""
         if snapshot.seen_us != snapshot.t_us or snapshot.frame == self._last_frame:
             return
@@ -196,11 +196,11 @@ class RollCall:
         """The roll call of the camera on an aircraft; of the first one, where none is."""
         return next((calls for calls in (self, *self.other_views) if calls.uav_id == uav_id), self)
 
-    def end(self, frames: int, *, as_flown: bool = True) -> None:
+    def set_frame_count(self, frames: int, *, as_flown: bool = True) -> None:
         """Take in how many frames came, and whether it is known, as of what flew, which of them nobody looked at."""
         self._came, self._as_flown = frames, as_flown
 
-    def tell(self, alarms: Iterable[AlarmSpan], events: Iterable[Event]) -> None:
+    def set_reports(self, alarms: Iterable[AlarmSpan], events: Iterable[Event]) -> None:
         """Take in the alarms and marks that a recorded flight itself reported, with what its replay finds besides."""
         self._reported_alarms, self.marks = count_alarms(alarms), _marks(events)
 

@@ -24,6 +24,10 @@ from infra.session_format import IDENTITY
 VERSION = 1
 """Version of the columns, raised when one is renamed or goes. The exports and a batch's tables state it; files of a
 session are of the version of its program, which ``session.toml`` states."""
+BOX, ENU = ("cx", "cy", "w", "h", "angle"), ("east_m", "north_m", "up_m")
+"""Columns that are one list in JSON: ``box`` and ``enu_m``."""
+_WITH_EVIDENCE = ("number", "stated", "doubt", "may_be")
+"""Columns that JSON leaves out where there is nothing to say."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +44,6 @@ _ID, _COUNT, _WORDS, _SHARE = BoxColumn("int16"), BoxColumn("int64"), BoxColumn(
 _PIXELS, _RADIANS, _DEGREES = BoxColumn("double", 4), BoxColumn("double", 4), BoxColumn("double", 7)
 _CENTIMETRES, _MILLIMETRES, _SECONDS = BoxColumn("double", 2), BoxColumn("double", 3), BoxColumn("double", 3)
 
-BOX, ENU = ("cx", "cy", "w", "h", "angle"), ("east_m", "north_m", "up_m")
-"""Columns that are one list in JSON: ``box`` and ``enu_m``."""
 COLUMNS = {
     **dict.fromkeys(("time_us", "frame", "track_id"), _COUNT),
     "system_id": _ID,
@@ -64,8 +66,6 @@ COLUMNS = {
 """The columns in their order."""
 OPTIONAL = frozenset(COLUMNS) - {"time_us", "frame", "stated"}
 """Columns whose values can be unknown."""
-_WITH_EVIDENCE = ("number", "stated", "doubt", "may_be")
-"""Columns that JSON leaves out where there is nothing to say."""
 
 
 def box_values(snapshot: Snapshot, box: Box) -> dict[str, Any]:

@@ -29,6 +29,10 @@ VIDEO_AWAITED = "video waiting"
 _LEVELS: Mapping[Level, int] = {"info": logging.INFO, "warning": logging.WARNING, "alarm": logging.ERROR}
 
 _log = logging.getLogger(__name__)
+_Track = Annotated[int, msgspec.Meta(ge=1, le=1 << 40)]
+_Frame = Annotated[int, msgspec.Meta(ge=0, le=1 << 31)]
+_SystemId = Annotated[int, msgspec.Meta(ge=1, le=255)]
+_Pixel = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]
 
 
 class EventLog:
@@ -81,12 +85,6 @@ def _statement_row(statement: Statement) -> dict[str, int | float | bool | None]
         "cy": round(statement.cy, 2),
         "undone": statement.undone,
     }
-
-
-_Track = Annotated[int, msgspec.Meta(ge=1, le=1 << 40)]
-_Frame = Annotated[int, msgspec.Meta(ge=0, le=1 << 31)]
-_SystemId = Annotated[int, msgspec.Meta(ge=1, le=255)]
-_Pixel = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]
 
 
 class _StatementRow(msgspec.Struct, frozen=True):

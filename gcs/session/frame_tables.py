@@ -22,6 +22,8 @@ from vision.motion.image_motion import ImageMotion
 
 MAX_MISSING, ROOMY = 100_000, 64
 """Frames that may lack their row, at once and for each row that there is: bounds the memory of a frame index."""
+NOWHERE = [-1.0, -1.0, -1.0, -1.0]
+"""Part of a frame in which nothing was looked at: one without a row was looked at as a whole."""
 
 
 def frame_row(index: int, t_us: int) -> str:
@@ -78,10 +80,6 @@ def detection_rows(frame: int, detections: Detections) -> str:
     """Lines of ``detections.csv``, to the last digit: a replay folds the very same numbers."""
     cells = [["" if math.isnan(value) else repr(value) for value in box] for box in detections.table.T.tolist()]
     return "".join(f"{frame},{','.join(box)}\n" for box in cells)
-
-
-NOWHERE = [-1.0, -1.0, -1.0, -1.0]
-"""Part of a frame in which nothing was looked at: one without a row was looked at as a whole."""
 
 
 def look_rows(frame: int, detections: Detections) -> str:

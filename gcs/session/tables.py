@@ -30,6 +30,8 @@ _MAX_RECORDS = 1 << 40
 _MAX_FRAMES = (1 << 31) - 1
 _MAX_PX = 1 << 14
 _FAR, _FAR_RAD = 1e6, 1e3
+_AROUND = ' \t\r\n"\ufeff'
+"""Characters around numbers that other programs write: quotation marks, and a byte order mark before the first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,10 +152,6 @@ def _joined(table: Table, later: Table) -> Table:
     again = {row.tobytes() for row in theirs}
     whole = np.concatenate([ours[[row.tobytes() not in again for row in ours]], theirs])
     return Table(columns={name: whole[:, k] for k, name in enumerate(names)}, skipped=table.skipped + later.skipped)
-
-
-_AROUND = ' \t\r\n"\ufeff'
-"""Characters around numbers that other programs write: quotation marks, and a byte order mark before the first."""
 
 
 def _rows(file: TextIO) -> Iterator[list[str]]:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from gcs.flight.listening import Listening
-from gcs.mission.roster import Found, Role
+from gcs.mission.roster import FleetChoice, Role
 from gcs.report.rollcall import RollCall
 from gcs.station import Station
 from gcs.tui.app import RollcallApp
@@ -75,7 +75,7 @@ def run_start(
     theme: ThemeName,
     to_end: Callable[[], bool],
     hung_up: Callable[[], bool],
-) -> Found | None:
+) -> FleetChoice | None:
     """Show who is heard until the operator flies, or quits: None. As of :class:`gcs.tui.start_app.StartApp`."""
     from gcs.tui.start_app import StartApp
 

@@ -140,7 +140,7 @@ LIVE_HINTS: Final = (
 )
 """Keys and a word for the last row, the most needed first."""
 COMMAND_HINTS: Final = (*LIVE_HINTS[:2], ("u", "command"), *LIVE_HINTS[2:])
-"""As ``LIVE_HINTS``, for a station that may command."""
+"""Equivalent of ``LIVE_HINTS`` for a station that may command."""
 REPLAY_HINTS: Final = (
     ("q", "quit"),
     ("?", "help"),

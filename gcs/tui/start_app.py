@@ -17,7 +17,7 @@ from gcs.flight.devices import cameras, serial_links
 from gcs.flight.listening import HEARD_VIDEO, Listening
 from gcs.flight.video import check_source
 from gcs.mission.mission import usual_name
-from gcs.mission.roster import Found, HeardVehicle, Role, proposed_roles
+from gcs.mission.roster import FleetChoice, HeardVehicle, Role, proposed_roles
 from gcs.mission.written import MISSION_FILE
 from gcs.tui.draw.format import age
 from gcs.tui.draw.strips import Part, blank, fitted, folded, line, split_line
@@ -103,7 +103,7 @@ class StartApp(TerminalApp):
         theme: ThemeName = "dark",
     ) -> None:
         super().__init__(theme=theme)
-        self.found: Found | None = None
+        self.found: FleetChoice | None = None
         self._listening = listening
         self._chosen, self._whole_fleet = dict(chosen), whole_fleet
         self._names: dict[int, str] = {}
@@ -133,7 +133,9 @@ class StartApp(TerminalApp):
         if not good:
             self.notify(standing, severity="warning", timeout=6, markup=False)
             return
-        self.found = Found(roles=roles, names=dict(self._names), chosen=frozenset(self._chosen), video=self._video)
+        self.found = FleetChoice(
+            roles=roles, names=dict(self._names), chosen=frozenset(self._chosen), video=self._video
+        )
         self.exit()
 
     def action_leave(self) -> None:

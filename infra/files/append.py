@@ -36,6 +36,7 @@ HANG_S = 5.0
 _COPY_BYTES = 1 << 20
 _SPACE_MAY_RETURN = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 """Errors after which the same file goes on; after any other a new segment is started."""
+_CLOSE_S = 5.0
 
 
 class _Mode(Enum):
@@ -341,9 +342,6 @@ class AppendFile:
             self._segment = self._deleted = None
         for segment in open_segments:
             segment.close()
-
-
-_CLOSE_S = 5.0
 
 
 class Flusher:

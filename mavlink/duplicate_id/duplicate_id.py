@@ -34,6 +34,39 @@ _GAP, _GAP_RATE = math.radians(10.0), math.radians(60.0)
 """Greatest difference of two attitudes of one vehicle, rad, and that per second between them."""
 _ATTITUDES_TOGETHER_US = 300_000
 """Attitudes this close in time are compared."""
+ConflictKind = Literal["autopilot", "kind", "mode", "clock", "boot", "place", "attitude", "hardware"]
+_PAUSE_US = 3_000_000
+"""Contradictions farther apart than this do not belong together."""
+_SPAN_US = 900_000
+"""Least time for which senders have to alternate: a vehicle that restarts does so once."""
+_ALTERNATIONS: dict[ConflictKind, int] = {
+    "autopilot": 3,
+    "kind": 3,
+    "mode": 4,
+    "clock": 3,
+    "boot": 3,
+    "attitude": 3,
+}
+"""Number of times that they have to; a mode more often, since an operator may switch there and back."""
+_HOLD_US = 4_500_000
+"""Time that a conflict lasts after the last contradiction: longer than the longest pause between contradictions of two
+senders that send heartbeats once a second and lose packets."""
+_HOLD_HARDWARE_US = 60_000_000
+"""Equivalent of ``_HOLD_US`` after two hardware ids, which are sent rarely."""
+_TOGETHER_US = 3_000_000
+"""Senders seen within this are seen together: three heartbeats."""
+_LEADS_US = 2_000_000
+"""Positions come once a second, and after this long they show whether a link is faster or a clock another's."""
+_BOOT_US = 500_000
+"""An autopilot's Unix time and boot time keep step to a millisecond, once it has GPS time; this is far more."""
+_ADDRESS_CHANGES = 4
+"""Changes of the address after which two addresses are reported."""
+_ADDRESSES_US = 600_000_000
+"""Interval between reports of two addresses: two radios into one port last a whole flight."""
+_MAX_KINDS = 8
+"""Kinds of vehicle remembered, so that a flood of forged heartbeats costs no memory."""
+_USUAL_CLOCK, _OTHER_CLOCK = "usual", "other"
+_NO_SENDER = SenderKey(-1, 0, 0)
 
 
 class AttitudeConflict(NamedTuple):
@@ -75,43 +108,6 @@ def _largest_difference(one: Attitude | Pose, other: Attitude | Pose) -> float:
     return max(
         abs(wrap_pi(one.roll - other.roll)), abs(wrap_pi(one.pitch - other.pitch)), abs(wrap_pi(one.yaw - other.yaw))
     )
-
-
-ConflictKind = Literal["autopilot", "kind", "mode", "clock", "boot", "place", "attitude", "hardware"]
-
-_PAUSE_US = 3_000_000
-"""Contradictions farther apart than this do not belong together."""
-_SPAN_US = 900_000
-"""Least time for which senders have to alternate: a vehicle that restarts does so once."""
-_ALTERNATIONS: dict[ConflictKind, int] = {
-    "autopilot": 3,
-    "kind": 3,
-    "mode": 4,
-    "clock": 3,
-    "boot": 3,
-    "attitude": 3,
-}
-"""Number of times that they have to; a mode more often, since an operator may switch there and back."""
-_HOLD_US = 4_500_000
-"""Time that a conflict lasts after the last contradiction: longer than the longest pause between contradictions of two
-senders that send heartbeats once a second and lose packets."""
-_HOLD_HARDWARE_US = 60_000_000
-"""As ``_HOLD_US``, after two hardware ids, which are sent rarely."""
-
-_TOGETHER_US = 3_000_000
-"""Senders seen within this are seen together: three heartbeats."""
-_LEADS_US = 2_000_000
-"""Positions come once a second, and after this long they show whether a link is faster or a clock another's."""
-_BOOT_US = 500_000
-"""An autopilot's Unix time and boot time keep step to a millisecond, once it has GPS time; this is far more."""
-_ADDRESS_CHANGES = 4
-"""Changes of the address after which two addresses are reported."""
-_ADDRESSES_US = 600_000_000
-"""Interval between reports of two addresses: two radios into one port last a whole flight."""
-_MAX_KINDS = 8
-"""Kinds of vehicle remembered, so that a flood of forged heartbeats costs no memory."""
-_USUAL_CLOCK, _OTHER_CLOCK = "usual", "other"
-_NO_SENDER = SenderKey(-1, 0, 0)
 
 
 @dataclass(frozen=True, slots=True)

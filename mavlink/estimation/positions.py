@@ -24,6 +24,45 @@ from mavlink.geodesy import LocalFrame, wrap_pi
 from mavlink.protocol.messages import GlobalPosition, GpsRaw
 from mavlink.state import PositionState
 
+UNSTEADY_ALTITUDE = "altitude, contradicts itself from report to report"
+NOT_YET = frozenset({"no fix (0/0)", "no GPS fix"})
+"""Reasons of a vehicle that waits for its first fix: no fault before it has had one."""
+_NEAR_ZERO_DEG = 1e-3
+"""Autopilots without a fix report 0/0, or a few units of 1e-7° around it."""
+_FIX_NONE, _FIX_2D = 1, 2
+_STD_OF_FIX_M = {4: 1.0, 5: 0.3, 6: 0.05}
+"""1σ by GPS_FIX_TYPE where the receiver reports no accuracy: DGPS, RTK float, RTK fixed."""
+_M_PER_HDOP = 1.5
+"""1σ of a single-frequency receiver at a dilution of 1."""
+_MIN_ACCURACY_M, _MIN_DILUTED_M = 0.02, 0.5
+"""1σ is never less than this, by reported accuracy and by dilution."""
+_SEA_LEVEL_M = 5.0
+"""Altitudes this near to zero are those of a barometer that was set to zero where the vehicle was switched on."""
+_MIN_UP_STD_M = 2.0
+"""1σ of an altitude is never less than this, however good the receiver: barometers drift with the weather."""
+_ALTITUDE_M = -1000.0, 20_000.0
+"""Possible altitudes above sea level; the wire's values for "unknown" are not among them."""
+_STDS = 3.0
+"""Position errors up to this many σ are no jump."""
+_GAPS, _MIN_GAPS = 5, 3
+"""Number of last gaps between reports whose median is the usual gap, and the least for one: outages count nothing."""
+_STALE_S = 1.0
+"""Radios are a few tenths of a second late: younger positions are never stale."""
+_PERIOD_GAIN = 0.1
+"""Weight of the newest gap in the usual period between reports: one loss must not look like a slow sender."""
+_STANDING_SPEED = 0.3
+"""m/s; at less a vehicle is at rest, and its position may repeat."""
+_STANDING_REPORT_US = 1_000_000
+"""A standing vehicle's repeated position counts as new evidence this often."""
+_STEADY_ALTITUDE_M, _STEADY_AGAIN_M, _LONGEST_STEP_M, _ALTITUDE_GAIN = 12.0, 6.0, 30.0, 0.3
+"""Altitudes whose steps from report to report are larger than the first on average contradict themselves, until the
+steps are smaller than the second. A step counts for the third at most, and the newest has the weight of the fourth."""
+_YAW_GAP = math.radians(20.0)
+"""A heading this far from the attitude's yaw is wrong."""
+_COURSE_DISTRUST, _COURSE_WORST = 5, 10
+"""Reports (wrong less right ones) after which a heading is distrusted, and the most that are counted: trust comes back
+after as many right ones."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleLimits:
@@ -39,7 +78,8 @@ class VehicleLimits:
     height_gap_m: float = 150.0
     """A ground vehicle this far above or below the UAV's home reports the wrong altitude: hills are lower."""
     sea_level_gap_m: float = 30.0
-    """As ``height_gap_m``, for a vehicle that reports sea level, as autopilots do until their filter has started."""
+    """Equivalent of ``height_gap_m`` for a vehicle that reports sea level, as autopilots do until their filter has
+    started."""
     course_gap: float = math.radians(40.0)
     """Difference of heading and course, forward or backward, while driving, above which the heading is wrong."""
     course_speed: float = 1.0
@@ -74,47 +114,6 @@ class Verdict(Enum):
         """The report can be right and is kept."""
         self.impossible = impossible
         """The vehicle cannot have got there."""
-
-
-UNSTEADY_ALTITUDE = "altitude, contradicts itself from report to report"
-NOT_YET = frozenset({"no fix (0/0)", "no GPS fix"})
-"""Reasons of a vehicle that waits for its first fix: no fault before it has had one."""
-_NEAR_ZERO_DEG = 1e-3
-"""Autopilots without a fix report 0/0, or a few units of 1e-7° around it."""
-_FIX_NONE, _FIX_2D = 1, 2
-_STD_OF_FIX_M = {4: 1.0, 5: 0.3, 6: 0.05}
-"""1σ by GPS_FIX_TYPE where the receiver reports no accuracy: DGPS, RTK float, RTK fixed."""
-_M_PER_HDOP = 1.5
-"""1σ of a single-frequency receiver at a dilution of 1."""
-_MIN_ACCURACY_M, _MIN_DILUTED_M = 0.02, 0.5
-"""1σ is never less than this, by reported accuracy and by dilution."""
-_SEA_LEVEL_M = 5.0
-"""Altitudes this near to zero are those of a barometer that was set to zero where the vehicle was switched on."""
-_MIN_UP_STD_M = 2.0
-"""1σ of an altitude is never less than this, however good the receiver: barometers drift with the weather."""
-_ALTITUDE_M = -1000.0, 20_000.0
-"""Possible altitudes above sea level; the wire's values for "unknown" are not among them."""
-_STDS = 3.0
-"""Position errors up to this many σ are no jump."""
-
-_GAPS, _MIN_GAPS = 5, 3
-"""Number of last gaps between reports whose median is the usual gap, and the least for one: outages count nothing."""
-_STALE_S = 1.0
-"""Radios are a few tenths of a second late: younger positions are never stale."""
-_PERIOD_GAIN = 0.1
-"""Weight of the newest gap in the usual period between reports: one loss must not look like a slow sender."""
-_STANDING_SPEED = 0.3
-"""m/s; at less a vehicle is at rest, and its position may repeat."""
-_STANDING_REPORT_US = 1_000_000
-"""A standing vehicle's repeated position counts as new evidence this often."""
-_STEADY_ALTITUDE_M, _STEADY_AGAIN_M, _LONGEST_STEP_M, _ALTITUDE_GAIN = 12.0, 6.0, 30.0, 0.3
-"""Altitudes whose steps from report to report are larger than the first on average contradict themselves, until the
-steps are smaller than the second. A step counts for the third at most, and the newest has the weight of the fourth."""
-_YAW_GAP = math.radians(20.0)
-"""A heading this far from the attitude's yaw is wrong."""
-_COURSE_DISTRUST, _COURSE_WORST = 5, 10
-"""Reports (wrong less right ones) after which a heading is distrusted, and the most that are counted: trust comes back
-after as many right ones."""
 
 
 def place_error(position: GlobalPosition, gps: GpsRaw | None) -> str:

@@ -60,6 +60,18 @@ from mavlink.state import CameraReport, FleetState, Level, Notice, Reports, UavA
 NO_FIX = Fix(*[math.nan] * 10)
 _REPORTING_US = 1_000_000
 """Time after which nothing is waited for any more: it stopped, or comes too rarely to interpolate."""
+MODEM_MESSAGES = (109, 166)
+"""RADIO_STATUS and RADIO."""
+_UAV_LIMITS = VehicleLimits(max_speed=80.0, max_acceleration=12.0)
+"""A fast multicopter or a small plane."""
+_MAX_UNDATED = 300
+"""Attitudes of the gimbal that are held back until the UAV's clock has an anchor."""
+_ORIGIN_PATIENCE_US = 10_000_000
+"""Time that the origin waits for the UAV's first position: a receiver that has just been switched on needs longer."""
+_MAX_WAITING = 2000
+"""Reports kept until the origin is known."""
+_MAX_REPORTS = 100_000
+"""Reports kept until they are collected."""
 
 
 def uav_attitude(uav: Vehicle, gimbals: Gimbals, t_us: int, *, gimbal: bool) -> UavAttitude:
@@ -111,10 +123,6 @@ def is_awaited(uav: Vehicle, gimbals: Gimbals, t_us: int) -> bool:
     return False
 
 
-MODEM_MESSAGES = (109, 166)
-"""RADIO_STATUS and RADIO."""
-
-
 def add_radio_status(packet: Packet, vehicles: Mapping[int, Vehicle]) -> None:
     """Give a modem's report to the vehicles that it is about."""
     sample = decode(packet)
@@ -127,18 +135,6 @@ def add_radio_status(packet: Packet, vehicles: Mapping[int, Vehicle]) -> None:
     behind = [vehicle for vehicle in vehicles.values() if vehicle.conditions.channel == channel]
     for vehicle in behind:
         vehicle.conditions.add_radio(sample, shared=len(behind) > 1)
-
-
-_UAV_LIMITS = VehicleLimits(max_speed=80.0, max_acceleration=12.0)
-"""A fast multicopter or a small plane."""
-_MAX_UNDATED = 300
-"""Attitudes of the gimbal that are held back until the UAV's clock has an anchor."""
-_ORIGIN_PATIENCE_US = 10_000_000
-"""Time that the origin waits for the UAV's first position: a receiver that has just been switched on needs longer."""
-_MAX_WAITING = 2000
-"""Reports kept until the origin is known."""
-_MAX_REPORTS = 100_000
-"""Reports kept until they are collected."""
 
 
 class _AcceptedPosition(NamedTuple):

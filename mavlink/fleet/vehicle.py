@@ -55,6 +55,18 @@ _MAX_CHARS, _MAX_OPEN = 1000, 8
 """Most characters of one text, and most texts that wait for further pieces: any sender can send them."""
 _WARNING = 4
 """MAV_SEVERITY; lower is more serious."""
+Notices = tuple[Notice, ...]
+_CHANGE_US = 200_000
+"""Shortest time between two changes of mode; a flood of forged heartbeats changes more often."""
+_GPS_FRESH_US = 5_000_000
+"""A fix whose own time is farther than this from now carries another clock's time."""
+_OTHER_AUTOPILOT_US = 600_000_000
+"""Interval between reports of a second autopilot: a companion that claims to be one does so for a whole flight."""
+_SHARED_CLOCK_US = 500_000
+"""A component whose messages come no later than this after the autopilot's of the same boot time has its clock."""
+_DELAY_GAIN, _DELAY_ASYMMETRY = 0.05, 9.0
+"""Step of the usual delay towards one that is longer, and by how much smaller one towards a shorter delay is."""
+_JUMPING = "it jumps between places, receiver jammed or failing"
 
 
 class StatusTexts:
@@ -85,21 +97,6 @@ class StatusTexts:
             self._pieces[key] = text
             return ""
         return text
-
-
-Notices = tuple[Notice, ...]
-
-_CHANGE_US = 200_000
-"""Shortest time between two changes of mode; a flood of forged heartbeats changes more often."""
-_GPS_FRESH_US = 5_000_000
-"""A fix whose own time is farther than this from now carries another clock's time."""
-_OTHER_AUTOPILOT_US = 600_000_000
-"""Interval between reports of a second autopilot: a companion that claims to be one does so for a whole flight."""
-_SHARED_CLOCK_US = 500_000
-"""A component whose messages come no later than this after the autopilot's of the same boot time has its clock."""
-_DELAY_GAIN, _DELAY_ASYMMETRY = 0.05, 9.0
-"""Step of the usual delay towards one that is longer, and by how much smaller one towards a shorter delay is."""
-_JUMPING = "it jumps between places, receiver jammed or failing"
 
 
 class PositionReport(NamedTuple):

@@ -35,6 +35,9 @@ KEPT_PER_S, BURST_S = 500.0, 4.0
 _MAX_SENDERS = 1024
 """Senders that are watched at a time; those who come later are one."""
 _OTHERS: Claim = (0, 0)
+_TIME = struct.Struct(">Q")
+_SETUP_SIGNING = b"\x00\x01\x00"
+"""Message id of SETUP_SIGNING as in a header."""
 
 
 @dataclass(slots=True)
@@ -112,11 +115,6 @@ class RefusedPacketLimiter:
         rate = (sender.seen - seen) / max(now_s - since_s, 1e-3) if since_s else 0.0
         where = address(claim[0]) or "many addresses"
         return FloodLimit(address=where, system_id=claim[1], wanted_per_s=rate, turned_away=sender.shed, refused=True)
-
-
-_TIME = struct.Struct(">Q")
-_SETUP_SIGNING = b"\x00\x01\x00"
-"""Message id of SETUP_SIGNING as in a header."""
 
 
 class Signatures:

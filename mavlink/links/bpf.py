@@ -40,42 +40,6 @@ _SYSTEM_V1, _SYSTEM_V2 = 8 + 3, 8 + 5
 _FIXED_V1, _FIXED_V2, _SIGNATURE = 8 + 8, 8 + 12, 13
 
 _Code = list[tuple[int, int, int, int]]
-
-
-def program(known: Iterable[FilterSource], own: Mapping[FilterSource, float], likely: float, other: float) -> bytes:
-    """The filter's instructions.
-
-    Args:
-        own: senders of whose datagrams a share passes, 0..1.
-        likely: share of unknown datagrams that pass if they look like one MAVLink frame, 0..1.
-        other: share of other unknown datagrams that pass, 0..1.
-
-    Raises:
-        ValueError: more instructions than the kernel takes.
-    """
-    shares = {_hash(*source): share for source, share in own.items()}
-    code = [*_KEY]
-    for key, share in sorted(shares.items()):
-        share_code = _pass_share(share)
-        code += [(_IF_EQUAL, 0, len(share_code), key), *share_code]
-    code += _pass_known(sorted({_hash(*source) for source in known} - shares.keys()))
-    code += [
-        (_LOAD_MEMORY, 0, 0, _KIND),
-        (_IF_EQUAL, 0, len(_pass_share(other)), MIXED),
-        *_pass_share(other),
-        *_pass_share(likely),
-    ]
-    if len(code) > _MAX_INSTRUCTIONS:
-        raise ValueError(f"{len(code)} instructions are more than the {_MAX_INSTRUCTIONS} that the kernel takes")
-    return b"".join(_INSTRUCTION.pack(*step) for step in code)
-
-
-def _hash(ip: int, port: int, kind: int) -> int:
-    """A 32-bit hash (ip · odd + port + kind · another odd). Collisions do no harm: who can send from a chosen address
-    can forge the known one as well."""
-    return (ip * _HASH_IP + port + kind * _HASH_KIND) & 0xFFFFFFFF
-
-
 _KEY: _Code = [
     # the kind is that of a datagram that is not exactly one frame …
     (_LOAD_NUMBER, 0, 0, MIXED),
@@ -118,6 +82,40 @@ _KEY: _Code = [
     (_TIMES, 0, 0, _HASH_KIND),
     (_PLUS_X, 0, 0, 0),
 ]
+
+
+def program(known: Iterable[FilterSource], own: Mapping[FilterSource, float], likely: float, other: float) -> bytes:
+    """The filter's instructions.
+
+    Args:
+        own: senders of whose datagrams a share passes, 0..1.
+        likely: share of unknown datagrams that pass if they look like one MAVLink frame, 0..1.
+        other: share of other unknown datagrams that pass, 0..1.
+
+    Raises:
+        ValueError: more instructions than the kernel takes.
+    """
+    shares = {_hash(*source): share for source, share in own.items()}
+    code = [*_KEY]
+    for key, share in sorted(shares.items()):
+        share_code = _pass_share(share)
+        code += [(_IF_EQUAL, 0, len(share_code), key), *share_code]
+    code += _pass_known(sorted({_hash(*source) for source in known} - shares.keys()))
+    code += [
+        (_LOAD_MEMORY, 0, 0, _KIND),
+        (_IF_EQUAL, 0, len(_pass_share(other)), MIXED),
+        *_pass_share(other),
+        *_pass_share(likely),
+    ]
+    if len(code) > _MAX_INSTRUCTIONS:
+        raise ValueError(f"{len(code)} instructions are more than the {_MAX_INSTRUCTIONS} that the kernel takes")
+    return b"".join(_INSTRUCTION.pack(*step) for step in code)
+
+
+def _hash(ip: int, port: int, kind: int) -> int:
+    """A 32-bit hash (ip · odd + port + kind · another odd). Collisions do no harm: who can send from a chosen address
+    can forge the known one as well."""
+    return (ip * _HASH_IP + port + kind * _HASH_KIND) & 0xFFFFFFFF
 
 
 def _pass_known(keys: list[int]) -> _Code:

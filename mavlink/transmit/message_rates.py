@@ -48,7 +48,7 @@ UAV_RATES: Mapping[int, float] = {
 }
 """message id → Hz that the UAV has to send for vehicles to be identified in the video."""
 UGV_RATES: Mapping[int, float] = {GLOBAL_POSITION_INT: 5.0}
-"""As ``UAV_RATES``, for a ground vehicle."""
+"""Equivalent of ``UAV_RATES`` for a ground vehicle."""
 
 _DENIED, _UNSUPPORTED, _FAILED = 2, 3, 4
 """MAV_RESULT of a request that was rejected."""
@@ -78,14 +78,12 @@ _WHERE_THERE_IS_ONE = frozenset({GIMBAL_ATTITUDE, SYSTEM_TIME, DISTANCE_SENSOR, 
 """Messages of equipment that a vehicle need not have: one that never came is not reported."""
 _REBOOT_MS, _YOUNG_MS = 2000, 60_000
 """A boot time that is this much less than before, and less than a minute, is one after a reboot."""
+State = Literal["ok", "measuring", "asked", "refused", "not reached", "too slow"]
 
 
 def uav_rates(*, gimbal: bool) -> Mapping[int, float]:
     """Rates wanted of a UAV, with those of its gimbal where it reports the camera's direction."""
     return UAV_RATES if gimbal else {message: hz for message, hz in UAV_RATES.items() if message != GIMBAL_ATTITUDE}
-
-
-State = Literal["ok", "measuring", "asked", "refused", "not reached", "too slow"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -30,6 +30,9 @@ from sim.world.scenario import Scenario, ScenarioCamera, ScenarioFlight, Scenari
 from sim.world.view import CameraView, Scene, project, ray_ground
 from sim.world.world import LEAD_S, TAIL_S, World, random_stream
 
+IntArray = NDArray[np.int64]
+FloatArray = NDArray[np.float64]
+
 GRID = 5
 """Points across and down the image at which two poses are compared."""
 PIXEL_STD = 1.0
@@ -49,6 +52,20 @@ SPEED_SPAN_S = 1.0
 """Time over which the reported speed of the UAV is taken."""
 MAX_TRIES = 60
 """Maximum tries of poses for one image, derivatives included; ten are common."""
+LABEL_STD_PX = 1.5
+"""1σ of a label's centre, px, as of those drawn by hand and interpolated."""
+UNSTEADINESS = 1.0
+"""Spectral density of the acceleration of a car in traffic, m²/s³: it changes its speed by 1 m/s within a second."""
+MIN_FOR_SPLINE = 5
+"""Labels that a smoothing spline needs; fewer get a straight line."""
+MIN_SPEED_MPS = 1.0
+"""Speed below which the path does not tell where a vehicle points, so its heading is held, m/s."""
+MOVED_LENGTHS = 2.0
+"""A vehicle that came this many car lengths away from where it began has moved."""
+CAR_LENGTH_M = 4.5
+"""Length of an ordinary car."""
+END_SPEED_S = 0.5
+"""Time at the first and last label over which a vehicle's speed before and after them is taken."""
 
 
 def hovering(scenario: Scenario, t: FloatArray) -> UavMotion:
@@ -117,24 +134,6 @@ def _motion(t: FloatArray, poses: FloatArray) -> UavMotion:
     ]
     v = (ends[1] - ends[0]) / SPEED_SPAN_S
     return UavMotion(t=t, values=np.column_stack([poses[:, :3], v, poses[:, 3:]]), wobble=np.empty((0, 3)))
-
-
-IntArray = NDArray[np.int64]
-
-LABEL_STD_PX = 1.5
-"""1σ of a label's centre, px, as of those drawn by hand and interpolated."""
-UNSTEADINESS = 1.0
-"""Spectral density of the acceleration of a car in traffic, m²/s³: it changes its speed by 1 m/s within a second."""
-MIN_FOR_SPLINE = 5
-"""Labels that a smoothing spline needs; fewer get a straight line."""
-MIN_SPEED_MPS = 1.0
-"""Speed below which the path does not tell where a vehicle points, so its heading is held, m/s."""
-MOVED_LENGTHS = 2.0
-"""A vehicle that came this many car lengths away from where it began has moved."""
-CAR_LENGTH_M = 4.5
-"""Length of an ordinary car."""
-END_SPEED_S = 0.5
-"""Time at the first and last label over which a vehicle's speed before and after them is taken."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -232,9 +231,6 @@ def _line(track: GroundTrack) -> Callable[[FloatArray], FloatArray]:
     first = track.t[0]
     c = np.polynomial.polynomial.polyfit(track.t - first, track.xy, degree, w=1.0 / track.std)
     return lambda t: np.moveaxis(np.polynomial.polynomial.polyval(t - first, c), 0, -1)
-
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

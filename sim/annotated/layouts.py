@@ -50,6 +50,7 @@ WORDS = {"lorry": "truck", "trailer": "truck", "minibus": "van"}
 NOT_VEHICLES = {"person", "pedestrian", "people", "bicycle", "cyclist", "motor", "motorcycle", "tricycle"}
 VISDRONE_HEAVY, UAVDT_LARGE, MOT_HALF = 2, 4, 0.5
 """Occlusion from which a label says that more than half is hidden; in MOT the visible share."""
+_Rows = Sequence[Sequence[str]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +63,6 @@ class _VehicleLabel:
     hidden: bool
 
 
-_Rows = Sequence[Sequence[str]]
 _Parser = Callable[[Sequence[str]], _VehicleLabel]
 
 

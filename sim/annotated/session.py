@@ -19,6 +19,22 @@ FloatArray = NDArray[np.float64]
 
 LABEL_SCORE = 0.9
 """Score of a label that takes a detection's place: that of a clear one."""
+ATTRIBUTES = (
+    "daylight",
+    "night",
+    "fog",
+    "low-alt",
+    "medium-alt",
+    "high-alt",
+    "front-view",
+    "side-view",
+    "bird-view",
+    "long-term",
+)
+"""Attributes of a label, 0 or 1 each, in this order."""
+MAX_BYTES = 1000
+FOLDERS_UP = 3
+"""Levels above the labels at which the folder M_attr is looked for."""
 
 
 def write_film_session(
@@ -57,24 +73,6 @@ def write_film_session(
         (made / TRUTH.name).write_bytes("".join(truth).encode())
         if boxes_from_labels:
             (made / DETECTIONS.name).write_bytes("".join(detections).encode())
-
-
-ATTRIBUTES = (
-    "daylight",
-    "night",
-    "fog",
-    "low-alt",
-    "medium-alt",
-    "high-alt",
-    "front-view",
-    "side-view",
-    "bird-view",
-    "long-term",
-)
-"""Attributes of a label, 0 or 1 each, in this order."""
-MAX_BYTES = 1000
-FOLDERS_UP = 3
-"""Levels above the labels at which the folder M_attr is looked for."""
 
 
 def read_attributes(labels: Path) -> tuple[str, ...]:

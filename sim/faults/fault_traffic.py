@@ -135,7 +135,7 @@ class ScheduledDatagram:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultTraffic:
-    """What is to be sent: the fleet, and how much traffic of each kind."""
+    """Traffic that is to be sent: of which fleet, and how much of each kind."""
 
     fleet: SimulatedFleet
     rate_hz: float

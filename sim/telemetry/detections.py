@@ -23,6 +23,8 @@ SPREAD = 0.1
 """Share by which the distance of merging varies from frame to frame."""
 PARTS_APART = 0.4
 """Distance between the centres of a vehicle's front and rear, in its lengths; each is half as long as the whole."""
+_Span = tuple[int, float, float]
+"""A body, and the seconds from and until which a state of it lasts."""
 
 
 def merged_boxes(
@@ -224,10 +226,6 @@ def _score(u: FloatArray, mean: float) -> FloatArray:
     """Scores about the mean, from uniform draws: a triangle of half-width 0.2 inside 0.05..0.99."""
     triangle = np.where(u < 0.5, np.sqrt(2.0 * u) - 1.0, 1.0 - np.sqrt(2.0 * (1.0 - u)))
     return np.clip(mean + 0.2 * triangle, 0.05, 0.99)
-
-
-_Span = tuple[int, float, float]
-"""A body, and the seconds from and until which a state of it lasts."""
 
 
 def _during(spans: list[_Span], t: float, n: int) -> NDArray[np.bool_]:

@@ -256,7 +256,7 @@ class ScenarioDetector:
     parts: Annotated[float, Meta(ge=0.0, le=0.9)] = 0.0
     """Share of the time in which a vehicle of our make is found as two boxes, its front and its rear."""
     parts_run_s: Annotated[float, Meta(ge=0.1, le=60.0)] = 2.5
-    """Mean time for which it stays so."""
+    """Mean time for which a vehicle is found as two boxes."""
     never_found: Annotated[int, Meta(ge=0, le=200)] = 0
     """Number of vehicles of ours that are never found."""
 

@@ -35,6 +35,9 @@ from vision.detect.front_crops import rectify
 from vision.detect.onnx_model import RUN_ERRORS, described, metadata, open_session, why
 from vision.errors import ModelError
 
+Image = NDArray[np.uint8]
+Floats = NDArray[np.float64]
+
 FRONTS_DEG = {2: (0.0, 180.0), 4: (0.0, 90.0, 180.0, 270.0)}
 """Default directions of the front, from the crop's +x, by number of classes."""
 ACCEPTED = (
@@ -49,6 +52,12 @@ _COUNTS = {"margin": 1, "mean": 3, "std": 3, "size": 1}
 """Numbers in each entry of the metadata."""
 _RANGES = {"margin": (0.0, 4.0), "mean": (-1e3, 1e3), "std": (1e-6, 1e3), "size": (8.0, MAX_SIDE)}
 """Least and largest value of each."""
+BUNDLED_FRONT = Path(__file__).parents[1] / "models" / "rollcall-front-resnet18.onnx"
+"""Rollcall's own classifier of fronts."""
+SQUARE = 1.3
+"""Ratio of its sides up to which a box may have its front at a longer side."""
+MAX_CROPS = 64
+"""Crops in one run; more boxes take several."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -149,17 +158,6 @@ def _in_range(key: str, values: list[float], where: str) -> list[float]:
             f"{where}: its metadata {key!r} is {values}; {_COUNTS[key]} between {least:g} and {most:g} must be there"
         )
     return values
-
-
-Image = NDArray[np.uint8]
-Floats = NDArray[np.float64]
-
-BUNDLED_FRONT = Path(__file__).parents[1] / "models" / "rollcall-front-resnet18.onnx"
-"""Rollcall's own classifier of fronts."""
-SQUARE = 1.3
-"""Ratio of its sides up to which a box may have its front at a longer side."""
-MAX_CROPS = 64
-"""Crops in one run; more boxes take several."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

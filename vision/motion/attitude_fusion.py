@@ -31,6 +31,41 @@ from vision.motion.fused_evidence import ReportedRotation, SeenTracks
 from vision.motion.rotation import turned_by, vector_of
 
 Floats = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+MAX_TRACKS = 12
+"""Vehicles in the state: more hardly make the rotation better, and cost grows with their cube."""
+LOST_US = 600_000
+"""A vehicle that was not seen for this long is given up."""
+LONGEST_US = 1_000_000
+"""Longest pause between two frames; after a longer one the filter starts again."""
+ACCELERATION = 1.5
+"""Square root of the spectral density of the vehicles' acceleration, m/s^1.5: drivers brake and turn."""
+FIRST_SPEED = 6.0
+"""1σ of the velocity of a vehicle just seen, m/s."""
+SWAY, SWAY_S = np.deg2rad(3.0), 0.4
+"""1σ and correlation time of the sway of a body about level, where no attitude is sent."""
+TURN, MIN_TURN, MAX_TURN = np.deg2rad(0.3), np.deg2rad(0.01), np.deg2rad(6.0)
+"""1σ of what is missed of a frame's rotation: to begin with, and the limits of what is learnt."""
+RATE, MIN_RATE, MAX_RATE, RATE_S = np.deg2rad(5.0), np.deg2rad(0.1), np.deg2rad(60.0), 0.12
+"""1σ of what is missed of β, rad/s: to begin with, and the limits of what is learnt; and its correlation time."""
+SAMPLE, MIN_SAMPLE, MAX_SAMPLE = np.deg2rad(0.3), np.deg2rad(0.05), np.deg2rad(3.0)
+"""1σ of the noise of a sample: to begin with, and the limits of what is learnt."""
+LAG_S, LAG_WANDER = 0.04, 1e-3
+"""1σ of the lag, s, also of one that was searched for, and of its change in one second."""
+MEMORY = 40.0
+"""Innovations over which noise is learnt."""
+MAX_SURPRISE = 10.0
+"""Squared innovations count at most this many times what was expected: one wild frame teaches little."""
+OUTLIER, STRAYED = 3.0, 8.0
+"""A box this many σ from where it should be weighs less: a track may have gone on with another vehicle. This many, and
+its vehicle is taken again."""
+TELLING = 3
+"""Boxes that show how the camera turned; where there are fewer, their vehicles may have moved."""
+STEEP = 0.06
+"""Sine of the least angle below the horizon at which a box tells a place on the ground."""
+XI, BETA, LAG, BASE = slice(0, 3), slice(3, 6), 6, 7
+"""Indices of ξ, β and δ in the state; the vehicles follow, four states each."""
 
 
 def image_jacobians(d: Floats, R: Floats) -> tuple[Floats, Floats, Floats]:
@@ -77,44 +112,6 @@ def _cross(v: Floats) -> Floats:
     K[:, 0, 1], K[:, 0, 2], K[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
     K[:, 1, 0], K[:, 2, 0], K[:, 2, 1] = v[:, 2], -v[:, 1], v[:, 0]
     return K
-
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-
-MAX_TRACKS = 12
-"""Vehicles in the state: more hardly make the rotation better, and cost grows with their cube."""
-LOST_US = 600_000
-"""A vehicle that was not seen for this long is given up."""
-LONGEST_US = 1_000_000
-"""Longest pause between two frames; after a longer one the filter starts again."""
-ACCELERATION = 1.5
-"""Square root of the spectral density of the vehicles' acceleration, m/s^1.5: drivers brake and turn."""
-FIRST_SPEED = 6.0
-"""1σ of the velocity of a vehicle just seen, m/s."""
-SWAY, SWAY_S = np.deg2rad(3.0), 0.4
-"""1σ and correlation time of the sway of a body about level, where no attitude is sent."""
-TURN, MIN_TURN, MAX_TURN = np.deg2rad(0.3), np.deg2rad(0.01), np.deg2rad(6.0)
-"""1σ of what is missed of a frame's rotation: to begin with, and the limits of what is learnt."""
-RATE, MIN_RATE, MAX_RATE, RATE_S = np.deg2rad(5.0), np.deg2rad(0.1), np.deg2rad(60.0), 0.12
-"""1σ of what is missed of β, rad/s: to begin with, and the limits of what is learnt; and its correlation time."""
-SAMPLE, MIN_SAMPLE, MAX_SAMPLE = np.deg2rad(0.3), np.deg2rad(0.05), np.deg2rad(3.0)
-"""1σ of the noise of a sample: to begin with, and the limits of what is learnt."""
-LAG_S, LAG_WANDER = 0.04, 1e-3
-"""1σ of the lag, s, also of one that was searched for, and of its change in one second."""
-MEMORY = 40.0
-"""Innovations over which noise is learnt."""
-MAX_SURPRISE = 10.0
-"""Squared innovations count at most this many times what was expected: one wild frame teaches little."""
-OUTLIER, STRAYED = 3.0, 8.0
-"""A box this many σ from where it should be weighs less: a track may have gone on with another vehicle. This many, and
-its vehicle is taken again."""
-TELLING = 3
-"""Boxes that show how the camera turned; where there are fewer, their vehicles may have moved."""
-STEEP = 0.06
-"""Sine of the least angle below the horizon at which a box tells a place on the ground."""
-XI, BETA, LAG, BASE = slice(0, 3), slice(3, 6), 6, 7
-"""Indices of ξ, β and δ in the state; the vehicles follow, four states each."""
 
 
 class AttitudeFusion:

@@ -35,7 +35,7 @@ MEAN_GREY, GREY_STD, MAX_GAIN = 128.0, 45.0, 4.0
 CELLS = 150
 """Cells of the grid, about: one corner each."""
 CORNER_BLOCK = 5
-"""Side of the square in which a corner is one, px of half the small picture."""
+"""Side of the square by whose gradients a corner is found, px of half the small picture."""
 MIN_CORNER = 2e-5
 """Smaller eigenvalue of the gradients' covariance below which there is nothing to follow: sensor noise has a tenth."""
 WINDOW, LEVELS = 9, 3

@@ -26,7 +26,8 @@ Packets: TypeAlias = "Iterator[Packet[CodedStream]]"
 TICK_HZ = 1_000_000
 _AT_ONCE = {"probesize": "32", "analyzeduration": "0"}
 _MAX_ARRIVALS = 1 << 16
-"""Pieces of a connection of which none was a picture's: a minute at a thousand datagrams a second."""
+"""Most pieces of a connection whose arrival is kept while no picture comes: a minute at a thousand datagrams a
+second."""
 _SYNC, _TS_PACKET = b"G", 188
 """Byte that each packet of a transport stream begins with, and how long it is."""
 _PARTS, _JPEG, _START_CODES = b"--", b"\xff\xd8\xff", (b"\0\0\1", b"\0\0\0\1")

@@ -58,6 +58,8 @@ EVIDENT_SHARE = 0.9
 """Share of all that could be explained from which a small motion is taken without looking for another."""
 MIN_GAIN = 12.0
 """A motion has to explain more than none by as much, in units of the squared distance; less may be chance."""
+_PRECISION = np.diag([1e-9, 1e-9, TURN_STD**-2, ZOOM_STD**-2])
+"""Λ of θ in least squares: shifts are free."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -226,10 +228,6 @@ class _Prior:
         return np.asarray(
             MOTION_WEIGHT * np.log1p(unusual) + (theta[:, 2] / TURN_STD) ** 2 + (theta[:, 3] / ZOOM_STD) ** 2
         )
-
-
-_PRECISION = np.diag([1e-9, 1e-9, TURN_STD**-2, ZOOM_STD**-2])
-"""Λ of θ in least squares: shifts are free."""
 
 
 def _candidates(pairs: _PairPoints, place: Floats) -> Floats:

@@ -40,8 +40,8 @@ class TrackerParams:
     limit: float = 40.0
     """Cost of leaving a track and a box apart. Raise → doubtful matches are made; lower → tracks break instead."""
     weak_limit: float = 24.0
-    """As ``limit``, for boxes that may not begin a track. Raise → tracks live on through worse boxes; lower → they are
-    less often taken over by what is none."""
+    """Equivalent of ``limit`` for boxes that may not begin a track. Raise → tracks live on through worse boxes; lower →
+    they are less often taken over by what is none."""
     centre_noise: float = 0.04
     """Standard deviation of a detected centre, sizes (and at least 1 px). Raise → smoother, slower boxes."""
     wander: float = 2.5

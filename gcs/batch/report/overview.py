@@ -35,6 +35,7 @@ MAX_FLIGHTS: Final = 2000
 MAX_VEHICLES: Final = 1000
 _FIGURES: Final = ("right", "precision", "name changes", "calibration error")
 """Columns of flights whose truth is known."""
+Finding = tuple[float, str]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,9 +59,6 @@ class FlightJudgement:
     def order(self) -> tuple[int, float, str]:
         """The worst flight sorts first."""
         return self.rank, -self.amount, self.record.flight
-
-
-Finding = tuple[float, str]
 
 
 def judge(record: FlightRecord) -> FlightJudgement:

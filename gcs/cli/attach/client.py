@@ -18,7 +18,7 @@ from pathlib import Path
 
 import msgspec
 
-from gcs.cli.attach.place import MAX_BYTES, VARIABLES, Answer, AttachRequest, Flying, connect
+from gcs.cli.attach.place import MAX_BYTES, VARIABLES, Answer, AttachRequest, FlightGreeting, connect
 from gcs.cli.output.console import check_terminal
 from gcs.cli.screen_options import ScreenOptions
 from gcs.errors import GcsError
@@ -32,7 +32,7 @@ RESTORE = b"\x1b[?1049l\x1b[?25h\x1b[?7h\x1b[?1000l\x1b[?1003l\x1b[?1006l\x1b[?1
 FAREWELL_S = 2.0
 
 
-def flies_on(links: Sequence[str]) -> Flying | None:
+def flies_on(links: Sequence[str]) -> FlightGreeting | None:
     """The flight of this user that listens to one of these links."""
     found = None
     for flying, connection in connect():

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import msgspec
 
-from gcs.cli.attach.place import MAX_BYTES, VARIABLES, Answer, AttachRequest, Flying, socket_folder
+from gcs.cli.attach.place import MAX_BYTES, VARIABLES, Answer, AttachRequest, FlightGreeting, socket_folder
 
 _log = logging.getLogger(__name__)
 
@@ -73,7 +73,7 @@ class AttachServer:
     """
 
     def __init__(self, folder: Path, links: Sequence[str]) -> None:
-        self._flying = Flying(process_id=os.getpid(), folder=str(folder.resolve()), links=tuple(links))
+        self._flying = FlightGreeting(process_id=os.getpid(), folder=str(folder.resolve()), links=tuple(links))
         self._lock = threading.Lock()
         self._waiting: LentTerminal | None = None
         self._shown = False

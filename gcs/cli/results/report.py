@@ -98,8 +98,8 @@ def _fold(analysis: Analysis, reports: FlownReports, record: FlightSummary, stil
                 told(*((each - reports.start_us) // 1_000_000 for each in (at_us, reports.stop_us)))
             reports.finish()
         marks = read_marks(analysis.opened.session.path, reports.start_us)
-        record.tell(reports.spans(), (*reports.events(), *marks))
-        record.rollcall.end(analysis.frames, as_flown=analysis.as_flown)
+        record.set_reports(reports.spans(), (*reports.events(), *marks))
+        record.rollcall.set_frame_count(analysis.frames, as_flown=analysis.as_flown)
         if truth is None:
             return None
         try:

@@ -37,7 +37,7 @@ UAV_ALTITUDE_STD_M = 4.0
 SLOPE_STD = 0.03
 """1σ of the slope per axis: what vehicles drive on in formation."""
 RELIEF_SLOPE_STD = 0.005
-"""As ``SLOPE_STD``, about a terrain file, whose own error is a height that changes over kilometres."""
+"""Equivalent of ``SLOPE_STD`` about a terrain file, whose own error is a height that changes over kilometres."""
 FILE_STD_M = 5.0
 """1σ of a terrain file's height against the UAV's altitude: a map's own error, and another sea level or none."""
 FILE = HeightSource(name="the terrain file", z=0.0, std_m=FILE_STD_M)

@@ -40,6 +40,8 @@ from gcs.importing.vehicle_log import (
 from infra.plain_text import plain
 from infra.text_numbers import number_or_nan
 
+Floats = NDArray[np.float64]
+
 _UNIX_NAMES = ("time", "time_s", "time_ms", "time_us", "time_ns")
 TIMES = ("time_us", "time_ms", "time_ns", "time_s", "time", "elapsed_s", "frame")
 """Columns of times, best first."""
@@ -48,6 +50,18 @@ _UNIX_FROM_US, _UNIX_TO_US = 1e14, 4.1e15
 """Unix times of 1973 to 2099; smaller numbers count from another moment."""
 _LONGEST_STEP_S = 60.0
 """Longest interval between two rows of a table that tells a path."""
+_GIVE = (
+    "time since a start does not tell when that was: "
+    "give Unix time, ISO 8601, or elapsed_s since the film's first frame"
+)
+_LATEST_US = 4_102_444_800_000_000  # the year 2100
+_MAX_ROWS = 2_000_000
+_MAX_SHOWN = 200
+_AROUND = " \t\r\n\"'"
+_MAX_NAMED, _MAX_NAME = 8, 40
+_NO_NUMBER = "cells that are no numbers"
+_UNKNOWN = ("", "nan", "null", "none", "n/a", "na", "-", "--")
+"""Words in a cell where nothing is known."""
 
 
 def unix_us(name: str, times: Floats, *, dated: bool, where: str) -> tuple[Floats, LogClock, tuple[str, ...]]:
@@ -84,12 +98,6 @@ def unix_us(name: str, times: Floats, *, dated: bool, where: str) -> tuple[Float
     return times * us, "own", ()
 
 
-_GIVE = (
-    "time since a start does not tell when that was: "
-    "give Unix time, ISO 8601, or elapsed_s since the film's first frame"
-)
-
-
 def _check_steps(times: Floats, us: float, unit: str, where: str, give: str = _GIVE) -> None:
     """See that rows follow each other as those of a path.
 
@@ -100,18 +108,6 @@ def _check_steps(times: Floats, us: float, unit: str, where: str, give: str = _G
     steps = steps[steps > 0.0]
     if len(steps) and float(np.median(steps)) * us * 1e-6 > _LONGEST_STEP_S:
         raise ImportFileError(f"{where}: cannot be {unit}, since rows are {np.median(steps):.6g} apart; {give}")
-
-
-Floats = NDArray[np.float64]
-
-_LATEST_US = 4_102_444_800_000_000  # the year 2100
-_MAX_ROWS = 2_000_000
-_MAX_SHOWN = 200
-_AROUND = " \t\r\n\"'"
-_MAX_NAMED, _MAX_NAME = 8, 40
-_NO_NUMBER = "cells that are no numbers"
-_UNKNOWN = ("", "nan", "null", "none", "n/a", "na", "-", "--")
-"""Words in a cell where nothing is known."""
 
 
 def read_csv(path: Path) -> list[VehicleLog]:

@@ -166,11 +166,11 @@ class FlightSummary:
             if not box.coasting:
                 self._add_box(self.vehicles[box.system_id], at_us, box, snapshot)
 
-    def tell(self, alarms: Sequence[AlarmSpan], events: Iterable[Event]) -> None:
+    def set_reports(self, alarms: Sequence[AlarmSpan], events: Iterable[Event]) -> None:
         """Take in what was reported: every alarm, every event."""
         events = sorted(events, key=lambda event: event.t_us)
         coming = {(span.alarm.kind, span.alarm.system_id, span.alarm.text) for span in alarms}
-        self.rollcall.tell(alarms, events)
+        self.rollcall.set_reports(alarms, events)
         self.alarms = alarms
         self.events = [
             event

@@ -49,8 +49,8 @@ def named(flight):
 def test_both_views_are_named(flight, named):
     out, calls = named
     (other,) = calls.other_views
-    assert (calls.films, other.films) == ("UAV", "UAV-2")
-    other.films = calls.films
+    assert (calls.uav_name, other.uav_name) == ("UAV", "UAV-2")
+    other.uav_name = calls.uav_name
     assert calls.of(2) is other and calls.of(1) is calls.of(3) is calls
     for folder in ("", "view-2"):
         found = score_files(flight / folder / "truth.csv", out / folder / "identity.csv")

@@ -67,7 +67,7 @@ def report(snapshots, matched=None, name="x"):
         record.add(each.t_us, each)
         told.add(each.t_us, each.events, each.alarms)
         stills.add(each)
-    record.tell(told.spans(), told.events())
+    record.set_reports(told.spans(), told.events())
     about = Provenance(name=name, lacks=(name,), settings={name: name}, files={name: name}, imported=((name, name),))
     return flight_report(record, stills, matched, about)
 
