@@ -211,7 +211,7 @@ def fly(
     if asked.hung_up:
         redirect_if_terminal_gone(flight.folder / CONSOLE)
     for place, frames in flight.frames.items():
-        seen[place].end(frames)
+        seen[place].set_frame_count(frames)
     if mission is None:
         _save_mission(flight)
     _report(flight, calls, as_json=as_json)
