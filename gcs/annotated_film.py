@@ -1,4 +1,4 @@
-"""An annotated film of others as a session: labels and pixels in, an ordinary session folder out.
+"""An annotated film from a public data set as a session: labels and pixels in, an ordinary session folder out.
 
 What the film's camera was and how it flew is not known; a plausible one is made up (``sim.annotated``), with the motion
 that the pixels show. Then the whole product can be measured on real pixels: boxes, tracks and names.

@@ -1,4 +1,4 @@
-"""The one rule for numbers in tables and texts of others: ASCII digits with a point and an exponent.
+"""The one rule for numbers in tables and texts from other programs: ASCII digits with a point and an exponent.
 
 Python's ``float`` also takes ``1_0``, ``٣``, ``nan`` and ``infinity``, which in a file are words or damage.
 """

@@ -52,7 +52,6 @@ _MIN_MOVED_M = 4.0
 """Course of a vehicle, metres, from which on it tells something about the camera."""
 _MIN_EXPLAINED = 0.6
 """Share of the time of all tracks, or of all vehicles where that is less, that has to be explained."""
-_R_ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 _R_GIMBAL_CAM = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 

@@ -39,9 +39,9 @@ class Discounts:
     log_d: FloatArray
     """(m, n) ln D_j for the age of each track."""
     changed: BoolArray
-    """(m, n) scores that a change of vehicle would leave of others."""
+    """(m, n) scores that a change of vehicle would lower: what they had before it is another vehicle's."""
     kept: BoolArray
-    """(m, n) those that they may be rests of."""
+    """(m, n) scores of the best assignment and the best of each vehicle, of which a changed one may be what is left."""
 
 
 def discounts(
@@ -54,7 +54,7 @@ def discounts(
     age_s: FloatArray,
     vehicle: IntArray,
 ) -> Discounts:
-    """The chance that a vehicle has no box, and a track beside it moves as it does.
+    """Discounts for the chance that a vehicle has no box, and a track beside it moves as it does.
 
     Clutter that follows vehicle j at a distance, or others of its formation, fit j's motion with an offset that is no
     bias. Their likelihood is that of the pair with the bias density N(M; 0, σ_b²) replaced by a flat one

@@ -418,7 +418,7 @@ class Estimator:
         )
 
     def _update_anchors(self, live: IntArray) -> None:
-        """Confidently named tracks that ended go on constraining the pose while they are in the window."""
+        """Update which confidently named tracks that ended go on constraining the pose while they are in the window."""
         assert self._first_block is not None
         start = self._first_block * self._params.block_s
         for column in self._history.release(start - 1.0).tolist():

@@ -1,4 +1,4 @@
-"""``gcs sim from-tracks``: an annotated film of others as a session."""
+"""``gcs sim from-tracks``: an annotated film from a public data set as a session."""
 
 from __future__ import annotations
 

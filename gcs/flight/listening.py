@@ -206,7 +206,7 @@ class Listening:
         return (now_us() - max(self.began_us, self.roster.news_us, self._video_us)) * 1e-6
 
     def hand_over(self) -> tuple[Packet, ...]:
-        """The links belong to the flight from now on; the packets until now that it does not have yet."""
+        """Hand the links over to the flight; return the packets until now that it does not have yet."""
         self.poll(0.0)
         self._handed_over = True
         kept = tuple(self._kept)

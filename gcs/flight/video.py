@@ -23,7 +23,8 @@ IF_OFFERED = "auto if offered"
 """Word for a video that nobody asked for: none is waited for before the UAV offers one."""
 _BY_OFFER = (AUTO, IF_OFFERED)
 MANY_REFUSED = 20
-"""Datagrams of others that are dropped before it is reported: some are the rest of an earlier flight."""
+"""Number of datagrams from other senders that are dropped before it is reported: some are the rest of an earlier
+flight."""
 
 
 def check_source(wanted: str) -> None:

@@ -53,7 +53,7 @@ class StepFilter:
         if self._past and not 0 <= t_us - self._past[-1][0] <= _LONGEST_US:
             self._past.clear()
             if self.shift_enu.any():  # it may have stepped back in the hole
-                return self._begin_anew(t_us, p_enu, self.shift_enu)
+                return self._restart_from_report(t_us, p_enu, self.shift_enu)
         while self._past and not 0 <= t_us - self._past[0][0] <= _LONGEST_US:
             self._past.popleft()
         while len(self._past) > 1 and t_us - self._past[1][0] >= _BACK_US:
@@ -68,9 +68,9 @@ class StepFilter:
             self._go_on_from(t_us, p_enu)
             self.shift_enu = self.shift_enu - step
             return 0.0
-        return self._begin_anew(t_us, p_enu, step - self.shift_enu)
+        return self._restart_from_report(t_us, p_enu, step - self.shift_enu)
 
-    def _begin_anew(self, t_us: int, p_enu: FloatArray, step: FloatArray) -> float:
+    def _restart_from_report(self, t_us: int, p_enu: FloatArray, step: FloatArray) -> float:
         """Start from the reported position; return how far, in metres, that is from where the image was taken to be."""
         self._go_on_from(t_us, p_enu)
         self.shift_enu, self._unsure_us = np.zeros(3), 0

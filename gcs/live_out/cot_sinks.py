@@ -74,7 +74,7 @@ class CotUdp(_CotSink):
 
 
 class CotTcp(_CotSink):
-    """Sink that sends a stream of events to a server; what that sends of others is read and forgotten."""
+    """Sink that sends a stream of events to a server; what the server sends is read and forgotten."""
 
     def _open(self) -> None:
         self._socket = self._connected()

@@ -1,4 +1,4 @@
-"""The one band of a TIFF as numbers, read by Pillow and libtiff in a process of its own: the file is of others."""
+"""The one band of a TIFF as numbers, read by Pillow and libtiff in a process of its own: the file may be hostile."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A recorded flight for programs of others: snapshots, names as a table, and their score."""
+"""A recorded flight for other people's programs: snapshots, names as a table, and their score."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bytes of others read by code that is not ours: in a process of its own, with bounds of memory and time.
+"""Bytes from elsewhere read by code that is not ours: in a process of its own, with bounds of memory and time.
 
 The module that reads calls :func:`answer_parent` and is run by :func:`ask_child`. Whatever becomes of it, by a file
 that asks for all memory, never ends or brings it down, is one line for who asked.

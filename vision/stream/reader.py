@@ -208,7 +208,7 @@ class _OpenStream:
         for packet, arrival_s in packets:
             if packet.pts is None:
                 continue
-            if self._stamps.begin_anew(packet, arrival_s):
+            if self._stamps.has_restarted(packet, arrival_s):
                 self._use(learnt)
                 learnt = []
                 with self._reader.lock:

@@ -70,7 +70,7 @@ class Stamps:
             if packet.pts is not None:
                 following = [packet.pts, *following[:1]]
 
-    def begin_anew(self, packet: Coded, arrival_s: float) -> bool:
+    def has_restarted(self, packet: Coded, arrival_s: float) -> bool:
         """Tell whether the sender's time stamps started again: they went back, or jumped and the wall clock did not."""
         stamp_s = ((packet.pts if packet.dts is None else packet.dts) or 0) * self._tick_s
         before, self._seen = self._seen, (stamp_s, arrival_s)

@@ -169,7 +169,7 @@ class VideoStream:
 
     @property
     def strangers(self) -> int:
-        """Datagrams of others than the sender being listened to, dropped."""
+        """Datagrams from other senders than the one being listened to, dropped."""
         return self._progress.strangers
 
     @property

@@ -1,4 +1,4 @@
-"""Single images of others, decoded within bounds: a file of some kilobytes may ask for gigabytes of pixels."""
+"""Single images from elsewhere, decoded within bounds: a file of some kilobytes may ask for gigabytes of pixels."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ TIME: Final = 2
 VERSION: Final = 65
 """Tag of the standard's own number."""
 MAX_TEXT: Final = 127
-"""Bytes."""
+"""Longest text, bytes."""
 _ST_0601: Final = b"\x11"
 
 UNSIGNED: Final[Mapping[int, tuple[int, float, float]]] = {
@@ -63,9 +63,7 @@ def klv_set(t_us: int, values: Mapping[int, float], texts: Mapping[int, str] | N
         texts: of tags of plain text, cut to 127 bytes.
     """
     items = [(TIME, t_us.to_bytes(8, "big"))]
-    items += [
-        (tag, text.encode()[:127].decode(errors="ignore").encode()) for tag, text in (texts or {}).items() if text
-    ]
+    items += [(tag, _text(text)) for tag, text in (texts or {}).items() if text]
     items += [(tag, raw) for tag, value in sorted(values.items()) if (raw := _raw(tag, value)) is not None]
     items.append((VERSION, _ST_0601))
     # the checksum's own tag and length are summed up, too
@@ -96,7 +94,7 @@ def _raw(tag: int, value: float) -> bytes | None:
 
 def _text(text: str) -> bytes:
     """Cut a text without leaving half a character at the end."""
-    return text.encode(errors="replace")[:MAX_TEXT].decode(errors="ignore").encode()
+    return text.encode()[:MAX_TEXT].decode(errors="ignore").encode()
 
 
 def _item(tag: int, raw: bytes) -> bytes:

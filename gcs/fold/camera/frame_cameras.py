@@ -181,16 +181,16 @@ class FrameCameras:
         if not state.uav.position_valid:
             return False, ()
         before = self._steps.shift_enu
-        anew_m = self._steps.update(state.t_us, state.uav.p_enu, state.uav.v_enu, sure=sure)
+        restart_m = self._steps.update(state.t_us, state.uav.p_enu, state.uav.v_enu, sure=sure)
         taken_m = float(np.linalg.norm(self._steps.shift_enu - before))
-        if not (anew_m or taken_m):
+        if not (restart_m or taken_m):
             return False, ()
-        if anew_m:
+        if restart_m:
             self._restart()
-        then = "names begin anew" if anew_m else "the camera goes on from where it was"
-        text = f"the UAV's position stepped by {anew_m or taken_m:.0f} m: {then}"
+        then = "names begin anew" if restart_m else "the camera goes on from where it was"
+        text = f"the UAV's position stepped by {restart_m or taken_m:.0f} m: {then}"
         event = Event(t_us=state.t_us, level="warning", kind="vehicle", text=text, system_id=self._uav_id)
-        return bool(anew_m), (event,)
+        return bool(restart_m), (event,)
 
     def zoomed(self, t_us: int, camera: FrameCamera, detections: Detections) -> FrameCamera:
         """The camera of a frame, zoomed if its boxes show that it was zoomed at once, which nothing reports."""

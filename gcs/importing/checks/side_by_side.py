@@ -18,7 +18,7 @@ from mavlink.geodesy import separation_m
 Floats = NDArray[np.float64]
 
 _BY_HAND = (".csv", ".tsv", ".txt", ".gpx", ".kml")
-"""Suffixes of files whose columns anybody may change over: other formats have fixed ones, or letters."""
+"""Suffixes of files whose columns anybody may swap: other formats have fixed ones, or letters."""
 _FAR_M, _AWAY_M = 100_000.0, 5_000.0
 """A UAV that is farther from its fleet than the first is not above it; than the second, it is reported."""
 _APART_M, _HILL_M = 15.0, 25.0
@@ -35,16 +35,16 @@ _LEG_S, _MIN_LEG_M, _MIN_LEGS = 2.0, 2.0, 10
 _ALONG, _NEARER = np.radians(35.0), np.radians(10.0)
 """Headings of what drives are along its course, forwards or backwards; they fit better if by more than the second."""
 _AGREED, _SCATTERED = 0.7, 0.5
-"""Lengths of the mean of unit vectors."""
+"""Length of the mean of unit vectors above which directions agree, and below which they are scattered."""
 
 
 def above_fleet(uav: VehicleLog, fleet: GroundVehicles) -> tuple[VehicleLog, tuple[str, ...]]:
     """The log of a UAV that is above its fleet, and what was assumed for that.
 
-    Latitude and longitude are changed over where only that puts it there.
+    Latitude and longitude are swapped where only that puts it there.
 
     Raises:
-        ImportFileError: it is far from the fleet, or it cannot be known in which of both they are to be changed over.
+        ImportFileError: it is far from the fleet, or it cannot be known in which of both they are swapped.
     """
     lat, lon = float(np.median(uav.places.lat_deg)), float(np.median(uav.places.lon_deg))
     away_m = separation_m(lat, lon, *fleet.middle)

@@ -42,7 +42,6 @@ from infra.text_numbers import number_or_nan
 
 Floats = NDArray[np.float64]
 
-_UNIX_NAMES = ("time", "time_s", "time_ms", "time_us", "time_ns")
 TIMES = ("time_us", "time_ms", "time_ns", "time_s", "time", "elapsed_s", "frame")
 """Columns of times, best first."""
 _UNITS = (("s", 1e6), ("ms", 1e3), ("µs", 1.0), ("ns", 1e-3))

@@ -1,4 +1,4 @@
-"""Text files of others, a line at a time: any common encoding, any end of line, bounded memory."""
+"""Text files from other programs, a line at a time: any common encoding, any end of line, bounded memory."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ class Provenance:
     files: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 of each file that was read, by name."""
     imported: Sequence[tuple[str, str]] = ()
-    """Account of the files of others that the recording was made from."""
+    """Account of the files from other programs that the recording was made from."""
     spans: Sequence[tuple[str, Sequence[tuple[float, float]]]] = ()
     """Spans of the film, seconds from and to, in which each of these files tells of vehicles."""
 

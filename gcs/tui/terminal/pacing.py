@@ -80,17 +80,17 @@ class Pacing:
         return self._chunk if self.on_its_way + self._chunk <= self.window else 0
 
     def send(self, size: int, now_s: float) -> None:
-        """A chunk of ``size`` bytes goes out, with its question."""
+        """Note that a chunk of ``size`` bytes goes out, with its question."""
         chunk = _SentChunk(size, now_s, self._shown, self.on_its_way + size > self.window - self._chunk)
         self._unanswered.append(chunk)
         self._unwritten.append(chunk)
 
     def written(self) -> None:
-        """The system has taken the eldest chunk that it had not yet."""
+        """Note that the system has taken the eldest chunk that it had not yet."""
         self._unwritten.popleft()
 
     def replied(self, now_s: float) -> None:
-        """The terminal has answered the eldest question."""
+        """Note that the terminal has answered the eldest question."""
         self._replies = True
         if self._unanswered:
             self._adapt(self._unanswered.popleft(), now_s)
