@@ -34,8 +34,8 @@ _KEPT_S = 8.0
 """Seconds after which another view's word about a track that it sees no more counts e times less."""
 
 
-def founded(p: FloatArray) -> FloatArray:
-    """(m,) nats that answers (m, n + 1) tell beyond none: ln (n + 1) − H."""
+def information_of(p: FloatArray) -> FloatArray:
+    """Nats that answers (m, n + 1) tell beyond none, (m,): ln (n + 1) − H."""
     return np.asarray(np.log(p.shape[1]) + np.sum(p * np.log(np.maximum(p, _TINY)), axis=1))
 
 
@@ -48,7 +48,7 @@ def pooled(answers: Sequence[FloatArray], same: Sequence[FloatArray], fits: Sequ
         fits: Of each, how far it is to be trusted, 0 to 1.
     """
     m, own = np.array(same), answers[0]
-    known = m * np.array(fits)[:, None] * np.maximum([founded(p) for p in answers], 0.0)
+    known = m * np.array(fits)[:, None] * np.maximum([information_of(p) for p in answers], 0.0)
     best, says = np.argmax(known, axis=0), np.array([np.argmax(p, axis=1) for p in answers])
     rows = np.arange(len(own))
     counts = says != says[best, rows]
@@ -90,7 +90,7 @@ def without_taken(before: FloatArray, after: FloatArray) -> FloatArray:
     return np.where(np.any(others < 0.0, axis=1, keepdims=True), p, after)
 
 
-def said_of(p: FloatArray, same: FloatArray) -> tuple[FloatArray, FloatArray]:
+def answers_for(p: FloatArray, same: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Answers of a view on the m tracks of another one.
 
     Args:

@@ -47,7 +47,7 @@ class Cause:
     value: float
     """Seconds; metres; radians."""
     scale: float = 1.0
-    """Number of times that a camera has places as wide as they are, or as another one has them."""
+    """Factor by which a camera's places are too wide, against another view's."""
 
 
 class Reconciliation:

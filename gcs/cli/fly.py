@@ -254,7 +254,7 @@ def _report(flight: Flight, calls: RollCall, *, as_json: bool) -> None:
 
 
 def _hide_passwords(videos: Sequence[str]) -> None:
-    """Passwords on the command line are taken from the list of processes, where they stood until now."""
+    """Take passwords on the command line from the list of processes, where they stood until now."""
     for video in (secret := [*filter(secrets_of, videos)]):
         hide_in_process_list(video, secrets_of(video))
     if secret:
@@ -366,9 +366,8 @@ def _wait(
     flight: Flight, calls: RollCall, door: AttachServer, asked: AskedBySignals, duration: float | None = None
 ) -> None:
     """Wait until the time is over or a signal to end comes; show the screens on terminals that are attached meanwhile.
-    A flight outlives the terminal that it was started on.
 
-    A flight outlives the terminal that it was begun on.
+    A flight outlives the terminal that it was started on.
     """
     end_s = math.inf if duration is None else time.monotonic() + duration
     while not asked.to_end and time.monotonic() < end_s:

@@ -102,7 +102,7 @@ class CommandService:
             self._report_changes(now_s)
 
     def _report_changes(self, now_s: float) -> None:
-        """Reports rates that are too low, and who controls the gimbal."""
+        """Report rates that are too low, and who controls the gimbal."""
         for rate in self.rates.troubles(now_s):
             self._note("warning", "link", rate.words, rate.system_id)
         holder = self._uav.gimbal_holder
@@ -113,7 +113,7 @@ class CommandService:
             self._note("info", "camera", text, self._uav_id)
 
     def set_ground(self, ground: Mapping[int, str]) -> None:
-        """Orders may be about these ground vehicles from now on: system ids by name."""
+        """Take orders about these ground vehicles from now on: system ids by name."""
         self._ground = dict(ground)
         self.rates.set_ground(self._ground)
 

@@ -4,8 +4,6 @@ What is shown at a frame has the names that ``gcs identify`` computes for it; in
 goes on as it did in flight. A place that the analysis has not reached yet shows the frame alone until it is worked out
 provisionally (``gcs.playback.preview``). What the flight itself reported is shown beside it. Marks that are made
 meanwhile go to a ``marks.jsonl``, and nothing else is written.
-
-How sure every vehicle's name was over a whole recording, in few numbers however long that is.
 """
 
 from __future__ import annotations
@@ -37,9 +35,9 @@ from mavlink.transmit.message_rates import Rate
 from vision.stream.pace import stall_after_s
 from vision.video.video import Frame, VideoFile
 
-SPEED_LEAST, SPEED_MOST = 0.1, 20.0
-# Decoding on is cheaper than seeking for jumps up to this many frames.
+MIN_SPEED, MAX_SPEED = 0.1, 20.0
 DECODE_ON = 30
+"""Longest jump, frames, for which decoding on is cheaper than seeking."""
 TICK_S = 0.02
 SOON_US = 5_000_000
 """The analysis itself will be at a place that is no farther ahead."""
@@ -78,7 +76,10 @@ def _gaps(
 
 
 class ConfidenceHistory:
-    """History of confidences by snapshots; those worked out provisionally count for nothing."""
+    """How sure every vehicle's name was over a whole recording, in few numbers however long that is.
+
+    Snapshots that were worked out provisionally count for nothing.
+    """
 
     def __init__(self, start_us: int, stop_us: int) -> None:
         self._start_us, self._span_us = start_us, max(1, stop_us - start_us)
@@ -309,7 +310,7 @@ class Replay:
 
     def set_speed(self, speed: float) -> None:
         """Set the speed, clamped to 0.1..20."""
-        self._speed = float(np.clip(speed, SPEED_LEAST, SPEED_MOST))
+        self._speed = float(np.clip(speed, MIN_SPEED, MAX_SPEED))
 
     def mark(self, t_us: int, text: str, system_id: int = 0) -> None:
         """Keep the operator's note on a moment, in a file beside those of the flight."""

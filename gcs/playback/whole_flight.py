@@ -31,9 +31,9 @@ s."""
 _WHOLE_SHARE = 0.8
 """Weight of the whole flight against what is known of the track by itself."""
 _MIN_GAIN = 0.97
-"""A stretch counts where it gives this many of the names that are known without it, by their probabilities."""
+"""Share of the names that are known without it, by their probabilities, which a stretch has to give to count."""
 UNSURE = 0.89
-"""An answer is surer only where both looks at it are: here the whole flight, and the track by itself."""
+"""Highest probability of an answer of which not both, the whole flight and the track by itself, are surer."""
 
 
 @dataclass(frozen=True, slots=True)

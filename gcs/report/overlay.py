@@ -143,12 +143,12 @@ def box_labels(
     crowded = len(snapshot.vehicles) > CROWD
     labels = []
     for key, box, anchor in zip(box_keys(boxes), boxes, anchors, strict=True):
-        shown, stressed = names.get(box.system_id), is_picked(box, *pick)
-        brief = crowded and not stressed and standing_of(snapshot, box) == "confirmed" and not box.stated
+        shown, highlighted = names.get(box.system_id), is_picked(box, *pick)
+        brief = crowded and not highlighted and standing_of(snapshot, box) == "confirmed" and not box.stated
         texts = box_texts(snapshot, box, shown, brief=brief and not is_doubted(snapshot, box))
         legend = shown.legend if shown else ""
         short = 0 if shown is None or shown.name == shown.short else len(texts) // 2
-        labels.append(Label(key=key, anchor=anchor, texts=texts, legend=legend, short=short, stressed=stressed))
+        labels.append(Label(key=key, anchor=anchor, texts=texts, legend=legend, short=short, highlighted=highlighted))
     return labels
 
 

@@ -351,7 +351,7 @@ class Fleet:
         return notices
 
     def _unknown_vehicle(self, packet: Packet) -> tuple[Notice, ...]:
-        """Reports once that a vehicle is on the air that is not in the mission."""
+        """Report once that a vehicle is on the air that is not in the mission."""
         if packet.system_id in self._unknown_ids or packet.message_id != 0:
             return ()
         sample = decode(packet)
@@ -495,7 +495,7 @@ class Fleet:
 
 
 def _add_heartbeat(vehicle: Vehicle, sample: Heartbeat, arrival: Arrival) -> Iterable[Notice]:
-    """Gimbals, cameras and relayed stations send heartbeats too, and are no vehicles."""
+    """Add a vehicle's heartbeat; gimbals, cameras and relayed stations send some too, and are no vehicles."""
     return vehicle.add_heartbeat(sample, arrival) if is_vehicle(sample.type, sample.autopilot) else ()
 
 
