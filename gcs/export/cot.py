@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from datetime import UTC, datetime, timedelta
 from typing import Final
 from xml.etree import ElementTree
 
+from gcs.export.maps.ways import time_utc
 from gcs.missing import may_be
 from gcs.snapshot import Box, Snapshot
 from infra.plain_text import plain
@@ -31,7 +31,6 @@ FUSED, BY_MACHINE = "m-f", "m-i"
 _NOT_KNOWN: Final = "9999999.0"
 _MAX_LETTERS: Final = 64
 """Maximum letters of a name: an event is to fit into a datagram whatever a mission calls its vehicles."""
-_EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 class CotPacer:
@@ -82,9 +81,9 @@ def cot_event(snapshot: Snapshot, box: Box, *, source: str, t_us: int | None = N
         uid=cot_uid(box, source),
         type=FRIEND if box.system_id else UNKNOWN,
         how=FUSED if box.system_id else BY_MACHINE,
-        time=_time(moment),
-        start=_time(moment),
-        stale=_time(moment + STALE_US),
+        time=time_utc(moment),
+        start=time_utc(moment),
+        stale=time_utc(moment + STALE_US),
     )
     if opex:
         event.set("opex", opex)
@@ -127,8 +126,3 @@ def _evidence(snapshot: Snapshot, box: Box) -> dict[str, str]:
 
 def _numbers(values: dict[str, float]) -> dict[str, str]:
     return {key: f"{value:.3f}" for key, value in values.items() if math.isfinite(value)}
-
-
-def _time(t_us: int) -> str:
-    moment = _EPOCH + timedelta(milliseconds=t_us // 1000)
-    return moment.strftime("%Y-%m-%dT%H:%M:%S.") + f"{moment.microsecond // 1000:03d}Z"

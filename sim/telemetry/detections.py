@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.world.boxes import Boxes, in_image, true_boxes, visible_share
+from sim.world.motion import wrapped
 from sim.world.scenario import Scenario
 from sim.world.view import OCCLUDER, UGV, Bodies, CameraView
 from sim.world.world import World, random_stream
@@ -206,11 +207,6 @@ def truth_rows(world: World, t: float, *, ours: bool = True) -> list[str]:
         f"{cx:.2f},{cy:.2f},{w:.2f},{h:.2f},{angle:.4f},{name}"
         for (cx, cy, w, h, angle), name in zip(columns, ids.tolist(), strict=True)
     ]
-
-
-def wrapped(angle: FloatArray) -> FloatArray:
-    """Angles in [−π, π)."""
-    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
 
 
 def _oriented(

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import ScenarioError
-from sim.world.motion import STEP_S, Motion
+from sim.world.motion import STEP_S, Motion, wrapped
 
 FloatArray = NDArray[np.float64]
 
@@ -102,7 +102,7 @@ class _Field:
         to_goal = self._goal - self.xy
         # in reverse the rear is what is steered to the goal
         nose = self.heading + np.where(self.gear < 0.0, np.pi, 0.0)
-        error = _wrapped(np.arctan2(to_goal[:, 0], to_goal[:, 1]) - nose)
+        error = wrapped(np.arctan2(to_goal[:, 0], to_goal[:, 1]) - nose)
         wanted = self._robots.speed * np.where(
             self._robots.pivots, np.clip(1.5 * np.cos(error) - 0.3, 0.0, 1.0), np.clip(np.cos(error), 0.35, 1.0)
         )
@@ -176,7 +176,3 @@ class _Field:
     def _waypoint(self, i: int) -> FloatArray:
         spot: FloatArray = self._robots.centre[i] + self._rng.uniform(-0.5, 0.5, 2) * self._robots.area[i]
         return spot
-
-
-def _wrapped(angle: FloatArray) -> FloatArray:
-    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)

@@ -20,6 +20,7 @@ from av.packet import Packet
 from av.video.stream import VideoStream as CodedStream
 
 from infra.files.restorable_file import RestorableFile
+from infra.files.segment import segment_path
 from vision.errors import VideoError
 
 FIRST_FRAME, START_US = "FIRST_FRAME", "START_US"
@@ -42,11 +43,6 @@ def require_new(path: Path) -> None:
         raise VideoError(f"recording {path}: the file exists already and is not overwritten; name another")
     if not path.parent.is_dir():
         raise VideoError(f"recording {path}: the folder does not exist; create it")
-
-
-def segment_path(path: Path, k: int) -> Path:
-    """The ``k``-th file of a recording."""
-    return path.with_name(f"{path.stem}.{k}{path.suffix}") if k else path
 
 
 class Recording:
