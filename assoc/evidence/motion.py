@@ -102,7 +102,7 @@ class _NullState:
 
 @dataclass(frozen=True, slots=True)
 class _Past:
-    """All samples of n vehicles up to one of each."""
+    """Null models of n vehicles after all samples up to one of each vehicle's."""
 
     state: _NullState
     """State after the newest sample."""
@@ -129,7 +129,7 @@ class _Report(NamedTuple):
     p: list[float]
     """East and north, metres."""
     v: list[float]
-    """Speed, m/s, of each vehicle; NaN unknown."""
+    """Velocity to east and north, m/s; NaN unknown."""
     heading: float
     std_m: float
 

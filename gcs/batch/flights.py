@@ -185,8 +185,8 @@ def _remote_addresses(word: str, note: Callable[[str], None]) -> Iterator[str]:
     with store_errors(word):
         files, pattern = remote_files(word)
         found = files.glob(pattern, detail=True)
-    for path, told in sorted(found.items()):
-        if told["type"] == "directory" or path.endswith(LOG_SUFFIX):
+    for path, entry in sorted(found.items()):
+        if entry["type"] == "directory" or path.endswith(LOG_SUFFIX):
             yield files.unstrip_protocol(path.rstrip("/"))
         else:
             note(f"{path}: neither a folder nor a {LOG_SUFFIX}; left out")
@@ -247,8 +247,8 @@ def _remote_listing(address: str) -> Iterator[tuple[str, str]]:
     """Path of each file of a recording in a store, and what the store tells apart its contents by."""
     files, path = remote_files(address)
     files.invalidate_cache()
-    told = files.info(path)
-    listed = [told] if told["type"] == "file" else files.ls(path, detail=True)
+    entry = files.info(path)
+    listed = [entry] if entry["type"] == "file" else files.ls(path, detail=True)
     for each in sorted(listed, key=lambda info: str(info["name"])):
         name = str(each["name"])
         if each["type"] == "file" and _is_read(name.rpartition("/")[2]):

@@ -1,4 +1,4 @@
-"""First contact, which a flight begins with: a mission file, or else who is heard, told while it is listened to."""
+"""First contact, which a flight begins with: a mission file, or else who is heard, reported while it is listened to."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Wanted:
 
     @property
     def video(self) -> str | None:
-        """Video of the first camera, None: not told."""
+        """Video of the first camera, None: not given."""
         return next(iter(self.videos), None)
 
     @property
@@ -236,7 +236,7 @@ def _find_fleet(listening: Listening, wanted: Wanted, asked: AskedBySignals) -> 
         LinkError: nothing is heard.
         GcsError: it is not clear who films, or nobody is to be named.
     """
-    began_s, told_s, told = time.monotonic(), 0.0, ""
+    began_s, shown_s, shown = time.monotonic(), 0.0, ""
     if not wanted.complete:
         print_note(f"listening on {listening.where}")
     while not wanted.complete:
@@ -245,8 +245,8 @@ def _find_fleet(listening: Listening, wanted: Wanted, asked: AskedBySignals) -> 
         listening.poll(TURN_S)
         now_s = time.monotonic()
         text = _heard_text(listening)
-        if text != told and now_s - told_s >= TELL_S:
-            told, told_s = text, now_s
+        if text != shown and now_s - shown_s >= TELL_S:
+            shown, shown_s = text, now_s
             print_note(text)
         if now_s - began_s >= wanted.listen_s or (listening.quiet_s >= SETTLED_S and _all_report(listening, wanted)):
             break
@@ -302,7 +302,7 @@ def _ready(found: FleetChoice, listening: Listening, wanted: Wanted) -> Ready:
 
 
 def _video(listening: Listening, found: FleetChoice) -> tuple[str, str]:
-    """Address that video comes from, and why from there; told."""
+    """Address that video comes from, and why from there, for the operator."""
     if found.video is not None:
         return found.video, "as given"
     if listening.offer:

@@ -23,10 +23,11 @@ from mavlink.tlog.summary import TlogInfo
 from mavlink.tlog.summary import info as summarise
 
 _MAX_STEPS = 5
-_SPEED = (0.8, 1.25)  # outside, the stamps are not the time of a flight
-# Damaged places listed one by one; a badly damaged log has thousands.
+_SPEED = (0.8, 1.25)
+"""Speed of a clock outside which its stamps are not the time of a flight."""
 MAX_DAMAGE = 20
-_OF_A_LOG = check_range(-FAR_S, FAR_S)
+"""Maximum number of damaged places that are listed; a badly damaged log has thousands."""
+_CHECK_SECONDS = check_range(-FAR_S, FAR_S)
 DAMAGED = 5
 """Exit code of a log that is not whole."""
 
@@ -115,7 +116,7 @@ def _ranges(found: TlogCheck, most: int) -> list[str]:
 
 
 def check_json(path: Path, found: TlogCheck) -> dict[str, Any]:
-    """All of it, all damage listed."""
+    """All that was found, with all damage listed."""
     verdict = {"path": str(path), "whole": found.whole, "several_writers": found.several_writers}
     clocks = [asdict(clock) | {"speed": clock.speed} for clock in found.clocks]
     return verdict | asdict(found) | {"speed": found.speed, "clocks": clocks}
@@ -230,10 +231,10 @@ def cut(
     log: Annotated[Path, typer.Argument(help="Telemetry log.")],
     out: Annotated[Path, typer.Argument(help="New log; must not exist.")],
     start: Annotated[
-        float | None, typer.Option("--from", callback=_OF_A_LOG, help="Seconds from the log's first message.")
+        float | None, typer.Option("--from", callback=_CHECK_SECONDS, help="Seconds from the log's first message.")
     ] = None,
     stop: Annotated[
-        float | None, typer.Option("--to", callback=_OF_A_LOG, help="Seconds from the log's first message.")
+        float | None, typer.Option("--to", callback=_CHECK_SECONDS, help="Seconds from the log's first message.")
     ] = None,
     message: Annotated[
         list[int] | None, typer.Option(min=0, max=2**24 - 1, help="Keep this message id; may be repeated.")

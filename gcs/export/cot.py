@@ -106,13 +106,13 @@ def cot_event(snapshot: Snapshot, box: Box, *, source: str, t_us: int | None = N
 
 def _evidence(snapshot: Snapshot, box: Box) -> dict[str, str]:
     """Evidence that a name rests on; what is unknown is left out."""
-    told = {"frame": str(snapshot.frame), "track": str(box.track_id)}
+    values = {"frame": str(snapshot.frame), "track": str(box.track_id)}
     if not box.system_id:
-        told |= {"may_be": words} if (words := plain(may_be(snapshot, box))) else {}
-        return told | _numbers({"none_of_ours": box.none_of_ours})
-    told |= {"system_id": str(box.system_id)} | ({"stated": "true"} if box.stated else {})
-    told |= {"doubt": box.doubt} if box.doubt else {}
-    return told | _numbers(
+        values |= {"may_be": words} if (words := plain(may_be(snapshot, box))) else {}
+        return values | _numbers({"none_of_ours": box.none_of_ours})
+    values |= {"system_id": str(box.system_id)} | ({"stated": "true"} if box.stated else {})
+    values |= {"doubt": box.doubt} if box.doubt else {}
+    return values | _numbers(
         {
             "confidence": box.confidence,
             "margin": box.margin,

@@ -139,7 +139,7 @@ class Flight:
             on_event=self.add_event,
         )
         if listening:
-            self._ingest.know(mission.system_ids, mission.uav.system_id)
+            self._ingest.set_fleet(mission.system_ids, mission.uav.system_id)
             # twice: folding in a minute takes seconds, after which the flight is not to begin late
             for _ in range(2):
                 self._views.add_packets(listening.hand_over(), self._ingest.heard_us, at_once=True)
@@ -268,7 +268,7 @@ class Flight:
             self._commands.set_ground({i: after.name_of(i) for i in after.ugv_ids})
         else:
             self._rates[0].set_ground(after.ugv_ids)
-        self._ingest.know(after.system_ids, self._first.uav_id)
+        self._ingest.set_fleet(after.system_ids, self._first.uav_id)
 
     def save_mission(self) -> str:
         """Write the mission as a file of the working folder, never over one, to be flown again; tells where.

@@ -55,7 +55,7 @@ class FlightVideo:
         self._state = "none"
         self._reported = ("", "", 0)
         self._sender: Sender | None = None
-        self._told_refused = False
+        self._has_reported_refusals = False
         self._dated_by = ""
         if wanted not in ("", *_BY_OFFER):
             self._open(wanted)
@@ -143,8 +143,8 @@ class FlightVideo:
             before, self._sender = self._sender, stream.sender
             came = f", and no longer from {before}" if before else ""
             yield _event("warning" if before else "info", f"video comes from {stream.sender}{came}")
-        if stream.strangers > MANY_REFUSED and not self._told_refused:
-            self._told_refused = True
+        if stream.strangers > MANY_REFUSED and not self._has_reported_refusals:
+            self._has_reported_refusals = True
             yield _event("warning", f"others send to the video's port too; {stream.strangers} datagrams dropped")
 
 

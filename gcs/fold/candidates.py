@@ -16,7 +16,7 @@ from mavlink.state import FleetState, VehicleStatus
 OLD_S = 2.0
 """A report older than this does not count as where the vehicle is: at 5 m/s it has gone ten metres."""
 FAR_DEVIATIONS = 3.0
-"""A box that belongs to the vehicle is farther in one of ninety cases (two axes)."""
+"""Deviations beyond which a box is too far: one that belongs to the vehicle is in one of ninety cases (two axes)."""
 MIN_SHOWN = 0.01
 """Probability below which 0 % is shown: nothing is called likelier than others beside that."""
 MAX_REASONS = 2
@@ -50,7 +50,7 @@ class CandidateWords:
 
     def __init__(self, threshold: float) -> None:
         self._threshold = threshold
-        self._said_of: Candidates | None = None
+        self._explained: Candidates | None = None
         self._names: list[int] = []
         self._words: list[tuple[Candidate, ...]] = []
 
@@ -67,8 +67,8 @@ class CandidateWords:
         if identities is None:
             return ()
         names = identities.system_id.tolist()
-        if identities.candidates is not self._said_of or names != self._names:
-            self._said_of, self._names = identities.candidates, names
+        if identities.candidates is not self._explained or names != self._names:
+            self._explained, self._names = identities.candidates, names
             self._words = _in_words(identities, state, self._threshold, contradicted)
         return self._words
 

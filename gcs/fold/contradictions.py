@@ -156,8 +156,8 @@ class Contradictions:
             for vehicle, beside in self._beside.items()
             if vehicle in self._proved
         }
-        told = self.withheld & self._beside.keys()
-        self.left = frozenset[int]().union(*(tracks - self._beside[vehicle].keys() for vehicle in told))
+        contradicted = self.withheld & self._beside.keys()
+        self.left = frozenset[int]().union(*(tracks - self._beside[vehicle].keys() for vehicle in contradicted))
 
     def _beside_former(
         self, identities: Identities, seen: Collection[int], limit_m: dict[int, float]

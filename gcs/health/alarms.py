@@ -298,7 +298,7 @@ def _come(finding: Finding, now_us: int) -> list[Event]:
 
 
 def _over(finding: Finding, lasted_us: int, now_us: int) -> list[Event]:
-    lasted_s = max(round(lasted_us * 1e-6), 1)  # what was told was there
+    lasted_s = max(round(lasted_us * 1e-6), 1)  # what was reported was there
     return _logged(finding, now_us, "info", f"over after {lasted_s} s: {finding.text}", over=True)
 
 

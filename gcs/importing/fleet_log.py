@@ -64,12 +64,12 @@ class FleetTlog:
         name."""
         name = self.tlog.path.name
         of_vehicles = (
-            f"{name}, system {i}: {said}"
+            f"{name}, system {i}: {text}"
             for i, judged in self.judged.items()
             if i not in without
-            for said in (*judged.assumed, *place_words(self.tracks[i], "utc")[0])
+            for text in (*judged.assumed, *place_words(self.tracks[i], "utc")[0])
         )
-        return (*(f"{name}: {said}" for said in self.about_clock), *of_vehicles)
+        return (*(f"{name}: {text}" for text in self.about_clock), *of_vehicles)
 
     def skipped(self, of: Collection[int]) -> dict[str, int]:
         """Count the positions of some vehicles that are on no path, by reason, and damaged bytes."""
@@ -207,7 +207,7 @@ def _on_one_clock(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
         )
     alone = len({each.system_id for each in known}) == 1
     whose = "the recorder's clock" + f", or that of system {most.system_id}," * alone
-    ahead_us, said = np.zeros_like(t_us), list[str]()
+    ahead_us, text = np.zeros_like(t_us), list[str]()
     for step in most.steps:
         same = [
             other
@@ -221,7 +221,7 @@ def _on_one_clock(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
         # the vehicle that reports first after it tells the place best
         first = min(same, key=lambda other: other.row)
         ahead_us[first.row :] += round(step.by_s * 1e6)
-        said.append(f"{whose} was set by {step.by_s:+.2f} s at byte {first.offset}")
+        text.append(f"{whose} was set by {step.by_s:+.2f} s at byte {first.offset}")
     beside = f"the clock of system {most.system_id} runs {most.speed:.4f} times as fast"
     clock = f"that of the station that recorded it: {beside}"
     gains = [each for each in known if abs(each.gain - most.gain) < _SAME_SHARE * abs(most.gain)]
@@ -230,12 +230,12 @@ def _on_one_clock(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
         run = f"{abs(most.gain):.2%} {'faster' if most.gain > 0.0 else 'slower'}"
         apart = f"they drift apart by {abs(most.gained_s):.2f} s"
         drifts = (f"its stamps run {run} than the vehicles' clocks: {apart}",)
-    if not said:
+    if not text:
         return t_us, clock, drifts
     values, counts = np.unique(ahead_us, return_counts=True)
     kept_us = values[np.argmax(counts)]
     begins = int(tlog.index.offset[np.argmax(ahead_us == kept_us)])
-    words = f"{', '.join(said)}: all times are on the clock that it has from byte {begins} on"
+    words = f"{', '.join(text)}: all times are on the clock that it has from byte {begins} on"
     return t_us - ahead_us + kept_us, clock, (words, *drifts)
 
 
@@ -251,8 +251,8 @@ def _without_stamps(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
             f"{tlog.path}: its records have no time stamps, and no vehicle tells the date (SYSTEM_TIME); give the "
             ".tlog of the same flight"
         )
-    said = "no time stamps in it: times are by the vehicles' own clocks (SYSTEM_TIME)"
-    return t_us, "the vehicles' own, by the dates that they tell", (said,)
+    text = "no time stamps in it: times are by the vehicles' own clocks (SYSTEM_TIME)"
+    return t_us, "the vehicles' own, by the dates that they tell", (text,)
 
 
 def read_tlog_vehicles(path: Path) -> list[VehicleLog]:

@@ -68,9 +68,9 @@ class SourceAccount:
 
     def table(self) -> dict[str, Any]:
         """Table of the account, for session.toml and for programs."""
-        told = {"clock": self.clock, "read": list(self.read), "assumed": list(self.assumed)}
+        notes = {"clock": self.clock, "read": list(self.read), "assumed": list(self.assumed)}
         spans = {whose: [list(span) for span in parts] for whose, parts in self.spans.items()}
-        return {"role": self.role, "name": self.name, **told, "left_out": dict(self.left_out), "spans": spans}
+        return {"role": self.role, "name": self.name, **notes, "left_out": dict(self.left_out), "spans": spans}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,9 +120,9 @@ class ImportReport:
         for what, text in import_rows(self.table()):
             yield what if what in roles else f"  {what}", text
         assumed = [(each.name, text) for each in self.sources for text in each.assumed]
-        told = roles | {text for _, text in assumed} | {f"{name}: {text}" for name, text in assumed}
-        yield from ((subject, text) for subject, text in self.found if subject not in told)
-        yield from (("assumed", text) for text in self.assumed if text not in told)
+        notes = roles | {text for _, text in assumed} | {f"{name}: {text}" for name, text in assumed}
+        yield from ((subject, text) for subject, text in self.found if subject not in notes)
+        yield from (("assumed", text) for text in self.assumed if text not in notes)
 
 
 def source_accounts(

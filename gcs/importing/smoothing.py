@@ -136,7 +136,7 @@ def filled_in(places: PlaceTrack) -> PlaceTrack:
     level = (level - middle) * scale
     t_s, at_s = (t - t[0]) * 1e-6, (at - t[0]) * 1e-6
     v = np.where(np.isfinite(places.v_ned[:, :2]), places.v_ned[:, :2], np.gradient(level, t_s, axis=0))
-    told = np.isfinite(places.v_ned[:, :2]).all()
+    velocity_known = np.isfinite(places.v_ned[:, :2]).all()
     path = CubicHermiteSpline(t_s, level, v)
     degrees = path(at_s) / scale + middle
     heading = at_times(at, t, places.heading, _LOST_US, turns=True)
@@ -147,7 +147,7 @@ def filled_in(places: PlaceTrack) -> PlaceTrack:
         degrees[:, 1],
         alt_m=np.interp(at_s, t_s, places.alt_m),
         height_m=np.interp(at_s, t_s, places.height_m),
-        v_ned=np.column_stack([np.where(told, path(at_s, 1), np.nan), down]),
+        v_ned=np.column_stack([np.where(velocity_known, path(at_s, 1), np.nan), down]),
         heading=heading,
         std_m=places.std_m,
     )

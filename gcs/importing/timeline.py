@@ -124,11 +124,11 @@ def check_overlap(
     """
     film_us = timeline.film_us, timeline.film_us + film_length_us(film)
     taken = f"{film.path}: taken {_words(*film_us)} by {timeline.clock_source}"
-    said = "".join(f" ({words})" for words in assumed)
+    assumptions = "".join(f" ({words})" for words in assumed)
     if not _overlaps(film_us, fleet_span_us):
         raise ImportFileError(
             f"{taken}, while the fleet reports {_words(*fleet_span_us)}; give by how much the fleet's clock is ahead "
-            f"of the film's: --clock +SECONDS{said}"
+            f"of the film's: --clock +SECONDS{assumptions}"
         )
     source, span_us = uav
     if not _overlaps(film_us, span_us):

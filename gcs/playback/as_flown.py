@@ -108,9 +108,9 @@ class FlownReports:
             events += more
             lost += skipped
         if steps:
-            told = np.array([event.alarm == CLOCK_STEP for event in events], dtype=np.bool_)
+            is_step = np.array([event.alarm == CLOCK_STEP for event in events], dtype=np.bool_)
             stamped_us = np.array([event.t_us for event in events], dtype=np.int64)
-            t_us = steps.correct_events(stamped_us, told).tolist()
+            t_us = steps.correct_events(stamped_us, is_step).tolist()
             events = [replace(event, t_us=at_us) for event, at_us in zip(events, t_us, strict=True)]
         if lost and not trouble:
             trouble = f"{EVENTS}: {lost} lines could not be read and were skipped"

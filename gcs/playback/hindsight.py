@@ -275,13 +275,13 @@ def _with_known_name(box: Box, known: FloatArray | None, mission: Mission, conte
     )
 
 
-def _candidate(system_id: int, p: float, told: Candidate | None, *, renamed: bool) -> Candidate:
+def _candidate(system_id: int, p: float, before: Candidate | None, *, renamed: bool) -> Candidate:
     """A vehicle that a box may be, with what was told of it; what spoke against it did so beside another name."""
-    if told is None:
+    if before is None:
         return Candidate(system_id=system_id, confidence=p)
-    against = "" if renamed else told.against
+    against = "" if renamed else before.against
     return Candidate(
-        system_id=system_id, confidence=p, distance_m=told.distance_m, against=against, missing=told.missing
+        system_id=system_id, confidence=p, distance_m=before.distance_m, against=against, missing=before.missing
     )
 
 

@@ -29,7 +29,7 @@ Heard = Mapping[int, Mapping[int, int]]
 
 
 class _FoldedCamera:
-    """A camera's recording on its way.
+    """A camera's recording while it is folded.
 
     Args:
         analysis: folds it.
@@ -51,7 +51,7 @@ class _FoldedCamera:
         self._moments, self._frame = moments, -1
 
     def shown(self) -> Iterator[Moment]:
-        """All moments in order, those first that others had folded."""
+        """All moments in order, beginning with those that were folded because others needed them."""
         while self._kept or self.advance():
             yield self._kept.popleft()
 

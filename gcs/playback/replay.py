@@ -76,7 +76,7 @@ def _gaps(
 
 
 class ConfidenceHistory:
-    """How sure every vehicle's name was over a whole recording, in few numbers however long that is.
+    """Confidence in every vehicle's name over a whole recording, in few numbers however long that is.
 
     Snapshots that were worked out provisionally count for nothing.
     """

@@ -69,6 +69,6 @@ def text_with_sender(event: Event, name_of: Callable[[int], str]) -> str:
     name = name_of(event.system_id)
     if event.kind != "text":
         return event.text if name in event.text else f"{name}: {event.text}"
-    said = rf"{re.escape(name)}( \((contested|unsigned)\))? says: "
+    prefix = rf"{re.escape(name)}( \((contested|unsigned)\))? says: "
     # a flood is summed up by this program; older recordings have the words alone
-    return event.text if re.match(f"{SUMMED_UP}?{said}", event.text) else f"{name} says: {event.text}"
+    return event.text if re.match(f"{SUMMED_UP}?{prefix}", event.text) else f"{name} says: {event.text}"

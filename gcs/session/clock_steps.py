@@ -95,12 +95,12 @@ class ClockSteps:
                 t_us -= step_us  # the first frame came after the step
         return t_us
 
-    def correct_events(self, stamped_us: Ints, told: NDArray[np.bool_]) -> Ints:
+    def correct_events(self, stamped_us: Ints, is_step: NDArray[np.bool_]) -> Ints:
         """(n,) stamps of events on the same time line.
 
         Args:
             stamped_us: in the order in which they were written.
-            told: (n,) whether an event is that the clock was set.
+            is_step: (n,) whether an event is that the clock was set.
         """
         t_us, first = stamped_us.copy(), 0
         for new_us, step_us in zip(self.t_us.tolist(), self.step_us.tolist(), strict=True):
@@ -109,7 +109,7 @@ class ClockSteps:
                 after = left > new_us - step_us // 2
             else:
                 after = left < np.maximum.accumulate(left) + step_us // 2
-                after |= told[first:] & (np.abs(left - new_us) < NEAR_US)
+                after |= is_step[first:] & (np.abs(left - new_us) < NEAR_US)
             if after.any():
                 first += int(np.argmax(after))
                 t_us[first:] -= step_us

@@ -180,8 +180,8 @@ def read_statements(folder: Path, ugv_ids: Collection[int]) -> list[Statement]:
 
     Segments that cannot be read are passed over, as bad lines are: a replay reports both where it shows the events.
     """
-    said = (event.statement for event in _all_events(folder))
-    return [each for each in said if each is not None and each.system_id in (0, *ugv_ids)]
+    found = (event.statement for event in _all_events(folder))
+    return [each for each in found if each is not None and each.system_id in (0, *ugv_ids)]
 
 
 def read_changes(folder: Path) -> tuple[FleetChange, ...]:
@@ -191,8 +191,10 @@ def read_changes(folder: Path) -> tuple[FleetChange, ...]:
 
 def video_awaited_us(folder: Path) -> float:
     """Unix time from which a flight waited for a video, µs; infinite where it did not say so."""
-    said = (event.t_us for event in _all_events(folder) if event.kind == "video" and event.text.endswith(VIDEO_AWAITED))
-    return next(said, math.inf)
+    found = (
+        event.t_us for event in _all_events(folder) if event.kind == "video" and event.text.endswith(VIDEO_AWAITED)
+    )
+    return next(found, math.inf)
 
 
 def _all_events(folder: Path) -> Iterator[Event]:

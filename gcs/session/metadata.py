@@ -116,8 +116,10 @@ def import_rows(table: object) -> Iterator[tuple[str, str]]:
     for each in _sources(table):
         yield str(each.get("role", "")), str(each.get("name", ""))
         for what in ("clock", "read", "assumed"):
-            told = each.get(what)
-            yield from ((what, text) for text in (told if isinstance(told, list) else [told]) if isinstance(text, str))
+            values = each.get(what)
+            yield from (
+                (what, text) for text in (values if isinstance(values, list) else [values]) if isinstance(text, str)
+            )
         yield from (("left out", f"{n} {reason}") for reason, n in _values_of(int, each.get("left_out")).items())
 
 

@@ -397,10 +397,10 @@ class RollcallApp(ReplayApp):
     def action_save_mission(self) -> None:
         """Save who flies as a mission file."""
         try:
-            told = self._station.save_mission()
+            result = self._station.save_mission()
         except OSError as error:
-            told = f"the mission cannot be saved here: {error.strerror}"
-        self.notify(told, timeout=6, markup=False)
+            result = f"the mission cannot be saved here: {error.strerror}"
+        self.notify(result, timeout=6, markup=False)
 
     def action_leave(self) -> None:
         """Quit a replay, or a flight that is over; ask before a flight is ended."""

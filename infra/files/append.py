@@ -1,7 +1,7 @@
 """A file that is only ever appended to, and that outlives full disks, failing disks and the death of the program.
 
 Rows go to the kernel with one system call before they count as accepted: SIGKILL loses none of them. A second thread
-(:class:`infra.files.append.Flusher`) has them put on the disk and repairs what fails, so that no writer ever
+(:class:`Flusher`) has them put on the disk and repairs what fails, so that no writer ever
 waits for the disk:
 
 - full, failing or read-only disk: the file is cut back to its last whole row, rows wait in memory and are written in

@@ -128,13 +128,13 @@ class ConditionReports:
 
     def _arming(self, t_us: int, sensors: SensorHealth | None) -> tuple[str, ...]:
         checks = sensors.arming if sensors and t_us - sensors.t_us < _GONE_US else None
-        since_us = sensors.t_us if sensors and checks else 0  # passed then: what was said before is over
-        said = tuple(
+        since_us = sensors.t_us if sensors and checks else 0  # passed then: earlier reasons are over
+        reasons = tuple(
             text.partition(": ")[2]
-            for text, said_us in self._reasons.items()
-            if since_us <= said_us and t_us - said_us < _REASON_US
+            for text, reported_us in self._reasons.items()
+            if since_us <= reported_us and t_us - reported_us < _REASON_US
         )
-        return said or (("no reason given",) if checks is False else ())
+        return reasons or (("no reason given",) if checks is False else ())
 
     def _lowest(self) -> BatteryStatus | None:
         """Battery with the lowest charge, else with the lowest voltage; None without any."""

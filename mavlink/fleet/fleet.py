@@ -399,12 +399,12 @@ class Fleet:
         """Set the origin if this report may; else keep the report for when it is known."""
         sample, stand = report.sample, self._stand
         self._waiting_since_us = self._waiting_since_us or sample.t_us
-        told = vehicle is self._uav or (stand is not None and altitude_known(sample.alt_m))
-        if not told and sample.t_us - self._waiting_since_us < _ORIGIN_PATIENCE_US:
+        has_altitude = vehicle is self._uav or (stand is not None and altitude_known(sample.alt_m))
+        if not has_altitude and sample.t_us - self._waiting_since_us < _ORIGIN_PATIENCE_US:
             self._waiting.append((vehicle, vehicle.clock.epoch, report))
             return False
         if stand:  # its height is above the ground of the vehicle that is heard first
-            self._place_stand(replace(stand, alt_m=(sample.alt_m if told else 0.0) + stand.height_m))
+            self._place_stand(replace(stand, alt_m=(sample.alt_m if has_altitude else 0.0) + stand.height_m))
         else:
             self._origin.move_to(sample)
         if vehicle is self._uav:

@@ -27,7 +27,7 @@ SETUP_SIGNING = 256
 HARMLESS = ("HEARTBEAT", "TIMESYNC")
 """Broadcasts that carry no order."""
 HEARD_US = 60_000_000
-"""A system is sent to where it was received within this time."""
+"""Time since a system was last received at an address within which what is for it goes there."""
 _MAX_SENDERS = 4096
 """Pairs of system and address that are remembered."""
 _ONLY_LISTENS = "this output only listens; ?rw behind its address lets it send to the UAV"
@@ -69,10 +69,10 @@ class Forwarder:
         except BaseException:
             self.close()
             raise
-        self.know(vehicles, uav)
+        self.set_fleet(vehicles, uav)
 
-    def know(self, vehicles: Collection[int], uav: int) -> None:
-        """The mission's vehicles, and which of them is the UAV; as of the constructor."""
+    def set_fleet(self, vehicles: Collection[int], uav: int) -> None:
+        """Set the mission's vehicles, and which of them is the UAV; as of the constructor."""
         self._not_behind = frozenset(vehicles) | {self._own}
         self._vehicles = frozenset(vehicles) | ({uav} - {0})
         for output in self._outputs:

@@ -185,7 +185,7 @@ class Ingest:
         """
         self._request(AcceptHeld(system_id))
 
-    def know(self, system_ids: Collection[int], uav: int) -> None:
+    def set_fleet(self, system_ids: Collection[int], uav: int) -> None:
         """Limit the senders that become known from now on to those of these systems, and let outputs send to this UAV.
 
         Raises:

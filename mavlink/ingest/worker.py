@@ -92,7 +92,7 @@ class _IngestWorker:
         self._publish_health()
 
     def run(self) -> None:
-        """Everything, until the station closes the channel."""
+        """Take in and send packets until the station closes the channel."""
         while self._open:
             self._memory.slots[Slot.BEAT] += 1
             ready, heard_us, all_taken = self._wait(), now_us(), True
@@ -148,9 +148,9 @@ class _IngestWorker:
                     self._signatures.accept_held(request.system_id)
                 elif isinstance(request, KnownFleet):
                     for link in self._links:
-                        link.know(request.system_ids)
+                        link.set_fleet(request.system_ids)
                     if self._outputs:
-                        self._outputs.know(request.system_ids, request.uav)
+                        self._outputs.set_fleet(request.system_ids, request.uav)
         except EOFError:
             self._open = False
 

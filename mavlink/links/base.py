@@ -107,7 +107,7 @@ class Link(ABC):
     def maintain(self) -> None:  # noqa: B027 - most links need none
         """Connect again, adapt filters; to be called every tenth of a second or so."""
 
-    def know(self, system_ids: Collection[int]) -> None:  # noqa: B027 - as trust
+    def set_fleet(self, system_ids: Collection[int]) -> None:  # noqa: B027 - as trust
         """Limit the senders that become known from now on to those of these systems."""
 
     def trust(self, claims: set[Claim], t_us: int) -> None:  # noqa: B027 - a link to one other end trusts it anyway

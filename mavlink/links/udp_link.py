@@ -201,7 +201,7 @@ class UdpLink(Link):
             limits=self.limits(),
         )
 
-    def know(self, system_ids: Collection[int]) -> None:
+    def set_fleet(self, system_ids: Collection[int]) -> None:
         """Limit the senders that become known from now on to those of these systems; who is known already stays so for
         a minute."""
         self._system_ids = frozenset(system_ids)

@@ -108,8 +108,8 @@ def _next_pose(scenario: Scenario, before: FloatArray, H: FloatArray, uv: FloatA
 
     scale = [height, height, height, 1.0, 1.0, 1.0]
     found = least_squares(residuals, before, method="lm", x_scale=scale, max_nfev=MAX_TRIES)
-    told = bool(np.isfinite(found.x).all()) and 1.0 / MAX_CLIMB < found.x[2] / height < MAX_CLIMB
-    return np.asarray(found.x) if told else before
+    plausible = bool(np.isfinite(found.x).all()) and 1.0 / MAX_CLIMB < found.x[2] / height < MAX_CLIMB
+    return np.asarray(found.x) if plausible else before
 
 
 def _grid(scenario: Scenario) -> FloatArray:

@@ -1,6 +1,6 @@
 """Annotated tracks in the layouts of public data sets.
 
-A layout is told by the file's first line, its name, and what stands in its columns:
+A layout is recognised by the file's first line, its name, and what stands in its columns:
 
     csv       a header with frame, id (or track_id), x1,y1,...,x4,y4 and, if known, class (class_id): corners in px, in
               order round the box, frames from 0. DRIFT's tables are of this kind, further columns are not used;
@@ -85,7 +85,7 @@ def read_tracks(path: Path, layout: str = "auto", first_frame: int | None = None
     rows = [row for row in csv.reader(lines, delimiter=_delimiter(lines)) if any(cell.strip() for cell in row)]
     if not rows:
         raise AnnotationError(f"{path}: no label in it")
-    layout = _told_by(rows, path) if layout == "auto" else layout
+    layout = _recognised_layout(rows, path) if layout == "auto" else layout
     first = (0 if layout == "csv" else 1) if first_frame is None else first_frame
     parse = _PARSERS[layout](rows, path)
     found, left_out = _parsed(rows[1:] if layout == "csv" else rows, parse, first)
@@ -141,8 +141,8 @@ def _delimiter(lines: Sequence[str]) -> str:
     return next((mark for mark in (",", ";", "\t") if mark in first), " ")
 
 
-def _told_by(rows: _Rows, path: Path) -> str:
-    """The layout of a file's rows.
+def _recognised_layout(rows: _Rows, path: Path) -> str:
+    """Recognise the layout of a file by its rows.
 
     Raises:
         AnnotationError: none that is known.

@@ -1,21 +1,20 @@
 """Front ends of oriented boxes: a classifier of rectified crops, after any detector.
 
-Crops are stretched to a square with the box's longer side along +x; ``vision.detect.front`` describes the
-classifiers that are accepted. A class whose front is at a longer side counts only for boxes that are nearly square.
+Crops are stretched to a square with the box's longer side along +x. A class whose front is at a longer side counts only
+for boxes that are nearly square.
 
-Reference:
-    Chen, Du, Wu 2025, doi:10.3390/drones9090612, section 3.3 and figure 4: oriented detection, then a ResNet-18.
-
-The metadata of an ONNX file that is a classifier of fronts.
-
-One input [N, 3, S, S] float32 or float16, RGB normalised; one output [N, classes], logits: what any framework exports
-for an image classifier. Its metadata has the rest, with these defaults:
+A classifier is an ONNX file with one input [N, 3, S, S] float32 or float16, RGB normalised, and one output
+[N, classes], logits: what any framework exports for an image classifier. Its metadata has the rest, with these
+defaults:
 
     front_deg   where the front of each class is, degrees clockwise on the crop from +x, or ``nan`` for a class that
                 has no front; "0 180" of two classes, "0 90 180 270" of four; other counts must give it
     margin      how much more than the box is on the crop, a share of its sides: "0"
     mean, std   of the normalisation, of values in 0..1: ImageNet's
     size        side S where the input's is open: "224"
+
+Reference:
+    Chen, Du, Wu 2025, doi:10.3390/drones9090612, section 3.3 and figure 4: oriented detection, then a ResNet-18.
 """
 
 from __future__ import annotations

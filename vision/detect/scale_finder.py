@@ -44,7 +44,7 @@ class ScaleFinder:
         self._size = (0, 0)
         self._next_us: int | None = None
         self._doubt_px: float | None = None
-        self._told_px: float | None = None
+        self._reported_px: float | None = None
         self.length_px: float | None = None
 
     def gsd_m(self, image: Image, t_us: int, known_m: float | None) -> float | None:
@@ -70,9 +70,9 @@ class ScaleFinder:
 
     def news(self) -> str:
         """Change since the last call, one line, empty for nothing."""
-        if self.length_px == self._told_px:
+        if self.length_px == self._reported_px:
             return ""
-        before, self._told_px = self._told_px, self.length_px
+        before, self._reported_px = self._reported_px, self.length_px
         if self.length_px is None:
             return "scale: lost with the frames' size"
         text = f"ground resolution unknown: vehicles are about {self.length_px:.0f} px long"

@@ -26,7 +26,7 @@ their kind are expected to be within; it is – for one image."""
 
 
 def as_json(result: Evaluation, about: Mapping[str, Any], beside: Comparison | None = None) -> str:
-    """Everything; unknown numbers are null."""
+    """All figures as JSON; unknown numbers are null."""
     figures = asdict(result)
     figures = {"pictures": figures.pop("images"), **figures}  # the key of earlier files
     if beside is not None:

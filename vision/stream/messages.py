@@ -92,7 +92,7 @@ class Progress(msgspec.Struct, kw_only=True, tag=True):
     exposure_source: str = ""
     """Data of the stream that date its frames, in words; empty where none do."""
     exposure_delay_s: float = 0.0
-    told_error_s: float = 0.0
+    clock_error_s: float = 0.0
     segment: int = -1
     error: str = ""
     recording_error: str = ""

@@ -188,7 +188,7 @@ class _OpenStream:
         progress, exposures = self._reader.progress, self._source.exposures
         progress.connected = self._source.live()
         progress.exposure_source, progress.exposure_delay_s = exposures.source, exposures.delay_s
-        progress.told_error_s = exposures.error_s
+        progress.clock_error_s = exposures.error_s
 
     def _arrive(self, packet: Coded) -> float:
         """Unix time of arrival; a file's packets arrive at the pace of their time stamps."""
@@ -257,8 +257,8 @@ class _OpenStream:
     def _taken_s(self, pts: int) -> float:
         """Unix time at which a frame was taken: by the stream's own exposure times, else by its arrival."""
         stamp_s = pts * self._tick_s
-        told_s = self._source.exposures.unix_s(stamp_s)
-        return self._clock.unix_s(stamp_s) - self._reader.offset_s if told_s is None else told_s
+        stamped_s = self._source.exposures.unix_s(stamp_s)
+        return self._clock.unix_s(stamp_s) - self._reader.offset_s if stamped_s is None else stamped_s
 
     def list(self, released: list[tuple[int, int]]) -> None:
         """Give frames whose place in the order is certain their time, and report them."""

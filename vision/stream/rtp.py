@@ -178,7 +178,7 @@ class Depacketizer:
         return self._change(before) + self._put(datagram)
 
     def _change(self, datagram: RtpPacket) -> list[Unit]:
-        """Another sender, or the same from other numbers on."""
+        """Change to another sender, or to the same one with numbers that begin elsewhere."""
         self._odd = None
         self._order, self._source = _ReorderBuffer(self._order.lost), datagram.source
         units = self._finish()

@@ -194,8 +194,8 @@ class VideoStream:
         if progress.exposure_source:
             word, delay_s = _EXPOSURE_SOURCES.get(progress.exposure_source, "word"), progress.exposure_delay_s
             return f"by the stream's own {word}, {delay_s:.2f} s before they come"
-        if progress.told_error_s:
-            return f"by when they come: the stream's own clock is {progress.told_error_s:+.1f} s off and not used"
+        if progress.clock_error_s:
+            return f"by when they come: the stream's own clock is {progress.clock_error_s:+.1f} s off and not used"
         return ""
 
     @property

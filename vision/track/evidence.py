@@ -29,7 +29,7 @@ Floats = NDArray[np.float64]
 MARGIN = 1.15
 """Score below the usual that a box may have and still speak for a vehicle, nats."""
 SLOPE = 1.5
-"""Detectors' scores lie closer together than the odds that they stand for."""
+"""Factor on differences of logit scores: detectors' scores lie closer together than the odds that they stand for."""
 MISS = 0.5
 """Evidence against a track in each frame without a box, nats: most vehicles are seen in most frames."""
 MIN_LOOK = 0.2
@@ -39,15 +39,15 @@ RANGE = (-0.3, 3.0)
 """Range of u. Where vehicles are hardly seen, two boxes of s₀ are enough; where clear, scores of 0.9 for s₀ = 0.3
 are as usual."""
 MEMORY_S = 1.0
-"""Time constant of u."""
+"""Time constant with which the usual score u is averaged, seconds."""
 SURE = 0.99
-"""Scores count as at most this much, and as at least the rest."""
+"""Upper limit of scores; the lower one is 1 less this."""
 ALIKE, SIZE_STD = 0.2, 0.25
 """Largest amount by which most vehicles are smaller than the rest, and 1σ beyond that, of the logarithm of sizes."""
 MAX_SMALL = 1.0
 """Most evidence against a track for its size in each frame, nats: less than MARGIN."""
 BESIDE = 8.0
-"""Tracks are at the same height of the picture within about as many of their sizes."""
+"""1σ of the difference in height of the picture at which tracks are compared by size, in sizes of the track."""
 REPORTED_REACH = 3.0
 """Distance within which a track is where a vehicle reports to be, in sizes of the track."""
 

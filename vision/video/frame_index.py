@@ -168,8 +168,8 @@ def _picture(path: Path, stream: VideoStream) -> tuple[int, int, int, float, str
         words.append(("turned by 90° to the left", "turned by 180°", "turned by 90° to the right")[turns - 1])
     if turns % 2:
         width, height = height, width
-    said = f"coded {coded.width}×{coded.height} px, {', '.join(words)}" if words else ""
-    return width, height, turns, aspect, said
+    note = f"coded {coded.width}×{coded.height} px, {', '.join(words)}" if words else ""
+    return width, height, turns, aspect, note
 
 
 def read_tags(path: Path) -> dict[str, str]:

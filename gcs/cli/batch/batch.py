@@ -97,8 +97,8 @@ def batch(
         )
     seconds = round(time.monotonic() - shown.began_s, 3)
     if as_json:
-        told = {name: getattr(counts, name) for name in ("done", "skipped", "failed", "frames")}
-        print_json({"flights": len(found), **told, "seconds": seconds, "folder": out})
+        figures = {name: getattr(counts, name) for name in ("done", "skipped", "failed", "frames")}
+        print_json({"flights": len(found), **figures, "seconds": seconds, "folder": out})
     else:
         print_lines(
             f"{counts.done} of {len(found)} flights done, {counts.skipped} of them before; {counts.failed} failed; "

@@ -204,7 +204,7 @@ def detect_in_all(
 
 
 def _make_folder(out: Path) -> None:
-    """A folder for results; one that holds some is refused."""
+    """Make a folder for results; one that holds some is refused."""
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

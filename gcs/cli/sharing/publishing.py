@@ -52,7 +52,7 @@ def parse_sinks(
     Args:
         publish: of ``--publish``.
         stream: of ``--stream``.
-        links: URLs of the flight's links and outputs, which nothing else may be told at.
+        links: URLs of the flight's links and outputs, to which nothing else may be sent.
 
     Raises:
         GcsError: one is no address, is given twice, or is that of a link.

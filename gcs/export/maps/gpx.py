@@ -48,8 +48,8 @@ def _track(title: str, ways: list[Way]) -> Iterator[str]:
 def _points(way: Way) -> Iterator[str]:
     columns = (way.t_us, way.lat_deg, way.lon_deg, way.confidence, way.place_std_m)
     for t_us, lat, lon, confidence, std_m in zip(*columns, strict=True):
-        told = _element("confidence", confidence, 4) + _element("place_std_m", std_m, 3)
-        extensions = f"<extensions>{told}</extensions>" if told else ""
+        values = _element("confidence", confidence, 4) + _element("place_std_m", std_m, 3)
+        extensions = f"<extensions>{values}</extensions>" if values else ""
         yield f'<trkpt lat="{lat:.7f}" lon="{lon:.7f}"><time>{time_utc(t_us)}</time>{extensions}</trkpt>\n'
 
 

@@ -59,5 +59,5 @@ class FoxgloveChannels:
 
     def write_words(self, at_us: int, t_us: int, level: Level, kind: str, text: str) -> None:
         """Send a line of the log."""
-        told = Log(timestamp=stamp_of(at_us), level=LEVELS[level], name=kind, message=plain(text))
-        self._log.log(told, log_time=1000 * t_us)
+        message = Log(timestamp=stamp_of(at_us), level=LEVELS[level], name=kind, message=plain(text))
+        self._log.log(message, log_time=1000 * t_us)

@@ -87,7 +87,7 @@ class RosbagExport:
             if snapshot.origin is not None and np.isfinite(row.p_enu).all():
                 self._put(f"/vehicles/system_{row.system_id}/fix", t_us, self._fix(snapshot, row))
         for event in snapshot.events:
-            told = self._new(
+            message = self._new(
                 "rcl_interfaces/msg/Log",
                 stamp=self._time(event.t_us),
                 level=LEVELS[event.level],
@@ -97,7 +97,7 @@ class RosbagExport:
                 function="",
                 line=0,
             )
-            self._put("/events", t_us, told)
+            self._put("/events", t_us, message)
 
     def close(self) -> None:
         """Finish the bag and put it into its place."""

@@ -36,8 +36,8 @@ class IdentityTable:
         from pyarrow import parquet
 
         types = {name: self._pyarrow.type_for_alias(column.kind) for name, column in COLUMNS.items()}
-        told = {"rollcall.boxes": str(VERSION), **about}
-        self._schema = self._pyarrow.schema(types, metadata=dict(sorted(told.items())))
+        entries = {"rollcall.boxes": str(VERSION), **about}
+        self._schema = self._pyarrow.schema(types, metadata=dict(sorted(entries.items())))
         self._writer = parquet.ParquetWriter(path, self._schema, **writer_settings())
         self._decode = msgspec.json.Decoder(EvidenceRow).decode
         self._rows: list[EvidenceRow] = []

@@ -287,8 +287,8 @@ class GroundHeight:
                 new.append(source)
         if not new:
             return ()
-        said = ", ".join(f"{source.name} {uav_z - source.z:.0f} m" for source in found.sources)
-        text = f"sources of the height above ground disagree: {said}; {uav_z - found.z:.0f} m is used"
+        heights = ", ".join(f"{source.name} {uav_z - source.z:.0f} m" for source in found.sources)
+        text = f"sources of the height above ground disagree: {heights}; {uav_z - found.z:.0f} m is used"
         return (Event(t_us=t_us, level="warning", kind="camera", text=text, system_id=uav_id),)
 
 

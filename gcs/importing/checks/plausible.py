@@ -52,7 +52,7 @@ def plausible(log: VehicleLog) -> VehicleLog:
     lost = int(np.count_nonzero(~reached))
     places, beyond = _within_the_air(log.places.select(reached) if lost else log.places)
     places, heights = _without_spikes(places)
-    places, strange = _moving_as_told(_with_heights(places)) if log.clock != "frame" else (places, 0)
+    places, strange = _moving_as_reported(_with_heights(places)) if log.clock != "frame" else (places, 0)
     words: tuple[str, ...] = ()
     stale = 0
     if log.clock != "frame":
@@ -122,7 +122,7 @@ def _at_sea(places: PlaceTrack) -> tuple[str, ...]:
     return (f"it lies in the sea at {places.lat_deg[0]:.3f}, {places.lon_deg[0]:.3f}: are these radians?",)
 
 
-def _moving_as_told(places: PlaceTrack) -> tuple[PlaceTrack, int]:
+def _moving_as_reported(places: PlaceTrack) -> tuple[PlaceTrack, int]:
     """Return positions without velocities in another unit, or of a filter that does not fly; and how many these
     were."""
     known = np.flatnonzero(np.isfinite(places.v_ned[:, :2]).all(axis=1))
@@ -138,8 +138,8 @@ def _moving_as_told(places: PlaceTrack) -> tuple[PlaceTrack, int]:
     v = places.v_ned[known, :2]
     way[1:] = np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t_s)[:, None], axis=0)
     leg_s = (t_s[ends] - t_s[begins])[:, None]
-    went, told = (((at[ends] - at[begins]) / leg_s) for at in (metres(path), way))
-    off = np.linalg.norm(told - went, axis=1)
+    went, reported = (((at[ends] - at[begins]) / leg_s) for at in (metres(path), way))
+    off = np.linalg.norm(reported - went, axis=1)
     if float(np.median(off - _OFF_SHARE * np.linalg.norm(went, axis=1))) < _OFF_MPS:
         return places, 0
     return replace(places, v_ned=np.full_like(places.v_ned, np.nan)), len(known)
@@ -238,10 +238,10 @@ def _with_heights(places: PlaceTrack) -> PlaceTrack:
     """
     alt_m, height_m = _known(places.alt_m), places.height_m
     zero = height_m == 0.0
-    told = np.isfinite(height_m) & np.isfinite(alt_m) & ~zero
-    if not told.any():
+    reported = np.isfinite(height_m) & np.isfinite(alt_m) & ~zero
+    if not reported.any():
         return replace(places, alt_m=alt_m, height_m=_known(height_m))
-    home_m = float(np.median((alt_m - height_m)[told]))
+    home_m = float(np.median((alt_m - height_m)[reported]))
     unset = zero & ~(np.abs(alt_m - home_m) <= _HOME_M)
     # some readers work out heights by altitudes
     unset |= np.isnan(alt_m) & (np.abs(places.alt_m - height_m - home_m) <= _HOME_M)

@@ -102,10 +102,10 @@ def _beside(whose: str, track: PlaceTrack, others: list[PlaceTrack], *, refuse: 
     )
     away_m = separation_m(lat, lon, *middle)
     if away_m > _AWAY_M:
-        said = f"{whose} is {away_m / 1000.0:.0f} km from the other vehicles{_sides((lat, lon), middle)}"
+        problem = f"{whose} is {away_m / 1000.0:.0f} km from the other vehicles{_sides((lat, lon), middle)}"
         if refuse and away_m > _FAR_M:
-            raise ImportFileError(f"{said}; which of them is right? Correct the other, or leave it out")
-        yield said
+            raise ImportFileError(f"{problem}; which of them is right? Correct the other, or leave it out")
+        yield problem
         return
     known = [median_m(other.alt_m) for other in others if np.isfinite(other.alt_m).any()]
     up_m = median_m(track.alt_m) - (float(np.median(known)) if known else np.nan)

@@ -50,8 +50,8 @@ def stays(t_us: Ints, degrees: Floats, path_m: Floats, speed_mps: Floats | None 
     cell_m = cell_size_m(degrees, path_m)
     for begin, end in zip(first[long].tolist(), last[long].tolist(), strict=True):
         if speed_mps is not None:
-            told = speed_mps[begin : end + 1]
-            speed = float(np.nanmedian(told)) if np.isfinite(told).any() else 0.0
+            reported = speed_mps[begin : end + 1]
+            speed = float(np.nanmedian(reported)) if np.isfinite(reported).any() else 0.0
             # in coarse coordinates a place stays until the next cell
             went_on = speed > _GOES_MPS and speed * float(t_s[end] - t_s[begin]) > _CELLS * cell_m
         else:

@@ -124,12 +124,12 @@ def in_our_units(
         found["height_m"] = found.pop("alt_m")
         assumed.append(_BY_LITCHI)
 
-    def scaled(of: tuple[str, ...], least: float, factor: float, said: str, share: float = _BULK_SHARE) -> bool:
+    def scaled(of: tuple[str, ...], least: float, factor: float, meaning: str, share: float = _BULK_SHARE) -> bool:
         there = [name for name in of if name in found and np.isfinite(found[name]).any()]
         large = any(_most(found[name], share) > least for name in there)
         if large:
             found.update({name: found[name] * factor for name in there})
-            assumed.append(f"{', '.join(there)} are {said} by their size")
+            assumed.append(f"{', '.join(there)} are {meaning} by their size")
         return large
 
     if scaled(("lat", "lon"), _MIN_E7, 1e-7, "degrees × 1e7"):
@@ -159,8 +159,8 @@ def _check_named(found: dict[str, Floats], cells: Sequence[str], where: str) -> 
                 f"{where}: {_shown(cell)} goes up to {most / factor:.4g}: no radians within a turn; are they …_deg?"
             )
         if ours in ("alt_m", "height_m") and most > _HIGHEST_M:
-            told = f"{_shown(cell)} goes up to {most / factor:.0f}, which is {most / 1000.0:.0f} km"
-            raise ImportFileError(f"{where}: {told}: tell the unit in its name, as …_m, …_cm, …_mm or …_ft")
+            reason = f"{_shown(cell)} goes up to {most / factor:.0f}, which is {most / 1000.0:.0f} km"
+            raise ImportFileError(f"{where}: {reason}: tell the unit in its name, as …_m, …_cm, …_mm or …_ft")
 
 
 def _check_unnamed(found: dict[str, Floats], names: set[str], where: str) -> None:

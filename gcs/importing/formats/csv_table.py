@@ -126,9 +126,9 @@ def read_csv(path: Path) -> list[VehicleLog]:
         table.read(lines)
     by_name, assumed = in_our_units(table.columns(), cells, f"{path}")
     where = f"{path}: column {cells[table.names.index(table.time)].strip(_AROUND)}"
-    times, clock, said = unix_us(table.time, by_name[table.time], dated=table.dated, where=where)
+    times, clock, time_notes = unix_us(table.time, by_name[table.time], dated=table.dated, where=where)
     t_us = np.rint(np.clip(times, -1.0, _LATEST_US))
-    assumed += said + ((NO_ZONE,) if table.zoneless else ())
+    assumed += time_notes + ((NO_ZONE,) if table.zoneless else ())
     titles = zip((plain(cell.strip(_AROUND))[:_MAX_NAME] for cell in cells), table.names, strict=True)
     unread = [title for title, name in titles if title and name not in KNOWN]
     more = f" and {len(unread) - _MAX_NAMED} more" if len(unread) > _MAX_NAMED else ""
@@ -168,8 +168,8 @@ def _vehicles(
         ordered = row_times(t_us[mine].astype(np.int64), at, whose, numbered("line", lines[mine]))
         part = {name: column[mine[ordered.rows]] for name, column in columns.items()}
         left_out = dict(+(skipped + Counter(ordered.skipped)))
-        told = replace(notes, assumed=(*assumed, *ordered.assumed), skipped=left_out)
-        logs.append(_log(path, int(system_id), ordered.t_us, clock, part, told))
+        log_notes = replace(notes, assumed=(*assumed, *ordered.assumed), skipped=left_out)
+        logs.append(_log(path, int(system_id), ordered.t_us, clock, part, log_notes))
     if not logs:
         why = f"system ids are 1 to 255, not {owner[good][0]:g}" if good.any() else "its times are none of 1970 to 2099"
         raise ImportFileError(f"{path}: no row in it that can be used: {why}")

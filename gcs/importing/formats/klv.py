@@ -102,8 +102,8 @@ def _times(rows: Sequence[tuple[int, dict[int, float]]]) -> tuple[NDArray[np.int
     if not all(stamped):
         return t_us, 0, ()
     unix_us = np.array(stamped, np.int64)
-    zero_us, told = film_date("the date in its KLV", unix_us, t_us)
-    return (t_us if told else unix_us - zero_us), zero_us, told
+    zero_us, assumed = film_date("the date in its KLV", unix_us, t_us)
+    return (t_us if assumed else unix_us - zero_us), zero_us, assumed
 
 
 def _sets(data: bytes, skipped: Counter[str]) -> Iterator[dict[int, float]]:
@@ -179,11 +179,11 @@ def _value(tag: int, raw: bytes) -> float | None:
     return None
 
 
-def _sum_ok(data: bytes, told: float | None) -> bool:
+def _sum_ok(data: bytes, assumed: float | None) -> bool:
     """Tell whether the checksum is that of all before its value; sets without one are taken."""
-    if told is None:
+    if assumed is None:
         return True
-    return checksum(data[:-2]) == int(told)
+    return checksum(data[:-2]) == int(assumed)
 
 
 def _platform(items: dict[int, float]) -> tuple[float, float, float]:

@@ -117,9 +117,9 @@ class _NmeaReader:
         if not fix.valid:
             self._tracks.skipped["times without a fix"] += 1
             return
-        midnight, told_s = self._date
+        midnight, date_s = self._date
         # the date may have been told before midnight
-        days = round((told_s - fix.time_s) / _DAY_S) if math.isfinite(told_s) else 0
+        days = round((date_s - fix.time_s) / _DAY_S) if math.isfinite(date_s) else 0
         std_m = fix.std_m if fix.std_m > 0.0 else M_PER_HDOP * fix.hdop
         self._tracks.add(
             midnight + days * _DAY_S + fix.time_s, fix.place, alt_m=fix.alt_m, std_m=std_m, v_mps=fix.v_mps

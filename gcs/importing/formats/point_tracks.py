@@ -67,7 +67,7 @@ class PointTracks:
         std_m: float = math.nan,
         v_mps: tuple[float, float] = (math.nan, math.nan),
     ) -> None:
-        """The track's next point; one without a time or a place is counted.
+        """Add the next point to the track; one without a time or a place is counted.
 
         Args:
             unix_s: NaN unknown.
@@ -90,7 +90,7 @@ class PointTracks:
             self._open.columns.extend((unix_s, *place, alt_m, height_m, std_m, *v_mps, self.line))
 
     def end(self) -> None:
-        """The track that was read is whole.
+        """End the track that was read: it is whole.
 
         Raises:
             ImportFileError: there are too many.

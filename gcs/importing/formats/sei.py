@@ -120,7 +120,7 @@ def log_of_messages(source: str, messages: Sequence[TimedBytes]) -> VehicleLog:
     places = places[known]
     ordered = row_times(t_us[known], places[:, :2], source, at_second(t_us[known], "film"))
     order = ordered.rows
-    zero_us, told = film_date("the date in its telemetry", np.nan_to_num(utc_us).astype(np.int64), t_us)
+    zero_us, assumed = film_date("the date in its telemetry", np.nan_to_num(utc_us).astype(np.int64), t_us)
     return VehicleLog(
         source=source,
         clock="video",
@@ -141,7 +141,7 @@ def log_of_messages(source: str, messages: Sequence[TimedBytes]) -> VehicleLog:
                 f"AP_CameraGimbal's telemetry among the pictures, {len(places)} positions",
                 f"{len(attitudes)} attitudes, {len(gimbal)} of the gimbal",
             ),
-            assumed=(*told, *ordered.assumed),
+            assumed=(*assumed, *ordered.assumed),
             skipped={**skipped, **ordered.skipped},
         ),
     )

@@ -45,8 +45,8 @@ def _standings(record: FlightSummary) -> Iterator[Line]:
     if seen := [row for row in rows if row.boxes and row.frames_in_view]:
         least = min(seen, key=lambda row: row.share)
         mean = sum(row.share for row in seen) / len(seen)
-        least_told = f", {least.name} least, in {_percent(least.share)}" if len(seen) > 1 else ""
-        yield f"with their name in {_percent(mean)} of the frames in view{least_told}", ""
+        least_named = f", {least.name} least, in {_percent(least.share)}" if len(seen) > 1 else ""
+        yield f"with their name in {_percent(mean)} of the frames in view{least_named}", ""
 
 
 def _wrong(record: FlightSummary, matched: Matched | None) -> str:
@@ -69,12 +69,12 @@ def _alarms(record: FlightSummary) -> list[Line]:
     troubles: dict[tuple[bool, str], list[AlarmSpan]] = {}
     for span in record.alarms:
         troubles.setdefault((span.alarm.level != "alarm", span.alarm.key), []).append(span)
-    told = []
+    lines = []
     for (lesser, _), spans in troubles.items():
         on_s = sum(_on_us(record, span) for span in spans) * 1e-6
         often = f"{len(spans)} times, " if len(spans) > 1 else ""
-        told.append((lesser, -on_s, f"{spans[0].alarm.text} ({often}{on_s:.1f} s)"))
-    return [(text, "warn" if lesser else "bad") for lesser, _, text in sorted(told)]
+        lines.append((lesser, -on_s, f"{spans[0].alarm.text} ({often}{on_s:.1f} s)"))
+    return [(text, "warn" if lesser else "bad") for lesser, _, text in sorted(lines)]
 
 
 def _doubtful(record: FlightSummary, matched: Matched | None, lacks: Sequence[str]) -> str:

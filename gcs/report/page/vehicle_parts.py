@@ -94,6 +94,6 @@ def _fixes(vehicle: VehicleRecord) -> str:
 def _changes(record: FlightSummary, vehicle: VehicleRecord) -> str:
     if not vehicle.changed:
         return "never"
-    told = [f"{_moment(record, t_us)} (track {before} to {after})" for t_us, before, after in vehicle.changes]
-    more = vehicle.changed - len(told)
-    return ", ".join(told[:MAX_CHANGES]) + (f" and {more} more" if more else "")
+    shown = [f"{_moment(record, t_us)} (track {before} to {after})" for t_us, before, after in vehicle.changes]
+    more = vehicle.changed - len(shown)
+    return ", ".join(shown[:MAX_CHANGES]) + (f" and {more} more" if more else "")

@@ -171,10 +171,10 @@ class AlarmPane(Pane):
         first = folded(text, max(1, width - len(head)))[0]
         rest = text[len(first) :].lstrip()
         more = folded(rest, max(1, width - len(indent))) if rest else []
-        said = ink(FAINT if known else BRIGHT, paper)
+        text_ink = ink(FAINT if known else BRIGHT, paper)
         advised = ink(ACCENT if marked else INK if not known else FAINT, paper)
-        lines: list[list[Part]] = [[(head, ink(colour, paper, bold=not known)), (first, said)]]
-        lines += [[(indent, said), (each, said)] for each in more]
+        lines: list[list[Part]] = [[(head, ink(colour, paper, bold=not known)), (first, text_ink)]]
+        lines += [[(indent, text_ink), (each, text_ink)] for each in more]
         advice = folded(plain(advice_of(group)), max(1, width - len(ADVICE_INDENT)))
         lines += [[(ADVICE_INDENT, advised), (each, advised)] for each in advice]
         return [line(parts, width, paper) for parts in lines]

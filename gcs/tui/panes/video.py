@@ -173,7 +173,8 @@ class VideoPane(Pane):
         self.redraw()
 
     def watch_tiles(self, before: tuple[CameraPicture, ...], tiles: tuple[CameraPicture, ...]) -> None:
-        """Another camera has a new picture, or tiles come or go."""
+        """Hide the picture while there are tiles, and draw again, when another camera has a new picture or tiles come
+        or go."""
         if self._pixels is not None and bool(before) != bool(tiles):
             self.query_one(f"#{IMAGE_ID}").display = not tiles
             self._look = ()

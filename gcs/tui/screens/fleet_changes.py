@@ -40,13 +40,13 @@ def ask_for_fleet(app: App[Any], station: Station, snapshot: Snapshot | None) ->
     app.push_screen(FleetList(_choices(snapshot, station.newcomers())), change)
 
 
-def tell_newcomers(app: App[Any], newcomers: Sequence[Newcomer], told: Collection[int]) -> frozenset[int]:
+def tell_newcomers(app: App[Any], newcomers: Sequence[Newcomer], known: Collection[int]) -> frozenset[int]:
     """Notify once of each vehicle that is offered for the fleet; return the ids of all notified of."""
     offered = frozenset(each.system_id for each in newcomers if each.offered)
     for each in newcomers:
-        if each.offered and each.system_id not in told:
+        if each.offered and each.system_id not in known:
             app.notify(each.offer, timeout=OFFER_S, markup=False)
-    return offered | frozenset(told)
+    return offered | frozenset(known)
 
 
 class FleetList(ChoiceList):

@@ -96,7 +96,7 @@ class TerminalApp(App[None]):
         self.notify(f"theme: {self.theme}", timeout=2, markup=False)
 
     def watch_theme(self, theme: str) -> None:
-        """Everything in other colours."""
+        """Change all colours to those of a theme."""
         palette.use_theme(theme)
         for widget in self.screen_stack[0].query("*") if self.screen_stack else ():
             getattr(widget, "redraw", widget.refresh)()
